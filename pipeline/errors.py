@@ -1,0 +1,19 @@
+"""The one error that a user may see."""
+
+from __future__ import annotations
+
+
+class AdvpipeError(Exception):
+    """A mistake outside advpipe's code, said in one line: what, where, and how to mend it.
+
+    The command line prints the message and exits with `exit_code`, without a traceback.
+    """
+
+    exit_code = 1
+
+
+class OutputExistsError(AdvpipeError):
+    """An output is there already, and `--overwrite` was not given."""
+
+    def __init__(self, path: object) -> None:
+        super().__init__(f"{path} exists already, not overwriting; pass --overwrite to replace it")

@@ -1,0 +1,59 @@
+"""Rigid transforms as (4, 4) float64 matrices, named `destination_SE3_source`."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Float64 = npt.NDArray[np.float64]
+
+
+def se3(rotation: npt.ArrayLike, translation_m: npt.ArrayLike) -> Float64:
+    """The transform with a (3, 3) rotation and a (3,) translation."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation
+    matrix[:3, 3] = translation_m
+    return matrix
+
+
+def se3_from_yaw(translation_m: npt.ArrayLike, yaw_rad: float, pitch_rad: float = 0.0) -> Float64:
+    """The pose at `translation_m` that looks along `yaw_rad`; positive pitch looks down (REP-103)."""
+    cy, sy, cp, sp = np.cos(yaw_rad), np.sin(yaw_rad), np.cos(pitch_rad), np.sin(pitch_rad)
+    rotation = np.array([[cy * cp, -sy, cy * sp], [sy * cp, cy, sy * sp], [-sp, 0.0, cp]])
+    return se3(rotation, translation_m)
+
+
+def invert(a_SE3_b: Float64) -> Float64:
+    """`b_SE3_a`."""
+    rotation = a_SE3_b[:3, :3].T
+    return se3(rotation, -rotation @ a_SE3_b[:3, 3])
+
+
+def transform_points(a_SE3_b: Float64, points_b: npt.ArrayLike) -> Float64:
+    """Points (..., 3) of frame b, in frame a."""
+    return np.asarray(points_b, dtype=np.float64) @ a_SE3_b[:3, :3].T + a_SE3_b[:3, 3]
+
+
+def yaw_of(a_SE3_b: Float64) -> float:
+    """The heading of frame b's x axis in frame a's x-y plane, in (-pi, pi]."""
+    return float(np.arctan2(a_SE3_b[1, 0], a_SE3_b[0, 0]))
+
+
+def wrap_angle(angle_rad: npt.ArrayLike) -> Float64:
+    """The same angle in [-pi, pi)."""
+    return (np.asarray(angle_rad, dtype=np.float64) + np.pi) % (2 * np.pi) - np.pi
+
+
+def quaternion_xyzw(a_SE3_b: Float64) -> Float64:
+    """The rotation as a unit quaternion (4,) in ROS order x, y, z, w, with w >= 0."""
+    from scipy.spatial.transform import Rotation
+
+    xyzw: Float64 = Rotation.from_matrix(a_SE3_b[:3, :3]).as_quat(canonical=True)
+    return xyzw
+
+
+def se3_from_quaternion(xyzw: npt.ArrayLike, translation_m: npt.ArrayLike) -> Float64:
+    """The transform with a rotation given as a quaternion in ROS order x, y, z, w."""
+    from scipy.spatial.transform import Rotation
+
+    return se3(Rotation.from_quat(np.asarray(xyzw, dtype=np.float64)).as_matrix(), translation_m)

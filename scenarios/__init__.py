@@ -1,0 +1,1 @@
+"""Shipped scenario files and their road networks: data, found through `importlib.resources`."""
