@@ -1,0 +1,49 @@
+"""The objects an attack fights over: ground truth that the detector could find."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from advpipe.pipeline.bag.cloud import Cloud, xyz, xyzi
+from advpipe.pipeline.detector.protocol import Detector
+from advpipe.pipeline.geometry.boxes import CLASSES, Boxes, count_points
+from torch import Tensor
+
+MIN_POINTS = 5
+"""Objects with fewer points in the clean cloud are not evaluated, so no budget is spent on them."""
+
+
+@dataclass(frozen=True)
+class Targets:
+    """M objects in a detector's own terms: boxes (M, 7) float32 and labels (M,) int64."""
+
+    boxes: Tensor
+    labels: Tensor
+
+    def __len__(self) -> int:
+        return len(self.boxes)
+
+
+def find_targets(detector: Detector, cloud: Cloud, boxes: Boxes) -> Targets:
+    """Boxes of the detector's classes and range that hold at least `MIN_POINTS` points of the cloud."""
+    label_of = np.array([detector.classes.index(c) if c in detector.classes else -1 for c in CLASSES])
+    labels = label_of[boxes.labels]
+    wanted = (
+        (labels >= 0)
+        & detector.range_m.contains_centres(boxes.geometry)
+        & (count_points(xyz(cloud), boxes.geometry) >= MIN_POINTS)
+    )
+    return Targets(
+        torch.from_numpy(boxes.geometry[wanted].astype(np.float32)),
+        torch.from_numpy(labels[wanted].astype(np.int64)),
+    )
+
+
+def detection_loss(detector: Detector, cloud: Cloud, targets: Targets) -> float:
+    """The detector's loss on a cloud; NaN without targets."""
+    if not len(targets):
+        return float("nan")
+    with torch.no_grad():
+        return float(detector.loss(torch.from_numpy(xyzi(cloud)), targets.boxes, targets.labels))

@@ -1,0 +1,18 @@
+"""The attacks by the word that names them on the command line."""
+
+from __future__ import annotations
+
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.stages.attack.lidar.detach import Detach
+
+ATTACKS: dict[str, type[Detach]] = {
+    "detach": Detach,
+}
+
+
+def find_attack(word: str) -> type[Detach]:
+    """The attack class of a word; raises `AdvpipeError` with the known words for any other."""
+    try:
+        return ATTACKS[word]
+    except KeyError:
+        raise AdvpipeError(f"unknown attack {word!r}; known: {', '.join(ATTACKS)}") from None

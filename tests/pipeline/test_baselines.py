@@ -1,0 +1,95 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from advpipe.pipeline.bag.cloud import POINT_DTYPE, xyz
+from advpipe.pipeline.baselines import (
+    add_random_points,
+    move_random_points,
+    move_within,
+    remove_random_points,
+)
+from advpipe.pipeline.geometry.boxes import Boxes
+from scipy.stats import chisquare, kstest
+
+
+def cloud_of(count, scale_m=50.0, seed=1):
+    rng = np.random.default_rng(seed)
+    cloud = np.zeros(count, POINT_DTYPE)
+    for name in ("x", "y", "z"):
+        cloud[name] = rng.uniform(-scale_m, scale_m, count)
+    cloud["ring"] = np.arange(count) % 64
+    cloud["intensity"] = rng.random(count)
+    return cloud
+
+
+@pytest.mark.parametrize("count", [0, 1, 37, 100])
+def test_remove_takes_exactly_the_count(count):
+    kept = remove_random_points(cloud_of(100), count, np.random.default_rng(0))
+    assert len(kept) == 100 - count
+    assert (np.diff(kept) > 0).all()
+
+
+def test_remove_is_uniform_over_the_points():
+    rng, cloud = np.random.default_rng(0), cloud_of(20)
+    hits = np.zeros(20)
+    for _ in range(2000):
+        hits[remove_random_points(cloud, 5, rng)] += 1
+    assert chisquare(hits).pvalue > 0.01
+
+
+def test_remove_same_seed_same_points():
+    first, second = (remove_random_points(cloud_of(50), 9, np.random.default_rng(4)) for _ in range(2))
+    assert np.array_equal(first, second)
+
+
+@pytest.mark.parametrize("scale_m", [1.0, 50.0, 1e5])
+def test_move_never_exceeds_its_length_and_hardly_falls_short(scale_m):
+    cloud = cloud_of(5000, scale_m)
+    length = np.random.default_rng(2).uniform(0, 0.2, 5000)
+    length[:10] = 0.0
+    moved = move_random_points(cloud, length, np.random.default_rng(3))
+    distance = np.linalg.norm(xyz(moved).astype(np.float64) - xyz(cloud), axis=1)
+    assert (distance <= length).all()
+    assert (distance >= length - 2 * np.spacing(np.float32(scale_m))).all()
+    assert moved[:10].tobytes() == cloud[:10].tobytes()
+    assert np.array_equal(moved["intensity"], cloud["intensity"])
+    assert np.array_equal(moved["ring"], cloud["ring"])
+
+
+def test_move_directions_are_uniform_over_the_sphere():
+    cloud = np.zeros(5000, POINT_DTYPE)
+    moved = xyz(move_random_points(cloud, 1.0, np.random.default_rng(3)))
+    for axis in range(3):  # Archimedes: each coordinate of a uniform unit vector is uniform in [-1, 1]
+        assert kstest(moved[:, axis], "uniform", args=(-1, 2)).pvalue > 0.01
+
+
+def test_move_within_rounds_towards_the_start():
+    start = np.float32([[1.0, -1.0, 0.0]])
+    offset = np.array([[1e-9, -1e-9, 0.1]])  # the first two are less than float32 can tell from 1
+    end = move_within(start, offset)
+    assert end[0, 0] == start[0, 0]
+    assert end[0, 1] == start[0, 1]
+    assert 0.0999999 < end[0, 2] <= 0.1
+
+
+def test_add_puts_the_points_near_the_objects():
+    cloud = cloud_of(4000, 20.0)
+    boxes = Boxes(
+        np.array([[5.0, 5.0, 0.0, 4.0, 2.0, 40.0, 0.3]]), np.zeros(1, np.int64), ("a",), np.zeros((1, 3))
+    )
+    added = add_random_points(cloud, 200, 0.5, np.random.default_rng(0), boxes)
+    assert added[:4000].tobytes() == cloud.tobytes()
+    assert len(added) == 4200
+    distance = np.linalg.norm(xyz(added[4000:])[:, None] - xyz(cloud)[None], axis=2).min(axis=1)
+    assert (distance <= 0.5 + 1e-6).all()
+    assert (np.linalg.norm(xyz(added[4000:])[:, :2] - [5.0, 5.0], axis=1) < np.hypot(2, 1) + 1.3).all()
+
+
+def test_add_without_boxes_or_with_empty_ones_uses_the_whole_cloud():
+    cloud = cloud_of(100)
+    for boxes in (None, Boxes()):
+        added = add_random_points(cloud, 50, 0.5, np.random.default_rng(0), boxes)
+        assert len(added) == 150
+        assert np.ptp(added["x"][100:]) > 30
+    assert len(add_random_points(cloud[:0], 5, 0.5, np.random.default_rng(0))) == 0

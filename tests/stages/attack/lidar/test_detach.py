@@ -1,0 +1,171 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from advpipe.pipeline.bag.cloud import xyzi
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.stages.attack.lidar.detach import RECIPES, Detach
+
+RECIPE_NAMES = tuple(RECIPES)
+A, B, C = {5}, {2, 3, 4}, {6, 7}  # points of the hand-worked cloud, by voxel
+
+
+def rng(seed=0):
+    return np.random.default_rng(seed)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "rounds", "removed"),
+    [
+        (0.1, 1, A),  # one point: C gains more per point, but does not fit
+        (0.2, 1, C),
+        (0.3, 1, A | C),
+        (0.6, 1, A | B | C),
+        (0.3, 3, A | C),  # A, then a half of C, then the other half
+    ],
+)
+def test_best_empties_the_voxels_that_gain_most(hand_worked, ratio, rounds, removed):
+    result = Detach(ratio=ratio, rounds=rounds)(*hand_worked, rng())
+    assert set(result.labels.point.tolist()) == removed
+
+
+def test_losses_are_those_of_the_clean_and_the_adversarial_cloud(hand_worked):
+    result = Detach(ratio=0.3, rounds=1)(*hand_worked, rng())
+    assert result.loss_before == pytest.approx(-(4 * 1.005 + 6 * 1.015 + 9 * 1.025))
+    assert result.loss_after == pytest.approx(-6 * 1.015)
+
+
+def test_paper_removes_the_largest_gradients(hand_worked):
+    # |dL/dx| of a point is weight / (100 * points in its voxel): C .045, A .04, B .02.
+    result = Detach(ratio=0.3, recipe="paper", rounds=1)(*hand_worked, rng())
+    assert set(result.labels.point.tolist()) == A | C
+
+
+def test_paper_ranks_again_after_each_round(hand_worked):
+    # One point of C goes first; the other one then carries the whole gradient of its voxel, .09.
+    result = Detach(ratio=0.2, recipe="paper", rounds=2)(*hand_worked, rng())
+    assert set(result.labels.point.tolist()) == C
+
+
+def random_scene(make_cloud, make_boxes, make_detector, points=2000):
+    draw = np.random.default_rng(3)
+    cloud = make_cloud(draw.uniform(0, 10, (points, 3)))
+    box = [2.0, 2.0, 2.0, 4.0, 4.0, 4.0, 0.0]
+    return cloud, make_boxes(box), make_detector(draw.uniform(0.1, 1, (10, 10, 10)), [box])
+
+
+def test_best_and_paper_beat_random_with_the_same_count(make_cloud, make_boxes, make_detector):
+    scene = random_scene(make_cloud, make_boxes, make_detector)
+    after = {name: Detach(ratio=0.02, recipe=name)(*scene, rng()).loss_after for name in RECIPE_NAMES}
+    assert after["best"] > after["random"] + 2
+    assert after["paper"] > after["random"] + 2
+
+
+@pytest.mark.parametrize("recipe", RECIPE_NAMES)
+@pytest.mark.parametrize(
+    ("ratio", "rounds", "count"),
+    [(0.01, 10, 20), (0.0123, 10, 25), (0.00125, 10, 3), (0.0001, 10, 1), (0.5, 3, 1000)],
+)
+def test_exactly_the_budget_is_removed(make_cloud, make_boxes, make_detector, recipe, ratio, rounds, count):
+    scene = random_scene(make_cloud, make_boxes, make_detector)
+    result = Detach(ratio=ratio, recipe=recipe, rounds=rounds)(*scene, rng())
+    assert len(result.cloud) == 2000 - count
+    assert len(result.labels) == count
+    assert np.array_equal(np.delete(scene[0], result.labels.point), result.cloud)
+    assert (result.labels.action == "removed").all()
+    assert np.isnan(result.labels.displacement_m).all()
+
+
+@pytest.mark.parametrize("recipe", RECIPE_NAMES)
+def test_same_generator_same_cloud(make_cloud, make_boxes, make_detector, recipe):
+    scene = random_scene(make_cloud, make_boxes, make_detector)
+    first, second = (Detach(ratio=0.05, recipe=recipe)(*scene, rng(5)) for _ in range(2))
+    assert first.cloud.tobytes() == second.cloud.tobytes()
+
+
+def test_random_depends_on_the_generator(hand_worked):
+    chosen = {tuple(Detach(ratio=0.3, recipe="random")(*hand_worked, rng(s)).labels.point) for s in range(8)}
+    assert len(chosen) > 4
+
+
+@pytest.mark.parametrize("recipe", ["best", "paper"])
+def test_frame_without_objects_is_left_alone_and_said(hand_worked, make_boxes, recipe):
+    cloud, _, detector = hand_worked
+    far = make_boxes([100.0, 0.5, 0.5, 3.0, 1.0, 1.0, 0.0])  # outside the detector's range
+    for boxes in (make_boxes(), far):
+        result = Detach(ratio=0.3, recipe=recipe)(cloud, boxes, detector, rng())
+        assert result.cloud.tobytes() == cloud.tobytes()
+        assert len(result.labels) == 0
+        assert "no object" in result.note
+
+
+def test_object_of_a_class_that_the_detector_lacks_is_no_target(hand_worked):
+    cloud, boxes, detector = hand_worked
+    detector.classes = ("pedestrian",)
+    assert "no object" in Detach(ratio=0.3)(cloud, boxes, detector, rng()).note
+
+
+@pytest.mark.parametrize("recipe", ["best", "paper"])
+def test_no_gradient_is_said(hand_worked, recipe):
+    cloud, boxes, detector = hand_worked
+    detector.weights = torch.zeros(10, 10, 10)
+    result = Detach(ratio=0.3, recipe=recipe)(cloud, boxes, detector, rng())
+    assert result.cloud.tobytes() == cloud.tobytes()
+    assert "no gradient" in result.note
+
+
+def test_gradient_used_up_fills_the_budget_at_random(hand_worked):
+    cloud, boxes, detector = hand_worked
+    result = Detach(ratio=0.8, rounds=4)(cloud, boxes, detector, rng())  # the car has six points
+    assert set(result.labels.point.tolist()) >= A | B | C
+    assert len(result.labels) == 8
+    assert "at random" in result.note
+
+
+@pytest.mark.parametrize("recipe", RECIPE_NAMES)
+@pytest.mark.parametrize("points", [0, 1])
+def test_cloud_with_no_point_to_spare(make_cloud, hand_worked, recipe, points):
+    _, boxes, detector = hand_worked
+    result = Detach(ratio=0.9, recipe=recipe)(make_cloud([[0.5, 0.5, 0.5]] * points), boxes, detector, rng())
+    assert len(result.cloud) == points
+    assert "no points" in result.note
+
+
+def test_detector_without_occupancies_falls_back_to_paper_and_says_so(hand_worked):
+    cloud, boxes, voxel_detector = hand_worked
+
+    class Plain:
+        classes, range_m = voxel_detector.classes, voxel_detector.range_m
+        detect, loss = voxel_detector.detect, voxel_detector.loss
+
+    best = Detach(ratio=0.3)(cloud, boxes, Plain(), rng())
+    paper = Detach(ratio=0.3, recipe="paper")(cloud, boxes, voxel_detector, rng())
+    assert "occupancy_loss" in best.note
+    assert best.cloud.tobytes() == paper.cloud.tobytes()
+
+
+def test_non_finite_gradient_does_not_win(hand_worked):
+    cloud, boxes, detector = hand_worked
+    cloud = cloud.copy()
+    cloud["x"][0] = np.nan  # as drivers store a ray without an echo
+    result = Detach(ratio=0.3, recipe="best", rounds=1)(cloud, boxes, detector, rng())
+    assert set(result.labels.point.tolist()) == A | C
+    assert np.isnan(xyzi(result.cloud)).sum() == 1
+
+
+@pytest.mark.parametrize("ratio", [float("nan"), 0.0, -0.01, 1.0, 2.0, float("inf")])
+def test_bad_ratio(ratio):
+    with pytest.raises(AdvpipeError, match="ratio is"):
+        Detach(ratio=ratio)
+
+
+@pytest.mark.parametrize("rounds", [0, -1, 2.5, float("nan"), float("inf")])
+def test_bad_rounds(rounds):
+    with pytest.raises(AdvpipeError, match="rounds is"):
+        Detach(ratio=0.01, rounds=rounds)
+
+
+def test_unknown_recipe():
+    with pytest.raises(AdvpipeError, match="best, paper, random"):
+        Detach(ratio=0.01, recipe="worst")
