@@ -1,0 +1,47 @@
+"""The bird's-eye backbone: blocks of 2D convolutions at two scales, brought together (OpenPCDet's
+BaseBEVBackbone)."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from advpipe.pipeline.detector.second.presets import Preset
+
+
+def _norm_relu(channels: int) -> list[nn.Module]:
+    return [nn.BatchNorm2d(channels, eps=1e-3, momentum=0.05), nn.ReLU(inplace=True)]
+
+
+class Backbone2d(nn.Module):
+    """Each block halves the map or keeps it; all of them, brought to one scale, side by side."""
+
+    def __init__(self, preset: Preset, c_in: int) -> None:
+        super().__init__()
+        self.blocks, self.ups = nn.ModuleList(), nn.ModuleList()
+        sizes = zip(
+            preset.bev_layers,
+            preset.bev_strides,
+            preset.bev_channels,
+            preset.up_strides,
+            preset.up_channels,
+            strict=True,
+        )
+        for layers, stride, channels, up_stride, up_channels in sizes:
+            block: list[nn.Module] = [nn.Conv2d(c_in, channels, 3, stride, padding=1, bias=False)]
+            block += _norm_relu(channels)
+            for _ in range(layers):
+                block += [nn.Conv2d(channels, channels, 3, padding=1, bias=False), *_norm_relu(channels)]
+            up = nn.ConvTranspose2d(channels, up_channels, up_stride, up_stride, bias=False)
+            self.blocks.append(nn.Sequential(*block))
+            self.ups.append(nn.Sequential(up, *_norm_relu(up_channels)))
+            c_in = channels
+        self.out_channels = sum(preset.up_channels)
+
+    def forward(self, bev: Tensor) -> Tensor:
+        """Features (B, sum of up_channels, H, W) of a map (B, C, H, W)."""
+        ups = []
+        for block, up in zip(self.blocks, self.ups, strict=True):
+            bev = block(bev)
+            ups.append(up(bev))
+        return torch.cat(ups, dim=1)

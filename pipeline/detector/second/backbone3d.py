@@ -1,0 +1,76 @@
+"""The sparse 3D backbone: voxels to a dense bird's-eye map (OpenPCDet's VoxelBackBone8x)."""
+
+from __future__ import annotations
+
+from torch import Tensor, nn
+
+from advpipe.pipeline.detector.second.presets import Preset
+from advpipe.pipeline.detector.second.sparse_conv import (
+    Rulebook,
+    Shape,
+    Sites,
+    SparseLayer,
+    reached,
+    strided_rules,
+    submanifold_rules,
+)
+
+# Kernel, stride and padding along z, y, x of the four strided layers.
+STRIDED: tuple[tuple[Shape, Shape, Shape], ...] = (
+    ((3, 3, 3), (2, 2, 2), (1, 1, 1)),
+    ((3, 3, 3), (2, 2, 2), (1, 1, 1)),
+    ((3, 3, 3), (2, 2, 2), (0, 1, 1)),
+    ((3, 1, 1), (2, 1, 1), (0, 0, 0)),
+)
+
+
+class Backbone3d(nn.Module):
+    """Four stages of submanifold layers, each but the first entered by a stride of two; then z folds."""
+
+    def __init__(self, preset: Preset) -> None:
+        super().__init__()
+        c0, c1, c2, c3, c4, c5 = preset.channels_3d
+        self.stage1 = nn.ModuleList([SparseLayer(4, c0), SparseLayer(c0, c1)])
+        self.stage2 = nn.ModuleList([SparseLayer(c1, c2), SparseLayer(c2, c2), SparseLayer(c2, c2)])
+        self.stage3 = nn.ModuleList([SparseLayer(c2, c3), SparseLayer(c3, c3), SparseLayer(c3, c3)])
+        self.stage4 = nn.ModuleList([SparseLayer(c3, c4), SparseLayer(c4, c4), SparseLayer(c4, c4)])
+        self.fold = SparseLayer(c4, c5, kernel=STRIDED[-1][0])
+        depth = preset.grid_zyx[0]
+        for kernel, stride, padding in STRIDED:
+            depth = (depth + 2 * padding[0] - kernel[0]) // stride[0] + 1
+        self.out_channels = c5 * depth
+
+    def forward(self, features: Tensor, sites: Sites, occupancy: Tensor | None = None) -> Tensor:
+        """The bird's-eye map (B, C, H, W), channels last in memory, of voxel features (V, 4).
+
+        occupancy: (V,) in [0, 1]; a voxel of occupancy 0 acts as if it held no point.
+        """
+        if occupancy is not None:
+            features = features * occupancy[:, None]
+        same = submanifold_rules(sites)
+        for layer in self.stage1:
+            features = layer(features, same, occupancy)
+        for stage, geometry in zip((self.stage2, self.stage3, self.stage4), STRIDED, strict=False):
+            down = strided_rules(same.sites, *geometry)
+            occupancy = None if occupancy is None else reached(occupancy, down)
+            features = stage[0](features, down, occupancy)
+            same = submanifold_rules(down.sites)
+            for layer in list(stage)[1:]:
+                features = layer(features, same, occupancy)
+        fold = strided_rules(same.sites, *STRIDED[-1])
+        occupancy = None if occupancy is None else reached(occupancy, fold)
+        return to_bev(self.fold(features, fold, occupancy), fold)
+
+
+def to_bev(features: Tensor, rules: Rulebook) -> Tensor:
+    """Sparse features (V, C) as a dense map (B, D * C, H, W), channels last in memory."""
+    depth, height, width = rules.sites.shape
+    batch, z, y, x = rules.sites.bzyx()
+    cells = ((batch * height + y) * width + x) * depth + z
+    channels = features.shape[1]
+    dense = features.new_zeros(rules.sites.batch_size * height * width * depth, channels)
+    dense = dense.index_copy(0, cells, features)
+    bev: Tensor = dense.view(rules.sites.batch_size, height, width, depth * channels).permute(0, 3, 1, 2)
+    return bev
+
+

@@ -1,0 +1,49 @@
+"""The anchor head: scores, box codes and driving direction at every anchor (OpenPCDet's AnchorHeadSingle)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import log
+
+from torch import Tensor, nn
+
+from advpipe.pipeline.detector.second.presets import Preset
+
+PRIOR = 0.01
+"""Score of every anchor before training (Lin et al., "Focal Loss", section 4.1)."""
+
+
+@dataclass(frozen=True)
+class Predictions:
+    """Raw output for B clouds and N anchors in (H, W, A) order.
+
+    scores: (B, N, classes) logits. codes: (B, N, 7). directions: (B, N, 2) logits.
+    """
+
+    scores: Tensor
+    codes: Tensor
+    directions: Tensor
+
+
+class Head(nn.Module):
+    """Three 1 x 1 convolutions."""
+
+    def __init__(self, preset: Preset, c_in: int) -> None:
+        super().__init__()
+        self.anchors = len(preset.anchors) * len(preset.yaws_rad)
+        self.widths = [self.anchors * n for n in (len(preset.classes), 7, 2)]
+        # One convolution for all three: its output is split.
+        self.convolution = nn.Conv2d(c_in, sum(self.widths), 1)
+        scores, codes, _ = self.convolution.bias.data.split(self.widths)  # type: ignore[union-attr]
+        scores.fill_(-log((1 - PRIOR) / PRIOR))
+        codes.zero_()
+        nn.init.normal_(self.convolution.weight[self.widths[0] : sum(self.widths[:2])], std=0.001)
+
+    def forward(self, features: Tensor) -> Predictions:
+        out = self.convolution(features).float().permute(0, 2, 3, 1)
+        batch, height, width, _ = out.shape
+        anchors = height * width * self.anchors
+        scores, codes, directions = (part.reshape(batch, anchors, -1) for part in out.split(self.widths, 3))
+        return Predictions(scores, codes, directions)
+
+

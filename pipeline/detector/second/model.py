@@ -1,0 +1,107 @@
+"""SECOND (Yan, Mao, Li: "SECOND: Sparsely Embedded Convolutional Detection", Sensors 2018)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor, nn
+
+from advpipe.pipeline.bag.cloud import xyzi
+from advpipe.pipeline.detector.protocol import Detections, Range
+from advpipe.pipeline.detector.second.anchors import AnchorGrid
+from advpipe.pipeline.detector.second.backbone2d import Backbone2d
+from advpipe.pipeline.detector.second.backbone3d import Backbone3d
+from advpipe.pipeline.detector.second.decode import detections
+from advpipe.pipeline.detector.second.head import Head, Predictions
+from advpipe.pipeline.detector.second.loss import losses
+from advpipe.pipeline.detector.second.presets import Preset
+from advpipe.pipeline.detector.second.voxels import Voxels, voxelise
+from advpipe.pipeline.errors import AdvpipeError
+
+
+class SecondNet(nn.Module):
+    """Voxels, sparse 3D backbone, bird's-eye backbone, anchor head."""
+
+    def __init__(self, preset: Preset) -> None:
+        super().__init__()
+        self.preset = preset
+        self.backbone3d = Backbone3d(preset)
+        self.backbone2d = Backbone2d(preset, self.backbone3d.out_channels)
+        self.head = Head(preset, self.backbone2d.out_channels)
+        self.register_buffer("input_offset", torch.tensor(preset.input_offset), persistent=False)
+        self.register_buffer("input_scale", torch.tensor(preset.input_scale), persistent=False)
+
+    def forward(self, voxels: Voxels, occupancy: Tensor | None = None, bf16: bool = False) -> Predictions:
+        """Predictions for the voxels of a batch of clouds; `occupancy` (V,) as in `Backbone3d`."""
+        features = (voxels.features - self.input_offset) * self.input_scale
+        bev = self.backbone3d(features, voxels.sites, occupancy)
+        with torch.autocast(bev.device.type, torch.bfloat16, enabled=bf16):
+            features = self.backbone2d(bev)
+        predictions: Predictions = self.head(features.float())
+        return predictions
+
+    def anchor_grid(self) -> AnchorGrid:
+        """The anchors, on the map that the backbones make: one eighth of the voxel grid."""
+        _, height, width = self.preset.grid_zyx
+        return AnchorGrid(self.preset, height // 8, width // 8, next(self.parameters()).device)
+
+
+class Second:
+    """A trained SECOND as a `VoxelDetector`: frozen weights, frozen batch norm."""
+
+    def __init__(self, net: SecondNet, provenance: dict[str, str] | None = None) -> None:
+        self.net = net.eval().requires_grad_(False)
+        self.preset: Preset = net.preset
+        self.provenance = provenance or {}
+        self._grid = net.anchor_grid()
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        return self.preset.classes
+
+    @property
+    def range_m(self) -> Range:
+        return self.preset.range_m
+
+    def detect(self, cloud: npt.NDArray[np.void]) -> Detections:
+        """The objects in a cloud (N,), at most 100; points that are not finite are not read."""
+        points = torch.from_numpy(xyzi(cloud)).to(self._grid.x.device)
+        return self.detect_batch([points])[0]
+
+    @torch.no_grad()
+    def detect_batch(self, clouds: Sequence[Tensor]) -> list[Detections]:
+        """The objects in each of the clouds (N_i, 4)."""
+        voxels = voxelise(clouds, self.preset)
+        predictions = self.net(voxels)
+        empty = torch.bincount(voxels.sites.bzyx()[0], minlength=len(clouds)) == 0
+        none = Detections(np.zeros((0, 7)), np.zeros(0), np.zeros(0, np.int64))
+        return [none if empty[b] else detections(predictions, b, self._grid) for b in range(len(clouds))]
+
+    def loss(self, points: Tensor, boxes: Tensor, labels: Tensor) -> Tensor:
+        """The training loss of one cloud, as `Detector.loss`; all boxes in range count.
+
+        The gradient reaches the points through their voxel's mean; which voxel a point falls into
+        carries none. Without a readable point the loss is that of an empty map, its gradient zero.
+        """
+        return self._loss(self._voxels(points), boxes, labels, None)
+
+    def occupancy_loss(self, points: Tensor, boxes: Tensor, labels: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """The loss as a function of voxel occupancy, as `VoxelDetector.occupancy_loss`.
+
+        At all ones it is `loss`; with a voxel at zero it is `loss` without that voxel's points.
+        """
+        voxels = self._voxels(points)
+        occupancy = voxels.features.new_ones(len(voxels.sites)).requires_grad_()
+        return self._loss(voxels, boxes, labels, occupancy), occupancy, voxels.point_to_voxel
+
+    def _voxels(self, points: Tensor) -> Voxels:
+        if not torch.isfinite(points).all():
+            raise AdvpipeError("the cloud holds points that are not finite; remove them before asking for a loss")
+        return voxelise([points], self.preset)
+
+    def _loss(self, voxels: Voxels, boxes: Tensor, labels: Tensor, occupancy: Tensor | None) -> Tensor:
+        target = self._grid.assign(boxes, labels)
+        return losses(self.net(voxels, occupancy), [target], self._grid).total

@@ -1,0 +1,180 @@
+"""Sparse 3D convolution in plain PyTorch: sites, rulebooks, and the layer itself.
+
+Submanifold and strided convolutions of Graham et al., "3D Semantic Segmentation with Submanifold
+Sparse Convolutional Networks" (CVPR 2018), as SECOND uses them (Yan et al., Sensors 2018). A rulebook
+lists, for each kernel offset, which input row adds to which output row; the layers of one stage share it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import prod
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+Shape = tuple[int, int, int]
+
+
+@dataclass(frozen=True)
+class Sites:
+    """Occupied cells of a batch of grids.
+
+    keys: (V,) int64, ascending; the linear index in a grid padded by one cell on every side, so that
+    no neighbour of a cell is ever a cell of the next row, layer or batch entry.
+    shape: cells along z, y, x. batch_size: number of grids.
+    """
+
+    keys: Tensor
+    shape: Shape
+    batch_size: int
+
+    def __len__(self) -> int:
+        return len(self.keys)
+
+    @staticmethod
+    def key(batch: Tensor, z: Tensor, y: Tensor, x: Tensor, shape: Shape) -> Tensor:
+        """The key of each cell."""
+        depth, height, width = (n + 2 for n in shape)
+        return ((batch * depth + z + 1) * height + y + 1) * width + x + 1
+
+    def bzyx(self) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """Batch entry, z, y and x of each site, (V,) each."""
+        depth, height, width = (n + 2 for n in self.shape)
+        row = self.keys // width
+        layer = row // height
+        return layer // depth, layer % depth - 1, row % height - 1, self.keys % width - 1
+
+
+@dataclass(frozen=True)
+class Rulebook:
+    """Which input row adds to which output row, through which kernel offset.
+
+    pairs: (offset, input rows, output rows) for each kernel offset that is used.
+    centre: the offset under which every row adds to itself, -1 if there is none.
+    """
+
+    pairs: tuple[tuple[int, Tensor, Tensor], ...]
+    centre: int
+    sites: Sites
+    """The output's sites."""
+
+
+def submanifold_rules(sites: Sites) -> Rulebook:
+    """Rules of a 3 x 3 x 3 convolution whose output sites are its input sites."""
+    _, height, width = (n + 2 for n in sites.shape)
+    keys = sites.keys
+    guarded = torch.cat([keys, keys.new_full((2,), -1)])
+    rows = torch.arange(len(keys), device=keys.device)
+    pairs = []
+    # Half of the offsets, row by row; the other half is the mirror image. One binary search finds the
+    # start of a row of three neighbours; the sites are sorted, so the next can only be the next entry.
+    for dz, dy in ((0, 0), (0, 1), (1, -1), (1, 0), (1, 1)):
+        first_dx = 1 if (dz, dy) == (0, 0) else -1
+        wanted = keys + ((dz * height + dy) * width + first_dx)
+        at = rows + 1 if first_dx == 1 else torch.searchsorted(keys, wanted)
+        for dx in range(first_dx, 2):
+            found = guarded[at] == wanted
+            here = found.nonzero().squeeze(1)
+            there = at[here]
+            offset = (dz * 3 + dy) * 3 + dx
+            pairs += [(13 + offset, there, here), (13 - offset, here, there)]
+            at, wanted = at + found, wanted + 1
+    return Rulebook(tuple(pairs), 13, sites)
+
+
+def strided_rules(sites: Sites, kernel: Shape, stride: Shape, padding: Shape) -> Rulebook:
+    """Rules of a convolution whose output sites are all cells that an input site reaches."""
+    sizes = zip(sites.shape, kernel, stride, padding, strict=True)
+    shape: Shape = tuple((n + 2 * p - k) // s + 1 for n, k, s, p in sizes)  # type: ignore[assignment]
+    batch, *position = sites.bzyx()
+    # Per axis and kernel index: which sites reach an output cell, and which cell.
+    axes: list[list[tuple[Tensor, Tensor]]] = []
+    for x, n, k, s, p in zip(position, shape, kernel, stride, padding, strict=True):
+        moved = [x + p - i for i in range(k)]
+        out = [torch.div(m, s, rounding_mode="floor") for m in moved]
+        axes.append([((o * s == m) & (o >= 0) & (o < n), o) for m, o in zip(moved, out, strict=True)])
+    found = []
+    for iz, (z_ok, z) in enumerate(axes[0]):
+        for iy, (y_ok, y) in enumerate(axes[1]):
+            zy_ok = z_ok & y_ok
+            for ix, (x_ok, x) in enumerate(axes[2]):
+                rows = (zy_ok & x_ok).nonzero().squeeze(1)
+                keys = Sites.key(batch[rows], z[rows], y[rows], x[rows], shape)
+                found.append(((iz * kernel[1] + iy) * kernel[2] + ix, rows, keys))
+    keys, inverse = torch.unique(torch.cat([k for _, _, k in found]), return_inverse=True)
+    outputs = torch.split(inverse, [len(rows) for _, rows, _ in found])
+    pairs = tuple((k, rows, out) for (k, rows, _), out in zip(found, outputs, strict=True))
+    return Rulebook(pairs, -1, Sites(keys, shape, sites.batch_size))
+
+
+class _SparseConvolution(torch.autograd.Function):
+    """out[o] = sum of features[i] @ weight[k] over the rulebook; weight (K, C_in, C_out)."""
+
+    @staticmethod
+    def forward(ctx: Any, features: Tensor, weight: Tensor, rules: Rulebook) -> Tensor:
+        ctx.save_for_backward(features, weight)
+        ctx.rules = rules
+        if rules.centre >= 0:
+            out = features @ weight[rules.centre]
+        else:
+            out = features.new_zeros(len(rules.sites), weight.shape[2])
+        for k, i, o in rules.pairs:
+            out.index_add_(0, o, features.index_select(0, i) @ weight[k])
+        return out
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, Tensor | None, None]:
+        (grad,) = grads
+        features, weight = ctx.saved_tensors
+        rules: Rulebook = ctx.rules
+        grad = grad.contiguous()
+        to_features, to_weight = ctx.needs_input_grad[:2]
+        grad_features = grad_weight = None
+        if to_features:
+            centre = rules.centre
+            grad_features = grad @ weight[centre].T if centre >= 0 else torch.zeros_like(features)
+        if to_weight:
+            grad_weight = torch.zeros_like(weight)
+            if rules.centre >= 0:
+                torch.mm(features.T, grad, out=grad_weight[rules.centre])
+        for k, i, o in rules.pairs:
+            picked = grad.index_select(0, o)
+            if grad_features is not None:
+                grad_features.index_add_(0, i, picked @ weight[k].T)
+            if grad_weight is not None:
+                torch.mm(features.index_select(0, i).T, picked, out=grad_weight[k])
+        return grad_features, grad_weight, None
+
+
+def sparse_convolution(features: Tensor, weight: Tensor, rules: Rulebook) -> Tensor:
+    """Features (V_out, C_out) from features (V_in, C_in) and weight (K, C_in, C_out)."""
+    out: Tensor = _SparseConvolution.apply(features, weight, rules)  # type: ignore[no-untyped-call]
+    return out
+
+
+def reached(occupancy: Tensor, rules: Rulebook) -> Tensor:
+    """Occupancy (V_out,) of a strided layer's outputs: 1 - product of (1 - occupancy) over its inputs.
+
+    An output exists while one of its inputs does. Differentiable, also where a factor is zero.
+    """
+    inputs = torch.cat([i for _, i, _ in rules.pairs])
+    outputs = torch.cat([o for _, _, o in rules.pairs])
+    empty = occupancy.new_ones(len(rules.sites)).scatter_reduce(0, outputs, 1 - occupancy[inputs], "prod")
+    return 1 - empty
+
+
+class SparseLayer(nn.Module):
+    """Sparse convolution without bias, batch norm, ReLU, and the occupancy mask if there is one."""
+
+    def __init__(self, c_in: int, c_out: int, kernel: Shape = (3, 3, 3)) -> None:
+        super().__init__()
+        self.weight = nn.Parameter(torch.empty(prod(kernel), c_in, c_out))
+        # About a third of the kernel meets an occupied cell.
+        nn.init.normal_(self.weight, std=(2 / (c_in * max(1.0, prod(kernel) / 3))) ** 0.5)
+        self.norm = nn.BatchNorm1d(c_out, eps=1e-3, momentum=0.05)
+
+    def forward(self, features: Tensor, rules: Rulebook, occupancy: Tensor | None = None) -> Tensor:
+        out = torch.relu_(self.norm(sparse_convolution(features, self.weight, rules)))
+        return out if occupancy is None else out * occupancy[:, None]
