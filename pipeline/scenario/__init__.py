@@ -1,0 +1,6 @@
+"""The scenario file: one description of a drive."""
+
+from advpipe.pipeline.scenario.load import dump_scenario, load_scenario, shipped_scenarios
+from advpipe.pipeline.scenario.models import Scenario
+
+__all__ = ["Scenario", "dump_scenario", "load_scenario", "shipped_scenarios"]

@@ -1,0 +1,35 @@
+"""A satellite receiver: white noise over an offset that wanders as a first-order Gauss-Markov process."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.scenario.models import GnssSensor
+
+HEIGHT_FACTOR = 2.0
+"""Heights err by twice as much as horizontal axes."""
+
+
+class GnssReceiver:
+    """Fixes in the map's frame; the wandering offset starts in its stationary distribution."""
+
+    def __init__(self, sensor: GnssSensor, step_s: float, rng: np.random.Generator) -> None:
+        self._rng = rng
+        axes = np.array([1.0, 1.0, HEIGHT_FACTOR])
+        self._white_m = sensor.white_stddev_m * axes
+        self._drift_m = sensor.drift_stddev_m * axes
+        self._memory = float(np.exp(-step_s / sensor.drift_time_s))
+        self._offset_m = self._drift_m * rng.standard_normal(3)
+
+    @property
+    def covariance_m2(self) -> Float64:
+        """Covariance (3, 3) of one fix about the truth."""
+        return np.diag(self._white_m**2 + self._drift_m**2)
+
+    def fix(self, position_m: Float64) -> Float64:
+        """The next fix (3,) at a true position (3,)."""
+        kick = np.sqrt(1 - self._memory**2) * self._drift_m * self._rng.standard_normal(3)
+        self._offset_m = self._memory * self._offset_m + kick
+        noisy: Float64 = position_m + self._offset_m + self._white_m * self._rng.standard_normal(3)
+        return noisy

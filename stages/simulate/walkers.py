@@ -1,0 +1,83 @@
+"""People on foot: they walk along the kerb, to and fro, at a pace of their own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from advpipe.pipeline.geometry.transforms import Float64, se3_from_yaw
+from advpipe.pipeline.scenario.models import Scenario
+from advpipe.pipeline.seeding import named_generator
+from advpipe.stages.simulate.road_users import RoadUser
+from advpipe.stages.simulate.world.bodies import Variant
+from advpipe.stages.simulate.world.roads import KERB_M, Roads, offset_right
+from advpipe.stages.simulate.world.scenery import WALKWAY_OFFSET_M
+
+NEAR_ROUTE_M = 30.0
+NEAR_ROUTE_SHARE = 0.5
+"""This share of the people walks within sight of the instrumented vehicles' routes."""
+
+
+@dataclass(frozen=True)
+class Walker:
+    """Walks `path_m` (K, 3) from end to end and back; where it is follows from the time alone."""
+
+    id: str
+    variant: Variant
+    path_m: Float64
+    start_m: float
+    speed_mps: float
+
+    def at(self, time_s: float) -> RoadUser:
+        pieces = np.diff(self.path_m, axis=0)
+        lengths = np.linalg.norm(pieces, axis=1)
+        ends = np.cumsum(lengths)
+        walked_m = (self.start_m + self.speed_mps * time_s) % (2 * ends[-1])
+        outward = walked_m < ends[-1]
+        place_m = walked_m if outward else 2 * ends[-1] - walked_m
+        index = min(int(np.searchsorted(ends, place_m, side="right")), len(pieces) - 1)
+        position = self.path_m[index + 1] - pieces[index] * (ends[index] - place_m) / lengths[index]
+        direction = pieces[index] / lengths[index] * (1 if outward else -1)
+        yaw_rad = float(np.arctan2(direction[1], direction[0]))
+        return RoadUser(self.id, self.variant, se3_from_yaw(position, yaw_rad), direction * self.speed_mps)
+
+
+def draw_walkers(
+    scenario: Scenario, roads: Roads, variants: dict[str, Variant], routes_m: list[Float64]
+) -> list[Walker]:
+    """The people of a scenario, part of them near the routes (K, 3) of its instrumented vehicles.
+
+    SUMO's own pedestrians need pavements in the network, which most OpenDRIVE maps lack.
+    """
+    rng = named_generator(scenario.simulation.seed, "walkers")
+    bodies = [variant for variant in variants.values() if variant.body.label == "pedestrian"]
+    paths = [path for kerb in roads.kerbs_m for path in _pieces(kerb)]
+    lengths = np.array([np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths])
+    middles = np.array([path[len(path) // 2, :2] for path in paths])
+    route = np.concatenate(routes_m)[:, :2]
+    distance_m = np.array([np.linalg.norm(route - middle, axis=1).min() for middle in middles])
+    near = lengths * (distance_m < NEAR_ROUTE_M)
+    near = near if near.sum() > 0 else lengths
+    walkers = []
+    for index in range(scenario.traffic.pedestrians):
+        weights = near if rng.random() < NEAR_ROUTE_SHARE else lengths
+        path = paths[int(rng.choice(len(paths), p=weights / weights.sum()))]
+        side_m = WALKWAY_OFFSET_M + rng.uniform(-0.6, 0.6)
+        walkers.append(
+            Walker(
+                f"pedestrian.{index}",
+                bodies[int(rng.integers(len(bodies)))],
+                offset_right(path, side_m) + (0, 0, KERB_M),
+                float(rng.uniform(0, 2 * lengths.max())),
+                float(rng.uniform(0.8, 1.7)),
+            )
+        )
+    return walkers
+
+
+def _pieces(kerb_m: Float64, points: int = 20) -> list[Float64]:
+    """A kerb cut into walks of some 80 m."""
+    starts = range(0, len(kerb_m) - 1, points)
+    pieces = [kerb_m[start : start + points + 1] for start in starts]
+    return [piece for piece in pieces if len(piece) >= 3 and np.ptp(piece[:, :2]) > 1.0]
