@@ -1,0 +1,66 @@
+"""The files of a rosbag2 directory: which .mcap files it holds, in the order of recording."""
+
+from __future__ import annotations
+
+from pathlib import Path, PurePosixPath
+
+import yaml
+
+from advpipe.pipeline.errors import AdvpipeError
+
+METADATA_NAME = "metadata.yaml"
+_METADATA_LIMIT_BYTES = 64 << 20
+
+
+def mcap_files(path: Path) -> list[Path]:
+    """The .mcap file(s) of a rosbag2 directory, or the one file itself."""
+    try:
+        if path.is_file():
+            return [path]
+        if not path.is_dir():
+            raise AdvpipeError(f"{path} does not exist; give a rosbag2 directory or an .mcap file")
+        return _files_of_directory(path)
+    except OSError as error:
+        raise AdvpipeError(f"{path}: cannot be read: {error.strerror or error}") from None
+
+
+def _files_of_directory(directory: Path) -> list[Path]:
+    metadata_path = directory / METADATA_NAME
+    if not metadata_path.is_file():
+        raise AdvpipeError(
+            f"{directory} is not a rosbag2 directory, it holds no {METADATA_NAME}; "
+            "pass the .mcap file itself, or restore it with `ros2 bag reindex`"
+        )
+    information = _information(metadata_path)
+    storage = information.get("storage_identifier")
+    if storage != "mcap":
+        raise AdvpipeError(
+            f"{directory} is stored as {storage!r}, advpipe reads mcap; convert it with "
+            f"`rosbags-convert --src {directory} --dst NEW --dst-storage mcap`"
+        )
+    if str(information.get("compression_mode") or "none").lower() != "none":
+        raise AdvpipeError(
+            f"{directory} is compressed per file or message, which rosbag2 itself plays badly; convert it "
+            f"with `rosbags-convert --src {directory} --dst NEW --dst-storage mcap`"
+        )
+    names = information.get("relative_file_paths")
+    if not isinstance(names, list) or not names:
+        raise AdvpipeError(f"{metadata_path} lists no files (relative_file_paths)")
+    files = [directory / PurePosixPath(str(name)).name for name in names]
+    for file in files:
+        if not file.is_file():
+            raise AdvpipeError(f"{file} is missing, though {metadata_path} lists it")
+    return files
+
+
+def _information(metadata_path: Path) -> dict[str, object]:
+    if metadata_path.stat().st_size > _METADATA_LIMIT_BYTES:
+        raise AdvpipeError(f"{metadata_path} is too large for a rosbag2 {METADATA_NAME}")
+    try:
+        document = yaml.safe_load(metadata_path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, ValueError, RecursionError):
+        raise AdvpipeError(f"{metadata_path} is not valid YAML") from None
+    information = document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None
+    if not isinstance(information, dict):
+        raise AdvpipeError(f"{metadata_path} is no rosbag2 metadata: rosbag2_bagfile_information is missing")
+    return information

@@ -1,0 +1,68 @@
+"""A folder that appears under its final name only when it is whole."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from advpipe.pipeline.errors import AdvpipeError
+
+try:
+    import fcntl
+except ImportError:  # Windows: leftovers of killed runs stay until removed by hand
+    fcntl = None  # type: ignore[assignment]
+
+_LOCK_NAME = ".lock"
+
+
+class PartialFolder:
+    """A hidden folder beside `final`, renamed to it by `commit` or removed by `discard`.
+
+    A killed run leaves only the hidden folder; its lock died with it, so the next run for the same name
+    removes it, and never one that a living run still fills.
+    """
+
+    def __init__(self, final: Path) -> None:
+        self.final = final
+        final.parent.mkdir(parents=True, exist_ok=True)
+        self._prefix = f".{final.name}.partial-"
+        self._remove_leftovers()
+        self.path = Path(tempfile.mkdtemp(prefix=self._prefix, dir=final.parent))
+        self.path.chmod(0o755)  # mkdtemp's 0700 would hide the bag from everybody else
+        self._lock = (self.path / _LOCK_NAME).open("w")
+        if fcntl is not None:
+            fcntl.flock(self._lock, fcntl.LOCK_EX)
+
+    def commit(self, may_replace: Callable[[Path], bool]) -> None:
+        """Give the folder its final name; what lies there is replaced if `may_replace` says so."""
+        self._unlock()
+        if not self.final.exists():
+            self.path.rename(self.final)
+            return
+        if not may_replace(self.final):
+            raise AdvpipeError(f"{self.final} appeared meanwhile, not overwriting")
+        old = Path(tempfile.mkdtemp(prefix=self._prefix, dir=self.final.parent)) / "replaced"
+        self.final.rename(old)
+        self.path.rename(self.final)
+        shutil.rmtree(old.parent, ignore_errors=True)
+
+    def discard(self) -> None:
+        self._lock.close()
+        shutil.rmtree(self.path, ignore_errors=True)
+
+    def _unlock(self) -> None:
+        (self.path / _LOCK_NAME).unlink(missing_ok=True)
+        self._lock.close()
+
+    def _remove_leftovers(self) -> None:
+        if fcntl is None:
+            return
+        for leftover in self.final.parent.glob(f"{self._prefix}*"):
+            try:
+                with (leftover / _LOCK_NAME).open("w") as lock:
+                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    shutil.rmtree(leftover, ignore_errors=True)
+            except OSError:  # locked by a living run, or not ours to remove
+                continue

@@ -1,0 +1,104 @@
+"""Where a bag comes from: one MCAP metadata record of strings, protected by a checksum.
+
+Keys: `kind` ("clean" or "attack"), `scenario` (YAML), `scenario_name`, `seed`, `versions` (JSON); an
+attack adds `parent_sha256`, `attack`, `recipe`, `parameters` (JSON) and `frames`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zlib
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from advpipe.pipeline.bag.files import mcap_files
+from advpipe.pipeline.errors import AdvpipeError
+
+RECORD_NAME = "advpipe"
+_CHECKSUM = "crc32"  # MCAP lays no checksum over a single metadata record
+
+_PACKAGES = ("advpipe", "libsumo", "mcap", "numpy", "open3d", "open3d-cpu", "rosbags", "torch", "zstandard")
+
+
+def clean_provenance(scenario_name: str, scenario: str, seed: int) -> dict[str, str]:
+    """The record of a simulated drive; `scenario` is the resolved scenario file (YAML)."""
+    return {
+        "kind": "clean",
+        "scenario_name": scenario_name,
+        "scenario": scenario,
+        "seed": str(seed),
+        "versions": versions_json(),
+    }
+
+
+def attack_provenance(
+    parent: Path,
+    parent_provenance: Mapping[str, str],
+    *,
+    attack: str,
+    recipe: str,
+    parameters: Mapping[str, object],
+    seed: int,
+    frames: str,
+) -> dict[str, str]:
+    """The record of an adversarial bag made from the bag `parent`, another tool's bag included.
+
+    It keeps the parent's scenario; `seed` is the attack's own.
+    """
+    inherited = {
+        key: parent_provenance[key] for key in ("scenario_name", "scenario") if key in parent_provenance
+    }
+    return {
+        **inherited,
+        "kind": "attack",
+        "parent_sha256": parent_sha256(parent),
+        "attack": attack,
+        "recipe": recipe,
+        "parameters": json.dumps(parameters, sort_keys=True),
+        "seed": str(seed),
+        "frames": frames,
+        "versions": versions_json(),
+    }
+
+
+def versions_json() -> str:
+    """The installed versions that a bag's bytes depend on, as JSON."""
+    found = {}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return json.dumps(found, sort_keys=True)
+
+
+def seal(provenance: Mapping[str, str]) -> dict[str, str]:
+    """The record to write: the provenance and its checksum."""
+    return {**provenance, _CHECKSUM: _checksum(provenance)}
+
+
+def unseal(record: Mapping[str, str], path: Path) -> dict[str, str]:
+    """The provenance in a record; a record that was changed is refused."""
+    provenance = {key: value for key, value in record.items() if key != _CHECKSUM}
+    if record.get(_CHECKSUM) != _checksum(provenance):
+        raise AdvpipeError(f"{path}: the provenance record is damaged (checksum); record the bag again")
+    return provenance
+
+
+def parent_sha256(bag: Path) -> str:
+    """SHA-256 over the bytes of the bag's .mcap file(s), in their order: an attack's `parent_sha256`.
+
+    For a bag of one file it is what `sha256sum` prints.
+    """
+    digest = hashlib.sha256()
+    for path in mcap_files(bag):
+        with path.open("rb") as file:
+            while block := file.read(1 << 20):
+                digest.update(block)
+    return digest.hexdigest()
+
+
+def _checksum(provenance: Mapping[str, str]) -> str:
+    return f"{zlib.crc32(json.dumps(sorted(provenance.items())).encode()):08x}"

@@ -1,0 +1,140 @@
+"""The topics of a bag: name, message type and offered quality of service."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import yaml
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.rosbag2.metadata import parse_qos
+
+_FOREVER = QosTime(9223372036, 854775807)
+
+
+def _keep_last(depth: int, *, reliable: bool = True, latched: bool = False) -> tuple[Qos, ...]:
+    return (
+        Qos(
+            history=QosHistory.KEEP_LAST,
+            depth=depth,
+            reliability=QosReliability.RELIABLE if reliable else QosReliability.BEST_EFFORT,
+            durability=QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
+            deadline=_FOREVER,
+            lifespan=_FOREVER,
+            liveliness=QosLiveliness.AUTOMATIC,
+            liveliness_lease_duration=_FOREVER,
+            avoid_ros_namespace_conventions=False,
+        ),
+    )
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One channel of a bag.
+
+    qos: the profiles offered by its publishers; rosbag2 republishes with them.
+    type_hash: RIHS01 hash of the type where another tool's bag states it; "" for a type of `types.py`.
+    """
+
+    name: str
+    type: str
+    qos: tuple[Qos, ...] = _keep_last(10)
+    type_hash: str = ""
+
+
+CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock", _keep_last(1, reliable=False))
+TF = Topic("/tf", "tf2_msgs/msg/TFMessage", _keep_last(100))
+TF_STATIC = Topic("/tf_static", "tf2_msgs/msg/TFMessage", _keep_last(1, latched=True))
+SCENARIO_INFO = Topic("/scenario/info", "std_msgs/msg/String", _keep_last(1, latched=True))
+
+
+@dataclass(frozen=True)
+class VehicleTopics:
+    """The topics and frames of one instrumented vehicle, under its own namespace.
+
+    >>> VehicleTopics("ego").lidar_points.name
+    '/ego/lidar/points'
+    """
+
+    vehicle: str = "ego"
+
+    @property
+    def base_frame(self) -> str:
+        return f"{self.vehicle}/base_link"
+
+    @property
+    def lidar_frame(self) -> str:
+        return f"{self.vehicle}/lidar"
+
+    @property
+    def gnss_frame(self) -> str:
+        return f"{self.vehicle}/gnss"
+
+    @property
+    def lidar_points(self) -> Topic:
+        return Topic(f"/{self.vehicle}/lidar/points", "sensor_msgs/msg/PointCloud2", _keep_last(5))
+
+    @property
+    def objects(self) -> Topic:
+        return Topic(f"/{self.vehicle}/ground_truth/objects", "vision_msgs/msg/Detection3DArray")
+
+    @property
+    def road_users(self) -> Topic:
+        return Topic(f"/{self.vehicle}/ground_truth/road_users", "advpipe_msgs/msg/RoadUserArray")
+
+    @property
+    def true_odometry(self) -> Topic:
+        return Topic(f"/{self.vehicle}/ground_truth/odometry", "nav_msgs/msg/Odometry")
+
+    @property
+    def gnss_fix(self) -> Topic:
+        return Topic(f"/{self.vehicle}/gnss/fix", "sensor_msgs/msg/NavSatFix")
+
+    @property
+    def markers(self) -> Topic:
+        return Topic(f"/{self.vehicle}/markers", "visualization_msgs/msg/MarkerArray")
+
+
+@dataclass(frozen=True)
+class TopicInfo:
+    """What a bag says about one of its topics."""
+
+    type: str
+    qos: tuple[Qos, ...]
+    count: int
+
+
+@dataclass(frozen=True)
+class RawMessage:
+    """One message as it lies in a bag: `cdr` is its serialised body, `schema` its type's definition."""
+
+    topic: Topic
+    schema: str
+    cdr: bytes
+    log_time_ns: int
+    publish_time_ns: int
+    sequence: int
+    schema_encoding: str = "ros2msg"
+
+
+def qos_to_yaml(profiles: tuple[Qos, ...]) -> str:
+    """The profiles on one line, enumerations as numbers: what every rosbag2 since Foxy reads."""
+    plain = [
+        {
+            "history": qos.history.value,
+            "depth": qos.depth,
+            "reliability": qos.reliability.value,
+            "durability": qos.durability.value,
+            "deadline": qos.deadline._asdict(),
+            "lifespan": qos.lifespan._asdict(),
+            "liveliness": qos.liveliness.value,
+            "liveliness_lease_duration": qos.liveliness_lease_duration._asdict(),
+            "avoid_ros_namespace_conventions": qos.avoid_ros_namespace_conventions,
+        }
+        for qos in profiles
+    ]
+    return yaml.safe_dump(plain, default_flow_style=True, sort_keys=False, width=10**9).strip()
+
+
+def qos_from_yaml(text: str) -> tuple[Qos, ...]:
+    """The profiles in a channel's metadata, with numbers (to Iron) or names (from Jazzy)."""
+    return tuple(parse_qos(text))

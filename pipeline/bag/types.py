@@ -1,0 +1,48 @@
+"""Message types: ROS 2 Humble's, with vision_msgs and advpipe_msgs beside them."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+_PACKAGE_FOLDERS = {"vision_msgs": "vision_msgs", "advpipe_msgs": "msg"}
+
+
+@cache
+def typestore() -> Typestore:
+    """Every message type that advpipe writes; read-only by convention, one for the process."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    definitions = files("advpipe.pipeline.bag.msgs")
+    for package, folder in _PACKAGE_FOLDERS.items():
+        texts = sorted((f for f in (definitions / folder).iterdir() if f.name.endswith(".msg")), key=str)
+        for text in texts:
+            name = f"{package}/msg/{text.name.removesuffix('.msg')}"
+            store.register(get_types_from_msg(text.read_text(encoding="utf-8"), name))
+    return store
+
+
+@cache
+def message_class(type_name: str) -> Any:
+    """The dataclass of a type, e.g. `message_class("std_msgs/msg/Header")`."""
+    return typestore().types[type_name]
+
+
+@cache
+def schema_text(type_name: str) -> str:
+    """The definition of a type and all types inside it, as MCAP's `ros2msg` schemas hold it."""
+    return typestore().generate_msgdef(type_name, ros_version=2)[0]
+
+
+@cache
+def type_hash(type_name: str) -> str:
+    """The RIHS01 hash (REP-2011) by which ROS 2 tells two types of one name apart."""
+    return typestore().hash_rihs01(type_name)
+
+
+def serialise(message: object, type_name: str) -> bytes:
+    """The message in little-endian CDR, with its four bytes of encapsulation."""
+    return bytes(typestore().serialize_cdr(message, type_name))
