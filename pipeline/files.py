@@ -1,4 +1,4 @@
-"""Outputs appear whole or not at all: made beside their final place, then renamed."""
+"""Outputs appear whole or not at all: made in a hidden folder beside their final place, then renamed."""
 
 from __future__ import annotations
 
@@ -7,62 +7,41 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from advpipe.pipeline.errors import OutputExistsError
+from advpipe.pipeline.bag.partial import PartialFolder
+from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
 
 
 @contextmanager
 def staged_folder(final: Path, overwrite: bool) -> Iterator[Path]:
-    """A folder to fill, which becomes `final` when the block ends without an error.
+    """A folder to fill; what is in it moves to `final` when the block ends without an error.
 
-    What an earlier run that was killed left behind is removed. With `overwrite`, an old `final` stays
-    until the new one is whole.
+    With `overwrite`, an old `final` stays as it is until then, and items of it that are not made anew
+    stay for good: attacks and reports of a data set whose drive is recorded again.
     """
     if final.exists() and not overwrite:
         raise OutputExistsError(final)
-    partial = beside(final, "partial")
-    shutil.rmtree(partial, ignore_errors=True)
-    partial.mkdir(parents=True)
+    if final.exists() and not final.is_dir():
+        raise AdvpipeError(f"{final} is no folder, not replacing it; choose another name")
+    partial = PartialFolder(final)
     try:
-        yield partial
-        replace_folder(partial, final)
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
-
-
-@contextmanager
-def staged_dataset(final: Path, overwrite: bool) -> Iterator[Path]:
-    """A data set folder to fill with a clean bag; with `overwrite`, old attacks and reports stay in it."""
-    if final.exists() and not overwrite:
-        raise OutputExistsError(final)
-    partial = beside(final, "partial")
-    shutil.rmtree(partial, ignore_errors=True)
-    partial.mkdir(parents=True)
-    try:
-        yield partial
+        yield partial.path
         if final.is_dir():
-            for item in partial.iterdir():
-                replace_folder(item, final / item.name)
+            _replace_items(partial.path, final)
+            partial.discard()
         else:
-            partial.rename(final)
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
+            partial.commit(may_replace=lambda _: False)
+    except BaseException:
+        partial.discard()
+        raise
 
 
-def beside(final: Path, purpose: str) -> Path:
-    """The hidden name beside a final name, on the same file system."""
-    return final.parent / f".{final.name}.{purpose}"
-
-
-def replace_folder(new: Path, final: Path) -> None:
-    """Puts a finished file or folder in its final place, in exchange for an old one there."""
-    if not final.exists():
-        new.rename(final)
-        return
-    old = beside(final, "old")
-    shutil.rmtree(old, ignore_errors=True)
-    final.rename(old)
-    new.rename(final)
-    if old.is_dir():
-        shutil.rmtree(old)
-    else:
-        old.unlink()
+def _replace_items(new: Path, final: Path) -> None:
+    for item in sorted(new.iterdir()):
+        if item.name.startswith("."):
+            continue
+        target, old = final / item.name, new / f".old.{item.name}"
+        if target.exists():
+            target.rename(old)
+        item.rename(target)
+        if old.is_dir():
+            shutil.rmtree(old)

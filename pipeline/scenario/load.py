@@ -16,19 +16,25 @@ from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.scenario.models import Scenario
 
 MAX_FILE_BYTES = 4_000_000
+MAP_KEYS = ("opendrive", "sumo_net")
 
 
 def shipped_scenarios() -> dict[str, Path]:
     """The scenarios that come with advpipe: name to file."""
-    folder = Path(str(files("advpipe.scenarios")))
-    return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
+    return {path.stem: path for path in sorted(shipped_folder().glob("*.yaml"))}
+
+
+def shipped_folder() -> Path:
+    """Where the shipped scenarios lie, with their road networks in `networks/`."""
+    return Path(str(files("advpipe.scenarios")))
 
 
 def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> Scenario:
     """A scenario from a file, or one of the shipped ones by name.
 
-    Overrides read `section.key=value`, the value as YAML. Paths of the map are made absolute: those of
-    the file relative to its folder, those of an override relative to the working directory.
+    Overrides read `section.key=value`, the value as YAML. The map's path is made absolute: that of the
+    file is relative to its folder or names a shipped network, that of an override is relative to the
+    working directory.
     """
     path = _find(name_or_path)
     tree = _read(path)
@@ -42,9 +48,21 @@ def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> Scenario:
 
 
 def dump_scenario(scenario: Scenario) -> str:
-    """The resolved scenario as YAML: every key, defaults included."""
-    tree = scenario.model_dump(mode="json")
+    """The resolved scenario as YAML: every key, defaults included.
+
+    Of the map's path only the file name stays: a data set tells nobody how its maker's disk is laid out.
+    """
+    tree = scenario_tree(scenario)
     return yaml.safe_dump(tree, sort_keys=False, allow_unicode=True, width=100)
+
+
+def scenario_tree(scenario: Scenario) -> dict[str, Any]:
+    """The resolved scenario as plain values, the map by its file name."""
+    tree = scenario.model_dump(mode="json")
+    for key in MAP_KEYS:
+        if tree["map"][key] is not None:
+            tree["map"][key] = Path(tree["map"][key]).name
+    return tree
 
 
 def _find(name_or_path: str) -> Path:
@@ -80,9 +98,10 @@ def _read(path: Path) -> dict[str, Any]:
 def _make_paths_absolute(tree: dict[str, Any], folder: Path) -> None:
     section = tree.get("map")
     if isinstance(section, dict):
-        for key in ("opendrive", "sumo_net"):
+        for key in MAP_KEYS:
             if isinstance(section.get(key), str):
-                section[key] = str((folder / section[key]).resolve())
+                path, shipped = folder / section[key], shipped_folder() / "networks" / section[key]
+                section[key] = str((shipped if shipped.is_file() and not path.exists() else path).resolve())
 
 
 def _apply(tree: dict[str, Any], override: str) -> None:
@@ -99,7 +118,7 @@ def _apply(tree: dict[str, Any], override: str) -> None:
         section = section.setdefault(key, {})
         if not isinstance(section, dict):
             raise AdvpipeError(f"--set {override!r}: {key} is a value, not a section")
-    if keys[:-1] == ["map"] and keys[-1] in ("opendrive", "sumo_net") and isinstance(value, str):
+    if keys[:-1] == ["map"] and keys[-1] in MAP_KEYS and isinstance(value, str):
         value = str(Path(value).resolve())
         section.pop({"opendrive": "sumo_net", "sumo_net": "opendrive"}[keys[-1]], None)
     section[keys[-1]] = value

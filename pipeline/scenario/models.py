@@ -11,9 +11,7 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Probability = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 
-BodyName = Literal[
-    "sedan", "hatchback", "suv", "pickup", "van", "box_truck", "bus", "motorcycle", "bicycle"
-]
+BodyName = Literal["sedan", "hatchback", "suv", "pickup", "van", "box_truck", "bus", "motorcycle", "bicycle"]
 """Bodies that drive on the road; people on foot are counted by `traffic.pedestrians`."""
 
 
@@ -125,7 +123,9 @@ class LidarSensor(Section):
     rotation_frequency: Positive = Field(10.0, description="turns a second; one turn is one cloud")
     upper_fov: float = Field(2.0, ge=-90, le=90, description="degrees")
     lower_fov: float = Field(-24.8, ge=-90, le=90, description="degrees")
-    atmosphere_attenuation_rate: NotNegative = Field(0.004, description="intensity lost, exp(-a d), per metre")
+    atmosphere_attenuation_rate: NotNegative = Field(
+        0.004, description="intensity lost, exp(-a d), per metre"
+    )
     dropoff_general_rate: Probability = Field(0.02, description="share of points lost at random")
     dropoff_intensity_limit: Probability = Field(0.3, description="no intensity-based loss above it")
     dropoff_zero_intensity: Probability = Field(0.4, description="share of points lost at intensity zero")

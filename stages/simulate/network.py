@@ -70,7 +70,9 @@ def load_network(source: Map, scratch: Path) -> RoadNetwork:
         _check_xml(origin, "map.sumo_net", "net", "a SUMO network (.net.xml)")
     root = ElementTree.parse(sumo_file).getroot()
     if root.find("location") is None:
-        raise AdvpipeError(f"{origin}: no <location> in it, so it is no complete SUMO network; run netconvert")
+        raise AdvpipeError(
+            f"{origin}: no <location> in it, so it is no complete SUMO network; run netconvert"
+        )
     if not any(not edge.get("id", ":").startswith(":") for edge in root.iter("edge")):
         raise AdvpipeError(f"{origin}: the network holds no road")
     _probe(sumo_file, origin)
@@ -148,7 +150,8 @@ def _read(sumo_file: Path, origin: Path) -> RoadNetwork:
                 tuple(sorted(next_edge.getID() for next_edge in successors)),
             )
         junctions = tuple(
-            np.array([(*point[:2], point[2] if len(point) > 2 else 0.0) for point in node.getShape3D()]) - offset
+            np.array([(*point[:2], point[2] if len(point) > 2 else 0.0) for point in node.getShape3D()])
+            - offset
             for node in net.getNodes()
             if len(node.getShape3D()) >= 3
         )

@@ -17,6 +17,7 @@ from advpipe.pipeline.geometry.boxes import count_points
 from advpipe.pipeline.geometry.transforms import Float64, invert, wrap_angle, yaw_of
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.localisation.gnss import GnssReceiver
+from advpipe.pipeline.scenario.load import scenario_tree
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.seeding import named_generator
 from advpipe.stages.simulate.road_users import RoadUser, boxes_of
@@ -58,7 +59,7 @@ class Recorder:
         topic = VehicleTopics(self._scenario.sensors.lidar.vehicle)
         static = messages.transforms(stamp_ns, [(topic.base_frame, topic.lidar_frame, base_SE3_lidar)])
         self._writer.write(topics.TF_STATIC, static, stamp_ns)
-        info = json.dumps(self._scenario.model_dump(mode="json"), sort_keys=True)
+        info = json.dumps(scenario_tree(self._scenario), sort_keys=True)
         self._writer.write(topics.SCENARIO_INFO, messages.string(info), stamp_ns)
 
     def record(self, snapshot: Snapshot) -> None:

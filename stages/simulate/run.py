@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from advpipe.pipeline.bag.provenance import clean_provenance
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.files import staged_dataset
+from advpipe.pipeline.files import staged_folder
 from advpipe.pipeline.progress import track
 from advpipe.pipeline.scenario import Scenario, dump_scenario
 from advpipe.pipeline.seeding import named_generator
+from advpipe.pipeline.versions import installed
 from advpipe.stages.simulate.lidar import Lidar
 from advpipe.stages.simulate.network import load_network
 from advpipe.stages.simulate.recorder import Recorder, Snapshot
@@ -41,14 +43,14 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
     """
     clock, seed = scenario.simulation, scenario.simulation.seed
     carrier_name = scenario.sensors.lidar.vehicle
-    points, seen = 0, set()
-    with staged_dataset(out, overwrite) as folder, tempfile.TemporaryDirectory() as scratch:
+    points, seen = 0, set[str]()
+    with staged_folder(out, overwrite) as folder, tempfile.TemporaryDirectory() as scratch:
         (folder / "scenario.yaml").write_text(dump_scenario(scenario), encoding="utf-8")
         network = load_network(scenario.map, Path(scratch))
         variants = draw_variants(named_generator(seed, "bodies"))
         world = World(scenario, network, variants)
         lidar = Lidar(scenario.sensors.lidar)
-        provenance = clean_provenance(scenario.name, dump_scenario(scenario), seed)
+        provenance = _provenance(scenario)
         with (
             Traffic(scenario, network, variants, Path(scratch)) as traffic,
             BagWriter(
@@ -65,7 +67,11 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
                 carriers = {name: vehicles.pop(name) for name in scenario.vehicles}
                 carrier = carriers[carrier_name]
                 others = [user for name, user in carriers.items() if name != carrier_name]
-                moving = [*others, *vehicles.values(), *(walker.at(frame * clock.step_s) for walker in walkers)]
+                moving = [
+                    *others,
+                    *vehicles.values(),
+                    *(walker.at(frame * clock.step_s) for walker in walkers),
+                ]
                 moving = _within(moving, carrier, scenario.sensors.lidar.range)
                 hits = world.cast(lidar.rays(carrier.map_SE3_base), moving)
                 cloud = lidar.measure(hits, named_generator(seed, "lidar", carrier_name, frame))
@@ -77,6 +83,20 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
                 points += len(cloud)
                 seen.update(user.id for user in everyone)
     return SimulationSummary(out / "clean", clock.frames, points, len(seen))
+
+
+def _provenance(scenario: Scenario) -> dict[str, str]:
+    packages = ("advpipe", "libsumo", "open3d-cpu", "open3d", "numpy", "scipy", "shapely")
+    versions = {name: installed(name) for name in packages if installed(name)}
+    map_file = scenario.map.opendrive or scenario.map.sumo_net or ""
+    return {
+        "kind": "clean",
+        "scenario": dump_scenario(scenario),
+        "scenario_name": scenario.name,
+        "seed": str(scenario.simulation.seed),
+        "map_sha256": hashlib.sha256(Path(map_file).read_bytes()).hexdigest(),
+        "versions": json.dumps(versions, sort_keys=True),
+    }
 
 
 def _within(users: list[RoadUser], carrier: RoadUser, range_m: float) -> list[RoadUser]:

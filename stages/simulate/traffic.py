@@ -109,7 +109,9 @@ class Traffic:
 
         simulation = self._scenario.simulation
         waited_s = 0.0
-        while waited_s < simulation.warmup_s or not set(self._scenario.vehicles) <= set(libsumo.vehicle.getIDList()):
+        while waited_s < simulation.warmup_s or not set(self._scenario.vehicles) <= set(
+            libsumo.vehicle.getIDList()
+        ):
             if waited_s > simulation.warmup_s + INSERTION_LIMIT_S:
                 raise AdvpipeError(
                     f"no room on the network for {', '.join(self._scenario.vehicles)} within "
@@ -127,7 +129,9 @@ class Traffic:
         if missing <= 0:
             return
         carriers = [name for name in self._scenario.vehicles if name in present]
-        positions = [np.array(libsumo.vehicle.getPosition(name)) for name in carriers] if not near_is_fine else []
+        positions = (
+            [np.array(libsumo.vehicle.getPosition(name)) for name in carriers] if not near_is_fine else []
+        )
         mix = self._scenario.traffic.mix
         shares = np.array(list(mix.values())) / sum(mix.values())
         for _ in range(missing):
@@ -136,7 +140,9 @@ class Traffic:
             variant = names[int(self._rng.integers(len(names)))]
             edge = self._random_edge()
             middle_m = (edge.lanes[0].centre_m.mean(axis=0) + self._network.offset_m)[:2]
-            if all(np.linalg.norm(middle_m - place) > SPAWN_DISTANCE_M + edge.length_m / 2 for place in positions):
+            if all(
+                np.linalg.norm(middle_m - place) > SPAWN_DISTANCE_M + edge.length_m / 2 for place in positions
+            ):
                 self._added += 1
                 self._add(f"{body}.{self._added}", variant, edge)
 
@@ -151,7 +157,12 @@ class Traffic:
         route = self._random_walk(start, enough_m)
         libsumo.route.add(f"route.{name}", route)
         libsumo.vehicle.add(
-            name, f"route.{name}", typeID=variant, departLane="random", departPos="random_free", departSpeed="0"
+            name,
+            f"route.{name}",
+            typeID=variant,
+            departLane="random",
+            departPos="random_free",
+            departSpeed="0",
         )
         if name in self._scenario.vehicles:
             last = self._network.edges[route[-1]]
@@ -159,7 +170,7 @@ class Traffic:
             libsumo.vehicle.setStop(name, last.id, pos=stop_m, duration=1e6)  # it outlives its road
 
     def _random_walk(self, start: Edge, length_m: float) -> list[str]:
-        """Edges from `start` on until they are long enough or end; the way back only where nothing else is."""
+        """Edges from `start` on until they are long enough or end; turns back only where it must."""
         route, walked_m = [start.id], start.length_m
         while walked_m < length_m:
             here = self._network.edges[route[-1]]

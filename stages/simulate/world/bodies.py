@@ -30,8 +30,8 @@ class Body:
         mesh = self.build(length_m, width_m, height_m, paint)
         low, high = mesh.vertices_m.min(axis=0), mesh.vertices_m.max(axis=0)
         scale = np.array([length_m, width_m, height_m]) / (high - low)
-        centred = mesh.moved(*(-(low[:2] + high[:2]) / 2), -low[2])
-        return centred.scaled(*scale)
+        centred = mesh.moved(-(low[0] + high[0]) / 2, -(low[1] + high[1]) / 2, -low[2])
+        return centred.scaled(scale[0], scale[1], scale[2])
 
 
 def _car(lower: Profile, cabin: Profile, roof: float) -> Callable[[float, float, float, str], Mesh]:
@@ -71,7 +71,15 @@ def _wheels(axle_x_m: float, width_m: float, radius_m: float, tread_m: float) ->
 
 
 def _pickup(length_m: float, width_m: float, height_m: float, paint: str) -> Mesh:
-    lower: Profile = [(-0.5, 0.3), (-0.5, 0.58), (0.2, 0.6), (0.47, 0.56), (0.5, 0.45), (0.5, 0.22), (-0.45, 0.2)]
+    lower: Profile = [
+        (-0.5, 0.3),
+        (-0.5, 0.58),
+        (0.2, 0.6),
+        (0.47, 0.56),
+        (0.5, 0.45),
+        (0.5, 0.22),
+        (-0.45, 0.2),
+    ]
     cabin: Profile = [(-0.12, 0.58), (-0.08, 0.98), (0.06, 1.0), (0.2, 0.6)]
     return _car(lower, cabin, 0.8)(length_m, width_m, height_m, paint)
 
@@ -118,7 +126,8 @@ def _bus(length_m: float, width_m: float, height_m: float, paint: str) -> Mesh:
 def _person(height_m: float, stride_m: float) -> Mesh:
     hip, shoulder = 0.5 * height_m, 0.82 * height_m
     legs = [
-        tube((side * stride_m / 2, 0.09 * side, 0.0), (0, 0.09 * side, hip), 0.07, "cloth", 6) for side in (-1, 1)
+        tube((side * stride_m / 2, 0.09 * side, 0.0), (0, 0.09 * side, hip), 0.07, "cloth", 6)
+        for side in (-1, 1)
     ]
     arms = [
         tube((0, 0.24 * side, shoulder), (-side * stride_m / 3, 0.27 * side, hip), 0.045, "cloth", 6)
@@ -137,7 +146,9 @@ def _rider(seat_m: float, height_m: float, lean_m: float) -> Mesh:
     """Somebody who sits: legs down to the pedals, hands forward."""
     shoulder = height_m - 0.32
     legs = [tube((0.22, 0.11 * s, 0.3), (-0.12, 0.1 * s, seat_m), 0.08, "cloth", 6) for s in (-1, 1)]
-    arms = [tube((lean_m, 0.2 * s, shoulder), (0.45, 0.22 * s, seat_m + 0.15), 0.05, "cloth", 6) for s in (-1, 1)]
+    arms = [
+        tube((lean_m, 0.2 * s, shoulder), (0.45, 0.22 * s, seat_m + 0.15), 0.05, "cloth", 6) for s in (-1, 1)
+    ]
     spine = tube((-0.12, 0, seat_m), (lean_m, 0, shoulder + 0.05), 0.17, "cloth", 8)
     head = ellipsoid((lean_m + 0.05, 0, height_m - 0.13), (0.12, 0.1, 0.13), "plastic", 4)
     return merge([*legs, *arms, spine, head])
@@ -153,7 +164,13 @@ def _two_wheeler(radius_m: float, tyre_m: float, seat_m: float, tank: str | None
             tube((-axle, 0, radius_m), (0.1, 0, seat_m * 0.85), 0.04, "steel", 5),
             tube((axle, 0, radius_m), (axle - 0.2, 0, seat_m + 0.2), 0.04, "steel", 5),
             tube((-0.1, 0, seat_m * 0.9), (axle - 0.2, 0, seat_m), 0.04, "steel", 5),
-            tube((axle - 0.2, -width_m / 2, seat_m + 0.2), (axle - 0.2, width_m / 2, seat_m + 0.2), 0.025, "steel", 5),
+            tube(
+                (axle - 0.2, -width_m / 2, seat_m + 0.2),
+                (axle - 0.2, width_m / 2, seat_m + 0.2),
+                0.025,
+                "steel",
+                5,
+            ),
         ]
         hull = [ellipsoid((0.1, 0, seat_m * 0.75), (0.55, 0.18, 0.24), paint)] if tank else []
         return merge([*wheels, *frame, *hull, _rider(seat_m, height_m, 0.18)])
@@ -162,7 +179,8 @@ def _two_wheeler(radius_m: float, tyre_m: float, seat_m: float, tank: str | None
 
 
 SEDAN = _car(
-    [(-0.5, 0.3), (-0.5, 0.6), (-0.46, 0.66), (-0.3, 0.68), (0.2, 0.65), (0.44, 0.54), (0.5, 0.44), (0.5, 0.2), (-0.44, 0.16)],
+    [(-0.5, 0.3), (-0.5, 0.6), (-0.46, 0.66), (-0.3, 0.68), (0.2, 0.65), (0.44, 0.54), (0.5, 0.44),
+     (0.5, 0.2), (-0.44, 0.16)],
     [(-0.4, 0.65), (-0.22, 0.97), (-0.02, 1.0), (0.06, 0.98), (0.25, 0.64)],
     0.74,
 )  # fmt: skip
@@ -219,8 +237,10 @@ def draw_variants(rng: np.random.Generator) -> dict[str, Variant]:
     for body_name, body in BODIES.items():
         for index in range(VARIANTS):
             factors = np.clip(rng.normal(1.0, 0.03, size=3), 0.93, 1.07)
-            size = np.round(np.array([body.length_m, body.width_m, body.height_m]) * factors, 2)
+            size = np.array([body.length_m, body.width_m, body.height_m]) * factors
+            length_m, width_m, height_m = (round(float(side), 2) for side in size)
             paint = PAINTS[int(rng.integers(len(PAINTS)))]
             name = f"{body_name}.{index}"
-            variants[name] = Variant(name, body, *size.tolist(), mesh=body.mesh(*size.tolist(), paint))
+            mesh = body.mesh(length_m, width_m, height_m, paint)
+            variants[name] = Variant(name, body, length_m, width_m, height_m, mesh)
     return variants

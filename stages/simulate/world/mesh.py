@@ -68,7 +68,9 @@ def box(size_m: Sequence[float], material: str, top: str | None = None) -> Mesh:
     """A box that stands on z = 0, centred in x and y."""
     length, width, height = size_m
     corners = [(x, y, z) for z in (0, height) for x, y in _square(length / 2, width / 2)]
-    sides = [[i, (i + 1) % 4, (i + 1) % 4 + 4] for i in range(4)] + [[i, (i + 1) % 4 + 4, i + 4] for i in range(4)]
+    sides = [[i, (i + 1) % 4, (i + 1) % 4 + 4] for i in range(4)] + [
+        [i, (i + 1) % 4 + 4, i + 4] for i in range(4)
+    ]
     lid = [[4, 5, 6], [4, 6, 7]]
     floor = [[0, 2, 1], [0, 3, 2]]
     return merge([surface(corners, sides + floor, material), surface(corners, lid, top or material)])
@@ -78,7 +80,9 @@ def _square(x: float, y: float) -> list[tuple[float, float]]:
     return [(x, y), (-x, y), (-x, -y), (x, -y)]
 
 
-def tube(start_m: Sequence[float], end_m: Sequence[float], radius_m: float, material: str, sides: int = 8) -> Mesh:
+def tube(
+    start_m: Sequence[float], end_m: Sequence[float], radius_m: float, material: str, sides: int = 8
+) -> Mesh:
     """A closed cylinder between two points."""
     a, b = np.asarray(start_m, dtype=np.float64), np.asarray(end_m, dtype=np.float64)
     axis = (b - a) / np.linalg.norm(b - a)
@@ -135,9 +139,7 @@ def extruded_profile(
     vertices = np.concatenate([left, left * (1, -1, 1), hubs])
     i, j = np.arange(count), (np.arange(count) + 1) % count
     hub = np.full(count, 2 * count)
-    sides = np.concatenate(
-        [np.stack([hub, i, j], axis=1), np.stack([hub + 1, j + count, i + count], axis=1)]
-    )
+    sides = np.concatenate([np.stack([hub, i, j], axis=1), np.stack([hub + 1, j + count, i + count], axis=1)])
     names = [rim] * count if isinstance(rim, str) else list(rim)
     bands = [
         surface(vertices, [[a, b, a + count], [b, b + count, a + count]], name)

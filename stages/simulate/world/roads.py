@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -47,7 +48,9 @@ def lay_out_roads(network: RoadNetwork) -> Roads:
     """The outline of all lanes and junctions; gaps of under two metres are closed."""
     lanes = [lane for edge in network.edges.values() for lane in edge.lanes]
     ribbons = [
-        shapely.LineString(lane.centre_m[:, :2]).buffer(lane.width_m / 2, cap_style="flat", join_style="mitre")
+        shapely.LineString(lane.centre_m[:, :2]).buffer(
+            lane.width_m / 2, cap_style="flat", join_style="mitre"
+        )
         for lane in lanes
     ]
     crossings = [shapely.make_valid(Polygon(outline[:, :2])) for outline in network.junctions_m]
@@ -69,7 +72,7 @@ def lay_out_roads(network: RoadNetwork) -> Roads:
 def resample(line_m: Float64, spacing_m: float) -> Float64:
     """A polyline (K, D) with extra points so that no piece is longer than the spacing."""
     pieces = []
-    for a, b in zip(line_m[:-1], line_m[1:], strict=True):
+    for a, b in pairwise(line_m):
         count = max(1, int(np.ceil(np.linalg.norm(b - a) / spacing_m)))
         pieces.append(a + (b - a) * np.arange(count)[:, None] / count)
     return np.concatenate([*pieces, line_m[-1:]])
@@ -116,7 +119,9 @@ def _markings(network: RoadNetwork) -> list[Mesh]:
             inward = MARKING_WIDTH_M
             if index == 0:
                 lines.append(_line(offset_right(lane.centre_m, lane.width_m / 2 - inward)))
-            left = offset_right(lane.centre_m, -lane.width_m / 2 + (inward if lane is edge.lanes[-1] else 0.0))
+            left = offset_right(
+                lane.centre_m, -lane.width_m / 2 + (inward if lane is edge.lanes[-1] else 0.0)
+            )
             lines.extend([_line(left)] if lane is edge.lanes[-1] else _dashes(left))
     return lines
 

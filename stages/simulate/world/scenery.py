@@ -76,7 +76,11 @@ def _plots(roads: Roads, per_km: float, rng: np.random.Generator) -> Iterator[Pl
 
 
 def park_cars(
-    scenario: Scenario, roads: Roads, variants: dict[str, Variant], occupied: Occupied, rng: np.random.Generator
+    scenario: Scenario,
+    roads: Roads,
+    variants: dict[str, Variant],
+    occupied: Occupied,
+    rng: np.random.Generator,
 ) -> list[RoadUser]:
     """Cars in bays along the kerb, a few facing the wrong way or a little askew.
 
@@ -94,9 +98,7 @@ def park_cars(
     return parked
 
 
-def build_scenery(
-    scenario: Scenario, roads: Roads, occupied: Occupied, rng: np.random.Generator
-) -> Mesh:
+def build_scenery(scenario: Scenario, roads: Roads, occupied: Occupied, rng: np.random.Generator) -> Mesh:
     """Poles, trees, clutter and buildings."""
     environment = scenario.environment
     kinds: list[tuple[float, Callable[[np.random.Generator], _Thing]]] = [
@@ -136,7 +138,9 @@ def _pole(rng: np.random.Generator) -> _Thing:
 def _tree(rng: np.random.Generator) -> _Thing:
     trunk_m, crown_m = rng.uniform(1.8, 3.0), rng.uniform(1.1, 2.4)
     trunk = tube((0, 0, -0.2), (0, 0, trunk_m + crown_m / 2), rng.uniform(0.1, 0.28), "bark", 7)
-    crown = ellipsoid((0, 0, trunk_m + crown_m), (crown_m, crown_m, crown_m * rng.uniform(0.8, 1.3)), "foliage", 7)
+    crown = ellipsoid(
+        (0, 0, trunk_m + crown_m), (crown_m, crown_m, crown_m * rng.uniform(0.8, 1.3)), "foliage", 7
+    )
     ragged = Mesh(
         crown.vertices_m + rng.normal(0, 0.16 * crown_m, crown.vertices_m.shape),
         crown.triangles,
@@ -155,7 +159,9 @@ def _clutter(rng: np.random.Generator) -> _Thing:
     if kind == 1:
         radius_m = rng.uniform(0.4, 1.1)
         bush = ellipsoid((0, 0, 0.6 * radius_m), (radius_m, radius_m, radius_m), "foliage", 5)
-        shaken = Mesh(bush.vertices_m + rng.normal(0, 0.08, bush.vertices_m.shape), bush.triangles, bush.materials)
+        shaken = Mesh(
+            bush.vertices_m + rng.normal(0, 0.08, bush.vertices_m.shape), bush.triangles, bush.materials
+        )
         return _Thing(shaken, 2 * radius_m, 2 * radius_m, offset_m)
     if kind == 2:
         size = (rng.uniform(1.2, 4.5), rng.uniform(1.0, 1.9), rng.uniform(1.1, 1.9))
@@ -169,7 +175,9 @@ def _clutter(rng: np.random.Generator) -> _Thing:
 
 def _building(rng: np.random.Generator) -> _Thing:
     length_m, depth_m, height_m = rng.uniform(8, 26), rng.uniform(7, 14), rng.uniform(3.5, 18)
-    parts = [box((length_m, depth_m, height_m), "plaster" if rng.random() < 0.5 else "masonry").moved(0, 0, -0.3)]
+    parts = [
+        box((length_m, depth_m, height_m), "plaster" if rng.random() < 0.5 else "masonry").moved(0, 0, -0.3)
+    ]
     for floor_m in np.arange(1.0, height_m - 1.6, 3.0):
         count = int(length_m // 3)
         for index in range(count):

@@ -1,4 +1,4 @@
-"""The world that the LiDAR sees: a static scene, cast as one, and a scene of what moves, rebuilt each step."""
+"""The world that the LiDAR sees: a static scene, and one of what moves, rebuilt each step."""
 
 from __future__ import annotations
 
@@ -48,7 +48,9 @@ class Scene:
         """Casts rays (R, 6): origin, unit direction."""
         if not len(self._materials):
             count = len(rays)
-            return Hits(np.full(count, np.inf, np.float32), np.zeros(count, np.float32), np.zeros(count, np.uint8))
+            return Hits(
+                np.full(count, np.inf, np.float32), np.zeros(count, np.float32), np.zeros(count, np.uint8)
+            )
         answer = self._scene.cast_rays(o3d.core.Tensor(rays))
         range_m = answer["t_hit"].numpy()
         hit = np.isfinite(range_m)

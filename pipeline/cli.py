@@ -1,0 +1,195 @@
+"""The command line: the one module here that knows the stages; each is imported inside its command."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    name="advpipe",
+    help="Adversarial attacks on autonomous vehicles: simulate a drive, attack it, measure the damage.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")]
+DetectorName = Annotated[
+    str, typer.Option("--detector", help="A shipped name, a .safetensors file, or module:Class.")
+]
+
+
+@app.command()
+def simulate(
+    scenario: Annotated[str, typer.Argument(help="A scenario file or a shipped name.")] = "boulevard",
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Data set folder [default: datasets/<name>].")
+    ] = None,
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", help="Override one key: section.key=value.")
+    ] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Stage 1: record a clean drive (LiDAR, ground truth, odometry, GNSS) to an MCAP bag."""
+    from advpipe.pipeline.scenario import load_scenario
+    from advpipe.stages.simulate.run import simulate as run
+
+    loaded = load_scenario(scenario, settings or ())
+    summary = run(loaded, out or Path("datasets") / loaded.name, overwrite=overwrite)
+    print(
+        f"{summary.bag}: {summary.frames} frames of {summary.points / summary.frames:,.0f} points, "
+        f"{summary.road_users} road users in range"
+    )
+
+
+@app.command()
+def attack(
+    bag: Annotated[
+        Path | None, typer.Argument(help="Data set, rosbag2 folder or .mcap [default: newest data set].")
+    ] = None,
+    kind: Annotated[str, typer.Option("--type", help="Which attack: detach.")] = "detach",
+    ratio: Annotated[float, typer.Option(help="Share of the points to remove (detach).")] = 0.01,
+    recipe: Annotated[
+        str, typer.Option(help="best, paper (as published) or random (the baseline).")
+    ] = "best",
+    frames: Annotated[str, typer.Option(help="start:stop:step; the bag then holds only these.")] = "::",
+    detector: DetectorName = "small",
+    seed: Annotated[int, typer.Option(help="Seed of the attack's own draws.")] = 0,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Adversarial bag [default: beside the clean one].")
+    ] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Stage 2: write an adversarial version of a bag; everything not attacked is copied byte for byte."""
+    from advpipe.pipeline.bag.frames import FrameSlice
+    from advpipe.pipeline.bag.locate import newest_dataset, resolve_bag
+    from advpipe.stages.attack.run import AttackRequest, attack_id
+    from advpipe.stages.attack.run import attack as run
+
+    clean = resolve_bag(bag or newest_dataset(Path("datasets")))
+    request = AttackRequest(
+        type=kind,
+        recipe=recipe,
+        parameters={"ratio": ratio},
+        detector=detector,
+        frames=FrameSlice.parse(frames),
+        seed=seed,
+    )
+    summary = run(clean, out or clean.parent / attack_id(request), request, overwrite=overwrite)
+    print(summary)
+
+
+@app.command()
+def evaluate(
+    bags: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Clean bag, then adversarial ones [default: newest data set, all its attacks]."),
+    ] = None,
+    detector: DetectorName = "small",
+    seed: Annotated[int, typer.Option(help="Seed of the bootstrap and of the random baseline.")] = 0,
+    baseline: Annotated[bool, typer.Option(help="Score the same budget spent at random.")] = True,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Report folder [default: reports/ of the data set].")
+    ] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Stage 3: run a detector on clean and adversarial bags; mAP ratio, Chamfer distance, report."""
+    from advpipe.pipeline.bag.locate import adversarial_bags, newest_dataset, resolve_bag
+    from advpipe.stages.evaluate.run import evaluate as run
+    from advpipe.stages.evaluate.run import print_report
+
+    given = bags or [newest_dataset(Path("datasets"))]
+    clean = resolve_bag(given[0])
+    adversarial = [resolve_bag(bag) for bag in given[1:]]
+    if len(given) == 1 and clean.name == "clean":
+        adversarial = adversarial_bags(clean.parent)
+    target = out or clean.parent / "reports" / detector_slug(detector)
+    report = run(
+        clean, adversarial, target, detector=detector, seed=seed, baseline=baseline, overwrite=overwrite
+    )
+    print_report(report)
+    print(f"report: {target / 'report.html'}")
+
+
+def detector_slug(detector: str) -> str:
+    """A detector's name as the name of a folder: `small`, `my-model`, `package.module-Class`."""
+    return Path(detector).stem if detector.endswith(".safetensors") else detector.replace(":", "-")
+
+
+@app.command()
+def train(
+    bags: Annotated[list[Path], typer.Argument(help="Clean bags to learn from.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the checkpoint, log and plot.")],
+    preset: Annotated[str, typer.Option(help="Size of the SECOND detector.")] = "small",
+    steps: Annotated[int, typer.Option(min=1, help="Optimiser steps, two frames each.")] = 3000,
+    validate: Annotated[list[Path] | None, typer.Option("--validate", help="Held-out bag.")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of weights, order and augmentation.")] = 0,
+    overwrite: Overwrite = False,
+) -> None:
+    """Train a SECOND detector on clean bags; goes on where an interrupted run stopped."""
+    from advpipe.pipeline.bag.locate import resolve_bag
+    from advpipe.stages.train.run import TrainConfig
+    from advpipe.stages.train.run import train as run
+
+    config = TrainConfig(
+        bags=tuple(resolve_bag(bag) for bag in bags),
+        out=out,
+        preset=preset,
+        steps=steps,
+        validation=tuple(resolve_bag(bag) for bag in validate or ()),
+        seed=seed,
+    )
+    print(run(config, overwrite=overwrite))
+
+
+@app.command()
+def inspect(
+    bag: Annotated[Path, typer.Argument(help="Data set, rosbag2 folder or .mcap.")],
+    as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+) -> None:
+    """What is in a bag: topics, rates, clouds, road users, provenance, checksums."""
+    from advpipe.pipeline.bag.inspect import describe
+
+    description = describe(bag)
+    if as_json:
+        print(description.to_json())
+    else:
+        description.print()
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"advpipe {version('advpipe')}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    pass
+
+
+def main() -> None:
+    """Runs the command line; a user's mistake becomes one line and a non-zero exit code."""
+    from advpipe.pipeline.errors import AdvpipeError
+
+    try:
+        app()
+    except AdvpipeError as error:
+        print(f"advpipe: {' '.join(str(error).split())}", file=sys.stderr)
+        sys.exit(error.exit_code)
+    except KeyboardInterrupt:
+        print("advpipe: interrupted", file=sys.stderr)
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()
