@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+
 from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.geometry.boxes import Boxes, points_in_boxes
 
@@ -15,8 +16,11 @@ Float64 = npt.NDArray[np.float64]
 
 
 def remove_random_points(cloud: Cloud, count: int, rng: np.random.Generator) -> npt.NDArray[np.int64]:
-    """Take `count` points of a cloud (N,) away, uniformly: the indices of the N - count kept, ascending."""
-    removed = rng.choice(len(cloud), size=count, replace=False)
+    """Take `count` points of a cloud (N,) away, uniformly: the indices of the N - count kept, ascending.
+
+    Points that are not finite are rays without an echo: they are no points to take.
+    """
+    removed = rng.choice(np.flatnonzero(np.isfinite(xyz(cloud)).all(axis=1)), size=count, replace=False)
     return np.delete(np.arange(len(cloud)), removed)
 
 

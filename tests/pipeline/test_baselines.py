@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import chisquare, kstest
+
 from advpipe.pipeline.bag.cloud import POINT_DTYPE, xyz
 from advpipe.pipeline.baselines import (
     add_random_points,
@@ -10,7 +12,6 @@ from advpipe.pipeline.baselines import (
     remove_random_points,
 )
 from advpipe.pipeline.geometry.boxes import Boxes
-from scipy.stats import chisquare, kstest
 
 
 def cloud_of(count, scale_m=50.0, seed=1):

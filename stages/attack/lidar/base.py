@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
+
 from advpipe.pipeline.bag.cloud import Cloud
 from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.geometry.boxes import Boxes

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+
 from advpipe.pipeline.bag.cloud import Cloud, xyzi
 from advpipe.pipeline.baselines import remove_random_points
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
@@ -32,6 +33,7 @@ class Detach:
     """Remove exactly round(ratio * N) of a cloud's N points, in equal rounds.
 
     ratio: the share to remove, in (0, 1). Halves round up; at least one point goes, and one stays.
+        Points that are not finite (rays without an echo, in some drivers) do not count and stay.
     recipe: "best" empties the voxels that the detector needs; "paper" is the greedy gradient-norm
         saliency of the paper (section III-A, Eq. 3); "random" is the baseline of equal budget.
     rounds: after each round the remaining points are ranked again (the paper: 10).
@@ -56,45 +58,57 @@ class Detach:
         self, cloud: Cloud, boxes: Boxes, detector: Detector, rng: np.random.Generator
     ) -> LidarResult:
         """The cloud without the chosen points; unchanged, with a note, where there is nothing to attack."""
-        budget = self.budget(len(cloud))
+        points = np.flatnonzero(np.isfinite(xyzi(cloud)).all(axis=1))
+        budget = self.budget(len(points))
         if budget == 0:
             return unchanged(cloud, "no points to remove")
         targets = find_targets(detector, cloud, boxes)
         loss_before = detection_loss(detector, cloud, targets)
         rule, note = _rule_for(self.recipe, detector)
         if rule is None:
-            kept = remove_random_points(cloud, budget, rng)
+            removed = _by_chance(cloud, points, budget, rng)
         elif not len(targets):
             return unchanged(cloud, "no object to hide that the detector could find")
         else:
-            kept, shortage = self._remove_greedily(cloud, targets, detector, rule, rng)
-            if len(kept) == len(cloud):
+            removed, shortage = self._greedily(cloud, points, targets, detector, rule, rng)
+            if not len(removed):
                 return unchanged(cloud, shortage, loss_before)
             note = note or shortage
-        removed = np.delete(np.arange(len(cloud)), kept)
-        loss_after = detection_loss(detector, cloud[kept], targets)
-        return LidarResult(cloud[kept], PointLabels.removed(removed), loss_before, loss_after, note)
+        adversarial = np.delete(cloud, removed)
+        loss_after = detection_loss(detector, adversarial, targets)
+        return LidarResult(adversarial, PointLabels.removed(removed), loss_before, loss_after, note)
 
-    def _remove_greedily(
-        self, cloud: Cloud, targets: Targets, detector: Detector, rule: Rule, rng: np.random.Generator
+    def _greedily(
+        self,
+        cloud: Cloud,
+        points: Indices,
+        targets: Targets,
+        detector: Detector,
+        rule: Rule,
+        rng: np.random.Generator,
     ) -> tuple[Indices, str]:
-        """Indices of the kept points, ascending, and what went short."""
-        points, kept = xyzi(cloud), np.arange(len(cloud))
-        goals = np.round(np.linspace(0, self.budget(len(cloud)), self.rounds + 1)).astype(int)
-        for count in np.diff(goals):
+        """Which of the points to remove, ranked again after each round; and what went short."""
+        kept, removed = points, np.zeros(0, np.int64)
+        goals = np.round(np.linspace(0, self.budget(len(points)), self.rounds + 1)).astype(int)
+        for goal in goals[1:]:
+            count = int(goal) - len(removed)
             if count == 0:  # fewer points to remove than rounds
                 continue
             try:
-                chosen = rule(points[kept], targets, detector, int(count), rng)
+                chosen = kept[rule(xyzi(cloud[kept]), targets, detector, count, rng)]
             except NoGradientError:
-                if len(kept) == len(cloud):
-                    return kept, "no gradient: the detector's loss depends on no point"
-                left = int(goals[-1]) - (len(cloud) - len(kept))
-                return kept[
-                    remove_random_points(cloud[kept], left, rng)
-                ], "gradient used up: the rest at random"
-            kept = np.delete(kept, chosen)
-        return kept, ""
+                if not len(removed):
+                    return removed, "no gradient: the detector's loss depends on no point"
+                rest = _by_chance(cloud, kept, int(goals[-1]) - len(removed), rng)
+                return np.concatenate([removed, rest]), "gradient used up: the rest removed at random"
+            removed = np.concatenate([removed, chosen])
+            kept = np.setdiff1d(kept, chosen, assume_unique=True)
+        return removed, ""
+
+
+def _by_chance(cloud: Cloud, points: Indices, count: int, rng: np.random.Generator) -> Indices:
+    """`count` of the points, by the baseline that every recipe is compared with."""
+    return np.delete(points, remove_random_points(cloud[points], count, rng))
 
 
 def _rule_for(recipe: str, detector: Detector) -> tuple[Rule | None, str]:

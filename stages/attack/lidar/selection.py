@@ -12,6 +12,7 @@ from typing import cast
 import numpy as np
 import numpy.typing as npt
 import torch
+
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
 from advpipe.stages.attack.lidar.targets import Targets
 

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from torch import Tensor
+
 from advpipe.pipeline.bag.cloud import Cloud, xyz, xyzi
 from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes, count_points
-from torch import Tensor
 
 MIN_POINTS = 5
 """Objects with fewer points in the clean cloud are not evaluated, so no budget is spent on them."""
@@ -42,8 +43,10 @@ def find_targets(detector: Detector, cloud: Cloud, boxes: Boxes) -> Targets:
 
 
 def detection_loss(detector: Detector, cloud: Cloud, targets: Targets) -> float:
-    """The detector's loss on a cloud; NaN without targets."""
+    """The detector's loss on the finite points of a cloud; NaN without targets."""
     if not len(targets):
         return float("nan")
+    points = xyzi(cloud)
+    points = points[np.isfinite(points).all(axis=1)]
     with torch.no_grad():
-        return float(detector.loss(torch.from_numpy(xyzi(cloud)), targets.boxes, targets.labels))
+        return float(detector.loss(torch.from_numpy(points), targets.boxes, targets.labels))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
+
 from advpipe.pipeline.bag.cloud import POINT_DTYPE, xyzi
 from advpipe.pipeline.detector.protocol import Detections, Range
 from advpipe.pipeline.geometry.boxes import Boxes
