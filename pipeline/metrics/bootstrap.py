@@ -1,0 +1,84 @@
+"""Confidence intervals for figures of a drive, by a paired bootstrap over blocks of time.
+
+Neighbouring frames show nearly the same scene, so single frames are no independent draws; blocks of
+at least 5 s are drawn instead. The same draw weighs the clean, the attacked and the baseline frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Int64 = npt.NDArray[np.int64]
+Float64 = npt.NDArray[np.float64]
+
+MIN_BLOCK_S = 5.0
+
+
+def time_blocks(stamps_ns: npt.ArrayLike, min_block_s: float = MIN_BLOCK_S) -> list[Int64]:
+    """Frames, given by their rising stamps (F,), cut into blocks of at least `min_block_s`.
+
+    A block takes frames until one is `min_block_s` or more after its first. A rest that is too
+    short joins the block before it. The last frame lasts as long as the median one.
+    """
+    stamps = np.asarray(stamps_ns, dtype=np.int64)
+    if not len(stamps):
+        return []
+    least_ns = round(min_block_s * 1e9)
+    starts = [0]
+    for i, stamp in enumerate(stamps):
+        if stamp - stamps[starts[-1]] >= least_ns:
+            starts.append(i)
+    period_ns = int(np.median(np.diff(stamps))) if len(stamps) > 1 else 0
+    if len(starts) > 1 and stamps[-1] + period_ns - stamps[starts[-1]] < least_ns:
+        starts.pop()
+    return np.split(np.arange(len(stamps)), starts[1:])
+
+
+@dataclass(frozen=True)
+class BlockBootstrap:
+    """Draws of blocks with replacement.
+
+    weights: (draws, F) int64, how often each frame stands in each draw.
+    """
+
+    weights: Int64
+    n_blocks: int
+
+    @classmethod
+    def of(
+        cls,
+        stamps_ns: npt.ArrayLike,
+        draws: int,
+        rng: np.random.Generator,
+        min_block_s: float = MIN_BLOCK_S,
+    ) -> BlockBootstrap:
+        blocks = time_blocks(stamps_ns, min_block_s)
+        n = len(blocks)
+        if n < 2:
+            return cls(np.zeros((0, sum(map(len, blocks))), dtype=np.int64), n)
+        chosen = rng.integers(0, n, size=(draws, n))
+        times = np.stack([(chosen == block).sum(axis=1) for block in range(n)], axis=1)
+        return cls(np.repeat(times, [len(block) for block in blocks], axis=1).astype(np.int64), n)
+
+    def samples(self, statistic: Callable[[Int64], float]) -> Float64:
+        """The statistic (draws,), a function of the frames' weights (F,), in every draw."""
+        return np.array([statistic(weights) for weights in self.weights], dtype=np.float64)
+
+    def interval(
+        self, statistic: Callable[[Int64], float], level: float = 0.95
+    ) -> tuple[float, float] | None:
+        """Percentile interval of a statistic; None if there are fewer than two blocks."""
+        return percentile_interval(self.samples(statistic), level)
+
+
+def percentile_interval(samples: Float64, level: float = 0.95) -> tuple[float, float] | None:
+    """The central interval of the samples that are defined; None if none is."""
+    defined = samples[np.isfinite(samples)]
+    if not len(defined):
+        return None
+    low, high = np.quantile(defined, [(1 - level) / 2, (1 + level) / 2])
+    return float(low), float(high)

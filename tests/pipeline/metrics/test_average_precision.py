@@ -1,0 +1,231 @@
+"""R40 average precision: cases worked by hand, and a slow independent implementation on random data."""
+
+import numpy as np
+import pytest
+import shapely
+
+from advpipe.pipeline.geometry.iou import iou_bev
+from advpipe.pipeline.metrics.average_precision import (
+    FrameMatches,
+    RankedMatches,
+    average_precision,
+    match_frame,
+    mean_average_precision,
+)
+
+
+def cars(*xs: float) -> np.ndarray:
+    """Cars of 4 x 2 x 1.5 m along x: an offset of d m between two gives an IoU of (4 - d) / (4 + d)."""
+    return np.array([[x, 0.0, 0.0, 4.0, 2.0, 1.5, 0.0] for x in xs]).reshape(-1, 7)
+
+
+def match(truth, detections, scores, evaluated=None, min_iou=0.7) -> FrameMatches:
+    evaluated = np.ones(len(truth), bool) if evaluated is None else np.array(evaluated, bool)
+    return match_frame(truth, evaluated, detections, np.array(scores, float), min_iou)
+
+
+def test_all_found_is_one():
+    assert average_precision([match(cars(0, 10), cars(0, 10), [0.9, 0.8])]) == 1.0
+
+
+def test_half_found_reaches_half_of_the_recall_positions():
+    assert average_precision([match(cars(0, 10), cars(0), [0.9])]) == 20 / 40
+
+
+def test_false_positive_on_top_halves_the_precision():
+    # best score: nothing there; then the one car: precision 1/2 at recall 1
+    assert average_precision([match(cars(0), cars(50, 0), [0.9, 0.8])]) == 0.5
+
+
+def test_false_positive_at_the_bottom_costs_nothing():
+    assert average_precision([match(cars(0), cars(0, 50), [0.9, 0.1])]) == 1.0
+
+
+def test_mixed_case_by_hand():
+    # T F T over 4 cars: precision 1 at recall 1/4 (10 positions), 2/3 at 2/4 (10 more), then nothing
+    frame = match(cars(0, 10, 20, 30), cars(0, 50, 10), [0.9, 0.8, 0.7])
+    assert average_precision([frame]) == pytest.approx((10 * 1 + 10 * 2 / 3) / 40)
+
+
+def test_interpolation_takes_the_best_precision_to_the_right():
+    # F T T over 2 cars: 1/2 at recall 1/2, 2/3 at recall 1; the envelope is 2/3 everywhere
+    assert average_precision([match(cars(0, 10), cars(50, 0, 10), [0.9, 0.8, 0.7])]) == pytest.approx(2 / 3)
+
+
+def test_second_detection_of_a_car_is_a_false_positive():
+    frame = match(cars(0, 10), cars(0, 0.1, 10), [0.9, 0.8, 0.7])
+    assert frame.is_true_positive.tolist() == [True, False, True]
+    assert frame.is_false_positive().tolist() == [False, True, False]
+    assert average_precision([frame]) == pytest.approx((20 * 1 + 20 * 2 / 3) / 40)
+
+
+def test_iou_threshold_counts_as_met():
+    # offset 4/7 m: IoU = (4 - 4/7) / (4 + 4/7) = 0.75
+    assert match(cars(0), cars(4 / 7), [1.0], min_iou=0.7499).is_true_positive.all()
+    assert not match(cars(0), cars(4 / 7), [1.0], min_iou=0.7501).is_true_positive.any()
+
+
+def test_ignored_truth_and_its_detection_do_not_count():
+    frame = match(cars(0, 10), cars(0, 10), [0.8, 0.9], evaluated=[True, False])
+    assert frame.n_truth == 1
+    assert frame.is_ignored.tolist() == [False, True]
+    assert average_precision([frame]) == 1.0
+
+
+def test_only_ignored_truth_is_undefined():
+    assert np.isnan(average_precision([match(cars(0), cars(0), [0.9], evaluated=[False])]))
+
+
+def test_evaluated_truth_is_preferred_to_an_ignored_one_that_overlaps_more():
+    frame = match(cars(0, 0.3), cars(0), [0.9], evaluated=[False, True])
+    assert frame.is_true_positive.tolist() == [True]
+    assert frame.found_by.tolist() == [-1, 0]
+
+
+def test_second_detection_may_fall_to_an_ignored_truth():
+    frame = match(cars(0, 0.3), cars(0, 0.1), [0.9, 0.8], evaluated=[True, False])
+    assert frame.is_true_positive.tolist() == [True, False]
+    assert frame.is_ignored.tolist() == [False, True]
+
+
+def test_best_score_chooses_first_and_takes_the_best_overlap():
+    frame = match(cars(0, 0.6), cars(0.5, 0.0), [0.9, 0.8])
+    assert frame.found_by.tolist() == [1, 0]
+
+
+def test_equal_scores_within_a_frame_are_matched_in_the_order_given():
+    assert match(cars(0), cars(0.2, 0.0), [0.5, 0.5]).found_by.tolist() == [0]
+
+
+def test_equal_scores_over_frames_stand_and_fall_together():
+    hit, miss = match(cars(0), cars(0), [0.5]), match(cars(0), cars(50), [0.5])
+    # one threshold: 1 of 2 found with precision 1/2, whichever frame comes first
+    assert average_precision([hit, miss]) == average_precision([miss, hit]) == 20 * 0.5 / 40
+
+
+def test_empty_frames_and_no_detections():
+    nothing = match(cars(), cars(), [])
+    assert np.isnan(average_precision([nothing]))
+    assert np.isnan(average_precision([]))
+    assert average_precision([nothing, match(cars(0), cars(), [])]) == 0.0
+    assert average_precision([nothing, match(cars(0), cars(0), [0.3])]) == 1.0
+    assert average_precision([match(cars(), cars(0), [0.3]), match(cars(0), cars(0), [0.2])]) == 0.5
+
+
+def test_birds_eye_overlap_ignores_the_height():
+    raised = cars(0)
+    raised[0, 2] = 1.0
+    truth, scores = cars(0), np.array([0.9])
+    assert not match(truth, raised, scores).is_true_positive.any()
+    assert match_frame(truth, np.array([True]), raised, scores, 0.7, iou_bev).is_true_positive.all()
+
+
+def test_found_with_a_minimal_score():
+    frame = match(cars(0, 10, 20), cars(0, 10), [0.9, 0.2], evaluated=[True, True, True])
+    assert frame.found().tolist() == [True, True, False]
+    assert frame.found(0.5).tolist() == [True, False, False]
+
+
+def test_best_f1_score():
+    # F1 at .9: 2*1/(1+2) = .67; at .8: 2*2/(2+2) = 1; at .1: 2*2/(3+2) = .8
+    assert RankedMatches.of([match(cars(0, 10), cars(0, 10, 50), [0.9, 0.8, 0.1])]).best_f1_score() == 0.8
+
+
+def test_mean_leaves_out_a_class_without_objects():
+    none, half = match(cars(), cars(0), [0.9]), match(cars(0, 10), cars(0), [0.9])
+    assert mean_average_precision([RankedMatches.of([none]), RankedMatches.of([half])]) == 0.5
+    assert np.isnan(mean_average_precision([]))
+
+
+# --- an independent implementation: shapely overlaps, one threshold at a time, plain loops
+
+
+def polygon(box):
+    x, y, _, length, width, _, yaw = box
+    flat = shapely.box(-length / 2, -width / 2, length / 2, width / 2)
+    return shapely.affinity.translate(
+        shapely.affinity.rotate(flat, yaw, origin=(0, 0), use_radians=True), x, y
+    )
+
+
+def slow_iou(a, b):
+    flat = polygon(a).intersection(polygon(b)).area
+    high = max(0.0, min(a[2] + a[5] / 2, b[2] + b[5] / 2) - max(a[2] - a[5] / 2, b[2] - b[5] / 2))
+    both = flat * high
+    return both / (a[3] * a[4] * a[5] + b[3] * b[4] * b[5] - both)
+
+
+def slow_counts(frame, threshold, min_iou):
+    """True and false positives of a frame among detections of at least a score, matched from scratch."""
+    truth, evaluated, detections, scores = frame
+    taken, tp, fp = set(), 0, 0
+    for k in sorted((k for k in range(len(scores)) if scores[k] >= threshold), key=lambda k: (-scores[k], k)):
+        options = [
+            (bool(evaluated[m]), slow_iou(detections[k], truth[m]), -m)
+            for m in range(len(truth))
+            if m not in taken and slow_iou(detections[k], truth[m]) >= min_iou
+        ]
+        if not options:
+            fp += 1
+            continue
+        is_evaluated, _, minus_m = max(options)
+        taken.add(-minus_m)
+        tp += is_evaluated
+    return tp, fp
+
+
+def slow_average_precision(frames, min_iou):
+    n_truth = sum(int(sum(f[1])) for f in frames)
+    points = []
+    for threshold in sorted({s for f in frames for s in f[3]}):
+        tp, fp = np.sum([slow_counts(f, threshold, min_iou) for f in frames], axis=0)
+        points.append((tp / n_truth, tp / (tp + fp) if tp + fp else 0.0))
+    total = 0.0
+    for position in range(1, 41):
+        reached = [precision for recall, precision in points if recall >= position / 40 - 1e-12]
+        total += max(reached, default=0.0)
+    return total / 40
+
+
+def random_frame(rng):
+    n = int(rng.integers(0, 7))
+    truth = np.column_stack(
+        [
+            rng.uniform(-15, 15, (n, 2)),
+            rng.uniform(-0.2, 0.2, n),
+            rng.uniform(3, 5, n),
+            rng.uniform(1.5, 2, n),
+            rng.uniform(1.4, 1.8, n),
+            rng.uniform(-3, 3, n),
+        ]
+    )
+    seen = truth[rng.random(n) < 0.8]
+    copies = np.repeat(seen, rng.integers(1, 3, len(seen)), axis=0)
+    copies = copies + rng.normal(0, [0.25, 0.1, 0.05, 0.1, 0.05, 0.05, 0.05], copies.shape)
+    wrong = rng.uniform([-15, -15, 0, 4, 1.8, 1.5, -3], [15, 15, 0.1, 4.1, 1.9, 1.6, 3], (2, 7))
+    detections = np.concatenate([copies, wrong])
+    scores = rng.integers(1, 12, len(detections)) / 12  # many ties
+    return truth, rng.random(n) < 0.75, detections, scores
+
+
+@pytest.mark.oracle
+@pytest.mark.parametrize("seed", range(6))
+def test_agrees_with_a_slow_independent_implementation(seed):
+    rng = np.random.default_rng(seed)
+    frames = [random_frame(rng) for _ in range(8)]
+    matches = [match_frame(*f, 0.5) for f in frames]
+    assert average_precision(matches) == pytest.approx(slow_average_precision(frames, 0.5), abs=1e-12)
+
+
+def test_weights_equal_repeated_frames():
+    rng = np.random.default_rng(3)
+    matches = [match_frame(*random_frame(rng), 0.5) for _ in range(8)]
+    weights = rng.integers(0, 3, 8)
+    repeated = [m for m, times in zip(matches, weights, strict=True) for _ in range(times)]
+    assert RankedMatches.of(matches).average_precision(weights) == pytest.approx(average_precision(repeated))
+
+
+def test_order_of_frames_does_not_matter():
+    rng = np.random.default_rng(4)
+    matches = [match_frame(*random_frame(rng), 0.5) for _ in range(8)]
+    assert average_precision(matches) == average_precision(matches[::-1])
