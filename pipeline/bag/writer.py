@@ -92,6 +92,11 @@ class BagWriter:
         if kind is not None:
             self._discard()
 
+    @property
+    def folder(self) -> Path:
+        """Where the bag is made: files put here, such as labels, appear with the bag under its name."""
+        return self._folder.path
+
     def write(self, topic: Topic, message: object, stamp_ns: int) -> None:
         """Serialise and append a message of one of `types.py`'s types."""
         self.write_cdr(topic, serialise(message, topic.type), stamp_ns)
