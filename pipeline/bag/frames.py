@@ -1,0 +1,107 @@
+"""Frames: each cloud of a bag with the road users' boxes at its instant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from advpipe.pipeline.bag.cloud import Cloud, cloud_from_cdr
+from advpipe.pipeline.bag.frame_slice import ALL_FRAMES, FrameSlice
+from advpipe.pipeline.bag.ground_truth import LATENCY_NS, GroundTruth, objects_topic
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.topics import VehicleTopics
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.geometry.boxes import Boxes
+
+__all__ = [
+    "ALL_FRAMES",
+    "Frame",
+    "FrameSlice",
+    "count_frames",
+    "find_lidar_topic",
+    "has_ground_truth",
+    "read_frames",
+]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One sweep of the LiDAR and what was around it.
+
+    index: counts the clouds of the bag. boxes: ground truth in the LiDAR's frame, with NaN for unknown
+    velocities; empty in a bag without ground truth (`has_ground_truth`).
+    """
+
+    index: int
+    stamp_ns: int
+    cloud: Cloud
+    boxes: Boxes
+
+
+def find_lidar_topic(reader: BagReader, lidar_topic: str | None = None) -> str:
+    """The named topic of clouds, or the bag's only one."""
+    candidates = reader.topics_of_type("sensor_msgs/msg/PointCloud2")
+    if not candidates:
+        raise AdvpipeError(f"{reader.path} holds no LiDAR clouds (no sensor_msgs/msg/PointCloud2 topic)")
+    if lidar_topic is None and len(candidates) > 1:
+        raise AdvpipeError(f"{reader.path} has several LiDAR topics, name one: {', '.join(candidates)}")
+    if lidar_topic is not None and lidar_topic not in candidates:
+        raise AdvpipeError(f"{reader.path} has no clouds on {lidar_topic}; it has {', '.join(candidates)}")
+    return lidar_topic or candidates[0]
+
+
+def count_frames(path: Path, lidar_topic: str | None = None) -> int:
+    """How many clouds the bag holds."""
+    reader = BagReader(path)
+    return reader.topics[find_lidar_topic(reader, lidar_topic)].count
+
+
+def has_ground_truth(path: Path, lidar_topic: str | None = None) -> bool:
+    """Whether the bag holds boxes of the road users."""
+    reader = BagReader(path)
+    return objects_topic(reader, _vehicle_topics(find_lidar_topic(reader, lidar_topic))) is not None
+
+
+def read_frames(
+    path: Path, chosen: FrameSlice = ALL_FRAMES, *, lidar_topic: str | None = None
+) -> Iterator[Frame]:
+    """The chosen frames in time order, one at a time; clouds in between are not unpacked.
+
+    The ground truth of a cloud is the message with the same header stamp. Its boxes are brought to the
+    LiDAR's frame through /tf_static and the true odometry or /tf.
+    """
+    reader = BagReader(path)
+    topic = find_lidar_topic(reader, lidar_topic)
+    if not reader.topics[topic].count:
+        raise AdvpipeError(f"{path} holds no LiDAR clouds ({topic} is empty)")
+    indices = chosen.indices(reader.topics[topic].count)
+    return _frames(reader, topic, indices)
+
+
+def _frames(reader: BagReader, topic: str, indices: range) -> Iterator[Frame]:
+    topics = _vehicle_topics(topic)
+    objects = objects_topic(reader, topics)
+    truth = GroundTruth(reader, topics, objects) if objects else None
+    times_ns = reader.log_times_ns(topic)
+    runs = [indices] if indices.step == 1 else [range(index, index + 1) for index in indices]
+    for run in runs:
+        first_ns, last_ns = int(times_ns[run[0]]), int(times_ns[run[-1]])
+        before = int(np.searchsorted(times_ns, first_ns))
+        is_sought = False
+        for index, raw in enumerate(reader.raw_messages([topic], first_ns, last_ns), start=before):
+            if index not in run:
+                continue
+            stamp_ns, frame_id, cloud = cloud_from_cdr(raw.cdr)
+            if truth and not is_sought:
+                truth.seek(first_ns, last_ns, 0 if raw.log_time_ns == stamp_ns else LATENCY_NS)
+                is_sought = True
+            boxes = truth.boxes(stamp_ns, raw.log_time_ns, frame_id) if truth else Boxes()
+            yield Frame(index, stamp_ns, cloud, boxes)
+
+
+def _vehicle_topics(lidar_topic: str) -> VehicleTopics:
+    """The topics of the vehicle under whose name the LiDAR lies: `/ego/lidar/points` is ego's."""
+    return VehicleTopics(lidar_topic.strip("/").split("/")[0])

@@ -1,0 +1,169 @@
+"""The boxes of the road users at the instant of a cloud, in the LiDAR's frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from advpipe.pipeline.bag import messages
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.topics import TF, TF_STATIC, RawMessage, VehicleTopics
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
+from advpipe.pipeline.geometry.transforms import Float64, invert, yaw_of
+
+LATENCY_NS = 500_000_000
+"""How far apart another tool's recorder may have logged a cloud and the truth with the same stamp."""
+
+CLASS_ALIASES = {
+    "van": "truck",
+    "bus": "truck",
+    "motorcycle": "cyclist",
+    "motorcyclist": "cyclist",
+    "bicycle": "cyclist",
+    "person": "pedestrian",
+}
+"""Other names of the classes, in lower case."""
+
+
+def objects_topic(reader: BagReader, topics: VehicleTopics) -> str | None:
+    """The topic with the boxes: the vehicle's own, or the bag's only one; None without any."""
+    candidates = reader.topics_of_type(topics.objects.type)
+    if topics.objects.name in candidates:
+        return topics.objects.name
+    if len(candidates) > 1:
+        raise AdvpipeError(
+            f"{reader.path} has several topics of boxes ({', '.join(candidates)}) and none of them is "
+            f"{topics.objects.name}; rename or remove all but one"
+        )
+    return candidates[0] if candidates else None
+
+
+class GroundTruth:
+    """Looks up the boxes for clouds asked for in time order; memory holds about a second of the bag."""
+
+    def __init__(self, reader: BagReader, topics: VehicleTopics, objects: str) -> None:
+        self._reader, self._topics, self._objects = reader, topics, objects
+        self._latency_ns = 0
+        self._static = _static_transforms(reader)
+        self._raw: Iterator[RawMessage] = iter(())
+        self._next: RawMessage | None = None
+        self._boxes: dict[int, tuple[str, Boxes]] = {}
+        self._velocities: dict[int, dict[str, Float64]] = {}
+        self._moving: dict[int, dict[str, tuple[str, Float64]]] = {}
+
+    def seek(self, first_ns: int, last_ns: int, latency_ns: int) -> None:
+        """Go on with the truth of clouds logged between these times, itself logged that much apart."""
+        wanted = [self._objects, self._topics.road_users.name, self._topics.true_odometry.name, TF.name]
+        self._latency_ns = latency_ns
+        self._raw = self._reader.raw_messages(wanted, max(0, first_ns - latency_ns), last_ns + latency_ns)
+        self._next = next(self._raw, None)
+
+    def boxes(self, stamp_ns: int, log_time_ns: int, lidar_frame: str) -> Boxes:
+        """The boxes with this header stamp, in the LiDAR's frame."""
+        self._forget_before(stamp_ns)
+        while (raw := self._next) is not None and raw.log_time_ns <= log_time_ns + self._latency_ns:
+            self._take(raw)
+            self._next = next(self._raw, None)
+        if stamp_ns not in self._boxes:
+            raise AdvpipeError(
+                f"{self._reader.path}: no message of {self._objects} has the stamp {stamp_ns} ns of a cloud; "
+                "choose frames that have their truth, with --frames start:stop:step"
+            )
+        frame_id, boxes = self._boxes[stamp_ns]
+        known = self._velocities.get(stamp_ns, {})
+        unknown = np.full(3, np.nan)
+        velocity_mps = np.array([known.get(name, unknown) for name in boxes.ids]).reshape(-1, 3)
+        boxes = Boxes(boxes.geometry, boxes.labels, boxes.ids, velocity_mps)
+        if frame_id == lidar_frame:
+            return boxes
+        return boxes.transformed(self._lidar_SE3(frame_id, stamp_ns, lidar_frame))
+
+    def _take(self, raw: RawMessage) -> None:
+        message = self._reader.decode(raw)
+        name = raw.topic.name
+        if name == self._objects:
+            boxes = self._boxes_of(message)
+            self._boxes[messages.stamp_ns(message)] = (message.header.frame_id, boxes)
+        elif name == self._topics.road_users.name:
+            self._velocities[messages.stamp_ns(message)] = {
+                user.id: np.array([user.velocity.x, user.velocity.y, user.velocity.z])
+                for user in message.road_users
+            }
+        elif name == self._topics.true_odometry.name:
+            moving = self._moving.setdefault(messages.stamp_ns(message), {})
+            pose = messages.se3_from_pose(message.pose.pose)
+            moving[message.child_frame_id] = (message.header.frame_id, pose)
+        else:
+            for transform in message.transforms:
+                moving = self._moving.setdefault(messages.stamp_ns(transform), {})
+                # The true pose wins over an estimate on /tf.
+                moving.setdefault(transform.child_frame_id, _parent_and_pose(transform))
+
+    def _forget_before(self, stamp_ns: int) -> None:
+        for by_stamp in (self._boxes, self._velocities, self._moving):
+            for old in [stamp for stamp in by_stamp if stamp < stamp_ns - LATENCY_NS]:
+                del by_stamp[old]
+
+    def _lidar_SE3(self, frame_id: str, stamp_ns: int, lidar_frame: str) -> Float64:
+        """`lidar_SE3_frame`, through the tree of transforms at that instant."""
+        parents = {**self._moving.get(stamp_ns, {}), **self._static}
+        lidar_root, root_SE3_lidar = _to_root(parents, lidar_frame)
+        frame_root, root_SE3_frame = _to_root(parents, frame_id)
+        if lidar_root != frame_root:
+            raise AdvpipeError(
+                f"{self._reader.path}: nothing ties the frame {frame_id!r} of {self._objects} to "
+                f"{lidar_frame!r} at {stamp_ns} ns; {TF_STATIC.name} and {TF.name} or "
+                f"{self._topics.true_odometry.name} must, at the stamp of each cloud"
+            )
+        return invert(root_SE3_lidar) @ root_SE3_frame
+
+    def _boxes_of(self, message: Any) -> Boxes:
+        geometry = np.zeros((len(message.detections), 7))
+        labels = np.zeros(len(message.detections), np.int64)
+        for row, detection in enumerate(message.detections):
+            centre, size = detection.bbox.center, detection.bbox.size
+            position = (centre.position.x, centre.position.y, centre.position.z)
+            geometry[row] = (*position, size.x, size.y, size.z, yaw_of(messages.se3_from_pose(centre)))
+            labels[row] = self._label_of(detection)
+        ids = tuple(detection.id for detection in message.detections)
+        return Boxes(geometry, labels, ids, np.full((len(ids), 3), np.nan))
+
+    def _label_of(self, detection: Any) -> int:
+        results = [result.hypothesis for result in detection.results]
+        name = max(results, key=lambda result: result.score).class_id if results else ""
+        known = CLASS_ALIASES.get(name.lower(), name.lower())
+        if known not in CLASSES:
+            raise AdvpipeError(
+                f"{self._reader.path}: {self._objects} has the class {name!r}; known are "
+                f"{', '.join((*CLASSES, *CLASS_ALIASES))}"
+            )
+        return CLASSES.index(known)
+
+
+def _static_transforms(reader: BagReader) -> dict[str, tuple[str, Float64]]:
+    """Parent frame and parent_SE3_child of each static child frame."""
+    if TF_STATIC.name not in reader.topics:
+        return {}
+    return {
+        transform.child_frame_id: _parent_and_pose(transform)
+        for _, message in reader.messages(TF_STATIC.name)
+        for transform in message.transforms
+    }
+
+
+def _parent_and_pose(transform: Any) -> tuple[str, Float64]:
+    return transform.header.frame_id, messages.se3_from_transform(transform.transform)
+
+
+def _to_root(parents: dict[str, tuple[str, Float64]], frame_id: str) -> tuple[str, Float64]:
+    """The root above a frame, and root_SE3_frame."""
+    root_SE3_frame = np.eye(4)
+    for _ in range(len(parents) + 1):  # a tree has no longer path; a loop ends here
+        if frame_id not in parents:
+            break
+        frame_id, parent_SE3_child = parents[frame_id]
+        root_SE3_frame = parent_SE3_child @ root_SE3_frame
+    return frame_id, root_SE3_frame

@@ -1,0 +1,105 @@
+"""Read bags: advpipe's own, and those that ROS 2 or another tool recorded as MCAP."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Collection, Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from rosbags.serde import SerdeError
+from rosbags.typesys import TypesysError, get_types_from_idl, get_types_from_msg
+from rosbags.typesys.store import Typestore
+
+from advpipe.pipeline.bag.files import mcap_files
+from advpipe.pipeline.bag.mcap_file import McapFile, in_time_order
+from advpipe.pipeline.bag.provenance import RECORD_NAME, unseal
+from advpipe.pipeline.bag.topics import RawMessage, TopicInfo
+from advpipe.pipeline.bag.types import schema_text, typestore
+from advpipe.pipeline.errors import AdvpipeError
+
+
+class BagReader:
+    """A rosbag2 directory or a bare .mcap file.
+
+    Nothing stays open between calls, memory holds one chunk at a time, and every checksum that the bag
+    carries is validated. Damaged or foreign input raises AdvpipeError, one line with the file's name.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = Path(path)
+        self._files = [McapFile(file) for file in mcap_files(self.path)]
+        self._stores: dict[str, Typestore] = {}
+
+    @cached_property
+    def provenance(self) -> dict[str, str]:
+        """The `advpipe` record (see `provenance.py`); empty for another tool's bag."""
+        for file in self._files:
+            if RECORD_NAME in file.metadata:
+                return unseal(file.metadata[RECORD_NAME], file.path)
+        return {}
+
+    @cached_property
+    def topics(self) -> dict[str, TopicInfo]:
+        """Type, offered QoS and number of messages of each topic, by its name."""
+        found: dict[str, TopicInfo] = {}
+        for file in self._files:
+            counts = file.counts()
+            for topic in {topic.name: topic for topic in file.topics.values()}.values():
+                known = found.get(topic.name)
+                if known is not None and known.type != topic.type:
+                    raise AdvpipeError(f"{self.path}: {topic.name} holds both {known.type} and {topic.type}")
+                count = counts[topic.name] + (known.count if known else 0)
+                found[topic.name] = TopicInfo(topic.type, topic.qos, count)
+        return found
+
+    def topics_of_type(self, type_name: str) -> list[str]:
+        """Names of the topics of a message type, sorted."""
+        return sorted(name for name, info in self.topics.items() if info.type == type_name)
+
+    def raw_messages(
+        self,
+        topics: Collection[str] | None = None,
+        first_ns: int | None = None,
+        last_ns: int | None = None,
+    ) -> Iterator[RawMessage]:
+        """Messages of the named topics (all without names) in log-time order, as they lie in the bag.
+
+        `first_ns` and `last_ns` bound the log time, both included; chunks outside are not unpacked.
+        """
+        return in_time_order([file.raw_messages(topics, first_ns, last_ns) for file in self._files])
+
+    def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
+        """Log time in ns and decoded message of one topic, in log-time order."""
+        if topic not in self.topics:
+            raise AdvpipeError(f"{self.path} has no topic {topic}; it has {', '.join(sorted(self.topics))}")
+        for raw in self.raw_messages([topic]):
+            yield raw.log_time_ns, self.decode(raw)
+
+    def log_times_ns(self, topic: str) -> npt.NDArray[np.int64]:
+        """Log times (K,) of a topic's messages, ascending; read from the index, without its messages."""
+        return np.sort(np.concatenate([file.log_times_ns(topic) for file in self._files]), kind="stable")
+
+    def decode(self, raw: RawMessage) -> Any:
+        """The message as a dataclass with the fields of its type as the bag defines it."""
+        try:
+            return self._store_for(raw).deserialize_cdr(raw.cdr, raw.topic.type)
+        except (SerdeError, TypesysError, struct.error, ValueError, LookupError, AssertionError, MemoryError):
+            raise AdvpipeError(
+                f"{self.path}: a message of {raw.topic.name} at {raw.log_time_ns} ns is no {raw.topic.type}"
+            ) from None
+
+    def _store_for(self, raw: RawMessage) -> Typestore:
+        """Our own types where the bag defines them alike, the bag's elsewhere."""
+        name = raw.topic.type
+        if name in typestore().types and raw.schema == schema_text(name):
+            return typestore()
+        if name not in self._stores:
+            store = Typestore()
+            is_idl = raw.schema_encoding == "ros2idl"
+            store.register(get_types_from_idl(raw.schema) if is_idl else get_types_from_msg(raw.schema, name))
+            self._stores[name] = store
+        return self._stores[name]
