@@ -1,0 +1,73 @@
+"""Networks: what is none is refused before SUMO sees it; geometry agrees with the file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.scenario import load_scenario
+from advpipe.pipeline.scenario.models import Map
+from advpipe.stages.simulate.network import load_network
+
+BOULEVARD = load_scenario("boulevard").map
+
+NOT_A_NET = {
+    "empty": b"",
+    "binary": bytes(range(256)) * 20,
+    "text": b"this is no map\n",
+    "no_location": b"<net/>",
+    "other_xml": b"<routes><vehicle id='a'/></routes>",
+    "no_edges": b'<net version="1.20"><location netOffset="0,0" convBoundary="0,0,1,1" '
+    b'origBoundary="0,0,1,1" projParameter="!"/></net>',
+    "half_an_edge": b'<net version="1.20"><location netOffset="0,0" convBoundary="0,0,1,1" '
+    b'origBoundary="0,0,1,1" projParameter="!"/><edge id="a" from="x" to="y"/></net>',
+}
+
+
+@pytest.mark.parametrize("key", ["sumo_net", "opendrive"])
+@pytest.mark.parametrize("content", NOT_A_NET.values(), ids=NOT_A_NET.keys())
+def test_refuses_what_is_no_network(tmp_path: Path, key: str, content: bytes) -> None:
+    path = tmp_path / "map.xml"
+    path.write_bytes(content)
+    with pytest.raises(AdvpipeError, match=r"map\.xml") as caught:
+        load_network(Map(**{key: str(path)}), tmp_path)
+    assert "\n" not in str(caught.value)
+
+
+def test_refuses_a_network_that_is_cut_off(tmp_path: Path) -> None:
+    assert BOULEVARD.sumo_net is not None
+    whole = Path(BOULEVARD.sumo_net).read_bytes()
+    path = tmp_path / "cut.net.xml"
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(AdvpipeError, match="cut off"):
+        load_network(Map(sumo_net=str(path)), tmp_path)
+
+
+def test_refuses_a_missing_file_and_says_how_to_name_one(tmp_path: Path) -> None:
+    with pytest.raises(AdvpipeError, match="does not exist; give its path with --set map.opendrive=FILE"):
+        load_network(Map(opendrive=str(tmp_path / "Town06.xodr")), tmp_path)
+
+
+def test_refuses_an_opendrive_map_without_roads(tmp_path: Path) -> None:
+    path = tmp_path / "empty.xodr"
+    path.write_text('<OpenDRIVE><header revMajor="1" revMinor="4" name="none"/></OpenDRIVE>')
+    with pytest.raises(AdvpipeError, match=r"empty\.xodr"):
+        load_network(Map(opendrive=str(path)), tmp_path)
+
+
+def test_boulevard_has_the_lanes_of_its_plan(tmp_path: Path) -> None:
+    network = load_network(BOULEVARD, tmp_path)
+    assert len(network.drivable) == 46
+    edge = network.edges["a_b"]
+    assert [lane.width_m for lane in edge.lanes] == [3.4, 3.4, 3.4]
+    assert set(edge.successors) == {"b_c", "b_bn", "b_bs"}
+    # Junction a lies at (-240, -6) and b at (-60, 0): the road between them heads east, and its lanes
+    # lie to the right of the line between the two, the outermost first.
+    first, last = edge.lanes[0].centre_m, edge.lanes[-1].centre_m
+    assert first[0, 0] < first[-1, 0]
+    assert np.all(first[:, 1].max() < last[:, 1].min() + 6.0)
+    assert first[0, 1] < last[0, 1]
+    assert abs(last[0, 1] - first[0, 1]) == pytest.approx(2 * 3.4, abs=0.1)
