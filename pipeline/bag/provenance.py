@@ -10,11 +10,11 @@ import hashlib
 import json
 import zlib
 from collections.abc import Mapping
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.versions import installed
 
 RECORD_NAME = "advpipe"
 _CHECKSUM = "crc32"  # MCAP lays no checksum over a single metadata record
@@ -65,13 +65,8 @@ def attack_provenance(
 
 def versions_json() -> str:
     """The installed versions that a bag's bytes depend on, as JSON."""
-    found = {}
-    for package in _PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            continue
-    return json.dumps(found, sort_keys=True)
+    versions = {package: installed(package) for package in _PACKAGES}
+    return json.dumps({package: number for package, number in versions.items() if number}, sort_keys=True)
 
 
 def seal(provenance: Mapping[str, str]) -> dict[str, str]:

@@ -1,0 +1,167 @@
+"""What is in a bag: files, topics, clouds, road users, provenance and checksums."""
+
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+from rosbags.interfaces import Qos, QosDurability
+
+from advpipe.pipeline.bag.checksums import ChecksumCoverage, validate_checksums
+from advpipe.pipeline.bag.cloud import count_points_in_cdr
+from advpipe.pipeline.bag.files import mcap_files
+from advpipe.pipeline.bag.locate import resolve_bag
+from advpipe.pipeline.bag.messages import NS_PER_S
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.topics import RawMessage, VehicleTopics
+
+_CLOUD_TYPE = VehicleTopics().lidar_points.type
+_OBJECTS_TYPE = VehicleTopics().objects.type
+_LONG = ("scenario", "versions")  # provenance that the table leaves out; --json has it
+
+
+@dataclass(frozen=True)
+class TopicDescription:
+    """rate_hz: 0 where fewer than two messages tell no rate."""
+
+    name: str
+    type: str
+    count: int
+    rate_hz: float
+    qos: str
+
+
+@dataclass(frozen=True)
+class ObjectCount:
+    """boxes: over all messages. road_users: different ids among them."""
+
+    class_name: str
+    boxes: int
+    road_users: int
+
+
+@dataclass(frozen=True)
+class BagDescription:
+    """A summary of one bag; points are counted per cloud, over all topics of clouds."""
+
+    path: str
+    files: tuple[str, ...]
+    bytes: int
+    start_ns: int
+    duration_s: float
+    messages: int
+    topics: tuple[TopicDescription, ...]
+    clouds: int
+    points_least: int
+    points_mean: float
+    points_most: int
+    objects: tuple[ObjectCount, ...]
+    provenance: dict[str, str]
+    checksums: ChecksumCoverage
+
+    def to_json(self) -> str:
+        return json.dumps(asdict(self), indent=2)
+
+    def print(self) -> None:
+        """Tables on standard output."""
+        from rich.console import Console
+        from rich.table import Column, Table
+
+        facts = Table.grid(padding=(0, 2))
+        for name, value in self._facts():
+            facts.add_row(name, value)
+        topics = Table(
+            Column("topic", overflow="fold"), Column("type", overflow="fold"), "messages", "rate", "QoS"
+        )
+        for topic in self.topics:
+            rate = f"{topic.rate_hz:.1f} Hz" if topic.rate_hz else ""
+            topics.add_row(topic.name, topic.type.replace("/msg/", "/"), str(topic.count), rate, topic.qos)
+        console = Console(highlight=False)
+        console.print(facts)
+        console.print(topics)
+
+    def _facts(self) -> list[tuple[str, str]]:
+        facts = [
+            ("bag", self.path),
+            ("files", f"{', '.join(self.files)} ({self.bytes / 1e6:.1f} MB)"),
+            ("duration", f"{self.duration_s:.1f} s from {self.start_ns} ns"),
+            ("messages", str(self.messages)),
+        ]
+        if self.clouds:
+            points = f"{self.points_least} to {self.points_most} points, {self.points_mean:.0f} on average"
+            facts.append(("clouds", f"{self.clouds} of {points}"))
+        for item in self.objects:
+            facts.append((item.class_name, f"{item.road_users} road users, {item.boxes} boxes"))
+        facts += [(key, value) for key, value in self.provenance.items() if key not in _LONG]
+        return [*facts, ("checksums", str(self.checksums))]
+
+
+@dataclass
+class _Tally:
+    """What is counted in one pass over the bag."""
+
+    first_ns: dict[str, int] = field(default_factory=dict)
+    last_ns: dict[str, int] = field(default_factory=dict)
+    points: list[int] = field(default_factory=list)
+    boxes: dict[str, int] = field(default_factory=lambda: defaultdict(int))
+    ids: dict[str, set[str]] = field(default_factory=lambda: defaultdict(set))
+
+    def add(self, reader: BagReader, raw: RawMessage) -> None:
+        self.first_ns.setdefault(raw.topic.name, raw.log_time_ns)
+        self.last_ns[raw.topic.name] = raw.log_time_ns
+        if raw.topic.type == _CLOUD_TYPE:
+            self.points.append(count_points_in_cdr(raw.cdr))
+        elif raw.topic.type == _OBJECTS_TYPE:
+            for detection in reader.decode(raw).detections:
+                name = detection.results[0].hypothesis.class_id if detection.results else "unknown"
+                self.boxes[name] += 1
+                self.ids[name].add(detection.id)
+
+    def rate_hz(self, topic: str, count: int) -> float:
+        span_ns = self.last_ns.get(topic, 0) - self.first_ns.get(topic, 0)
+        return (count - 1) * NS_PER_S / span_ns if span_ns else 0.0
+
+
+def describe(path: Path) -> BagDescription:
+    """Reads the whole bag once for its messages and once for its checksums."""
+    reader = BagReader(resolve_bag(path))
+    files = mcap_files(reader.path)
+    checksums = sum((validate_checksums(file) for file in files), ChecksumCoverage())
+    tally = _Tally()
+    for raw in reader.raw_messages():
+        tally.add(reader, raw)
+    start_ns = min(tally.first_ns.values(), default=0)
+    return BagDescription(
+        path=str(reader.path),
+        files=tuple(file.name for file in files),
+        bytes=sum(file.stat().st_size for file in files),
+        start_ns=start_ns,
+        duration_s=(max(tally.last_ns.values(), default=0) - start_ns) / NS_PER_S,
+        messages=sum(info.count for info in reader.topics.values()),
+        topics=tuple(
+            TopicDescription(
+                name, info.type, info.count, tally.rate_hz(name, info.count), _in_words(info.qos)
+            )
+            for name, info in sorted(reader.topics.items())
+        ),
+        clouds=len(tally.points),
+        points_least=min(tally.points, default=0),
+        points_mean=sum(tally.points) / len(tally.points) if tally.points else 0.0,
+        points_most=max(tally.points, default=0),
+        objects=tuple(
+            ObjectCount(name, boxes, len(tally.ids[name])) for name, boxes in sorted(tally.boxes.items())
+        ),
+        provenance=reader.provenance,
+        checksums=checksums,
+    )
+
+
+def _in_words(profiles: tuple[Qos, ...]) -> str:
+    """Such as `reliable 10`, or `reliable latched 1` for transient local durability."""
+    words = []
+    for qos in profiles:
+        latched = " latched" if qos.durability is QosDurability.TRANSIENT_LOCAL else ""
+        words.append(f"{qos.reliability.name.lower()}{latched} {qos.depth}")
+    return ", ".join(dict.fromkeys(words))
