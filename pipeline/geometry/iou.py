@@ -28,10 +28,7 @@ def _iou(a: npt.ArrayLike, b: npt.ArrayLike, heights: bool) -> Float64:
     i, j = _near_pairs(a, b)
     common = np.concatenate(
         [np.zeros(0)]
-        + [
-            intersection_area(a[i[s : s + _CHUNK]], b[j[s : s + _CHUNK]])
-            for s in range(0, len(i), _CHUNK)
-        ]
+        + [intersection_area(a[i[s : s + _CHUNK]], b[j[s : s + _CHUNK]]) for s in range(0, len(i), _CHUNK)]
     )
     size_a, size_b = a[:, 3] * a[:, 4], b[:, 3] * b[:, 4]
     if heights:

@@ -43,8 +43,12 @@ class AnchorGrid:
         self.shapes = torch.tensor(shapes, device=device)
         self.labels = torch.tensor(labels, device=device)
         yaws = len(preset.yaws_rad)
-        self.positive_iou = torch.tensor([a.positive_iou for a in preset.anchors for _ in range(yaws)]).to(device)
-        self.negative_iou = torch.tensor([a.negative_iou for a in preset.anchors for _ in range(yaws)]).to(device)
+        self.positive_iou = torch.tensor([a.positive_iou for a in preset.anchors for _ in range(yaws)]).to(
+            device
+        )
+        self.negative_iou = torch.tensor([a.negative_iou for a in preset.anchors for _ in range(yaws)]).to(
+            device
+        )
 
     @property
     def per_cell(self) -> int:

@@ -72,5 +72,3 @@ def to_bev(features: Tensor, rules: Rulebook) -> Tensor:
     dense = dense.index_copy(0, cells, features)
     bev: Tensor = dense.view(rules.sites.batch_size, height, width, depth * channels).permute(0, 3, 1, 2)
     return bev
-
-

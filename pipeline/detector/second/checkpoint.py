@@ -56,17 +56,23 @@ def load_checkpoint(path: Path) -> Second:
             metadata = file.metadata() or {}
             tensors = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118
     except (SafetensorError, OSError) as error:
-        raise AdvpipeError(f"{path} is not a whole safetensors file ({error}); train or copy it again") from None
+        raise AdvpipeError(
+            f"{path} is not a whole safetensors file ({error}); train or copy it again"
+        ) from None
     try:
         about = json.loads(metadata["advpipe"])
         if about["kind"] != KIND:
             raise KeyError
         name, classes, provenance = about["preset"], about["classes"], about["provenance"]
     except (KeyError, TypeError, ValueError):
-        raise AdvpipeError(f"{path} is no detector checkpoint of advpipe; make one with `advpipe train`") from None
+        raise AdvpipeError(
+            f"{path} is no detector checkpoint of advpipe; make one with `advpipe train`"
+        ) from None
     net = SecondNet(preset_named(name))
     if tuple(classes) != net.preset.classes:
-        raise AdvpipeError(f"{path} finds {classes}, preset {name!r} finds {list(net.preset.classes)}; train again")
+        raise AdvpipeError(
+            f"{path} finds {classes}, preset {name!r} finds {list(net.preset.classes)}; train again"
+        )
     ours = {k: v.shape for k, v in net.state_dict().items() if v.is_floating_point()}
     if ours != {k: v.shape for k, v in tensors.items()}:
         raise AdvpipeError(f"the weights in {path} do not fit preset {name!r} of this version; train again")

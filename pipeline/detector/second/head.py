@@ -37,7 +37,10 @@ class Head(nn.Module):
         scores, codes, _ = self.convolution.bias.data.split(self.widths)  # type: ignore[union-attr]
         scores.fill_(-log((1 - PRIOR) / PRIOR))
         codes.zero_()
-        nn.init.normal_(self.convolution.weight[self.widths[0] : sum(self.widths[:2])], std=0.001)
+        # Small weights let the prior rule at first: large logits would swamp the first steps.
+        first, second, _ = self.convolution.weight.data.split(self.widths)
+        nn.init.normal_(first, std=0.01)
+        nn.init.normal_(second, std=0.001)
 
     def forward(self, features: Tensor) -> Predictions:
         out = self.convolution(features).float().permute(0, 2, 3, 1)
@@ -45,5 +48,3 @@ class Head(nn.Module):
         anchors = height * width * self.anchors
         scores, codes, directions = (part.reshape(batch, anchors, -1) for part in out.split(self.widths, 3))
         return Predictions(scores, codes, directions)
-
-

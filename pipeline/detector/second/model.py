@@ -99,7 +99,9 @@ class Second:
 
     def _voxels(self, points: Tensor) -> Voxels:
         if not torch.isfinite(points).all():
-            raise AdvpipeError("the cloud holds points that are not finite; remove them before asking for a loss")
+            raise AdvpipeError(
+                "the cloud holds points that are not finite; remove them before asking for a loss"
+            )
         return voxelise([points], self.preset)
 
     def _loss(self, voxels: Voxels, boxes: Tensor, labels: Tensor, occupancy: Tensor | None) -> Tensor:

@@ -1,0 +1,125 @@
+"""Random changes of a training frame that leave its labels true."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.geometry.boxes import points_in_boxes
+from advpipe.pipeline.geometry.transforms import wrap_angle
+from advpipe.stages.train.config import Augmentation
+from advpipe.stages.train.frames import FrameStore, TrainingFrame
+
+Rng = np.random.Generator
+
+
+class ObjectBank:
+    """Objects with enough points, by class, to paste into other frames ("ground-truth sampling", Yan
+    et al. 2018, section 3.4.1)."""
+
+    def __init__(self, store: FrameStore, min_points: int) -> None:
+        self.store = store
+        enough = store.counts >= min_points
+        self.by_class = [np.flatnonzero(enough & (store.labels == label)) for label in range(4)]
+
+    def paste(self, frame: TrainingFrame, wanted: tuple[int, ...], rng: Rng) -> TrainingFrame:
+        """The frame with up to `wanted` objects of each class, each turned about the sensor.
+
+        An object keeps its distance, so that its points stay as dense as they were measured. It is
+        left out where it would touch another object or something standing on the ground.
+        """
+        chosen = [
+            (int(i), label)
+            for label, count in enumerate(wanted)
+            if len(self.by_class[label])
+            for i in rng.choice(self.by_class[label], size=count)
+        ]
+        if not chosen:
+            return frame
+        points, boxes = zip(*(_turned(*self.store.object(i), rng) for i, _ in chosen), strict=True)
+        added = np.array(boxes)
+        free = np.zeros(len(added), dtype=bool)
+        scene = points_in_boxes(frame.points, added)
+        taken = frame.boxes
+        for k, box in enumerate(added):
+            standing = (frame.points[scene[k], 2] > box[2] - box[5] / 2 + 0.4).sum()
+            gap = np.hypot(*(taken[:, :2] - box[:2]).T)
+            reach = (np.hypot(taken[:, 3], taken[:, 4]) + np.hypot(box[3], box[4])) / 2
+            free[k] = standing < 3 and (gap > reach).all()
+            if free[k]:
+                taken = np.concatenate([taken, box[None]])
+        kept = np.ones(len(frame.points), dtype=bool)
+        for k in np.flatnonzero(free):
+            kept[scene[k]] = False
+        labels = np.array([label for _, label in chosen])[free]
+        counts = np.array([len(p) for p in points])[free]
+        new_points = [p for p, ok in zip(points, free, strict=True) if ok]
+        return TrainingFrame(
+            np.concatenate([frame.points[kept], *new_points]),
+            taken,
+            np.concatenate([frame.labels, labels]),
+            np.concatenate([frame.counts, counts]),
+        )
+
+
+def _turned(
+    points: npt.NDArray[np.float32], box: npt.NDArray[np.float64], rng: Rng
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float64]]:
+    """An object turned about the sensor by any angle."""
+    yaw = rng.uniform(-np.pi, np.pi)
+    turned = TrainingFrame(points, box[None], np.zeros(1, np.int64), np.zeros(1, np.int64))
+    turned = rotate(turned, yaw)
+    return turned.points, turned.boxes[0]
+
+
+def rotate(frame: TrainingFrame, yaw_rad: float) -> TrainingFrame:
+    """The frame turned about the sensor's z axis."""
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    turn = np.array([[c, s], [-s, c]])
+    points, boxes = frame.points.copy(), frame.boxes.copy()
+    points[:, :2] = frame.points[:, :2] @ turn.astype(np.float32)
+    boxes[:, :2] = frame.boxes[:, :2] @ turn
+    boxes[:, 6] = wrap_angle(boxes[:, 6] + yaw_rad)
+    return TrainingFrame(points, boxes, frame.labels, frame.counts)
+
+
+def flip(frame: TrainingFrame) -> TrainingFrame:
+    """The frame's mirror image, left for right."""
+    points, boxes = frame.points.copy(), frame.boxes.copy()
+    points[:, 1] *= -1
+    boxes[:, 1] *= -1
+    boxes[:, 6] = wrap_angle(-boxes[:, 6])
+    return TrainingFrame(points, boxes, frame.labels, frame.counts)
+
+
+def augment(
+    frame: TrainingFrame,
+    config: Augmentation,
+    voxel_size_m: tuple[float, float, float],
+    rng: Rng,
+    bank: ObjectBank | None = None,
+) -> TrainingFrame:
+    """Paste, drop, flip, rotate, scale, shift, jitter, in this order."""
+    if bank is not None and any(config.paste):
+        frame = bank.paste(frame, config.paste, rng)
+    keep = 1 - rng.uniform(0, config.drop)
+    points = frame.points
+    if config.drop:
+        points = points[rng.random(len(points), dtype=np.float32) < keep]
+    # An object that lost its points teaches nothing.
+    frame = TrainingFrame(points, frame.boxes, frame.labels, (frame.counts * keep).astype(np.int64))
+    if config.flip and rng.random() < 0.5:
+        frame = flip(frame)
+    frame = rotate(frame, rng.uniform(-config.yaw_rad, config.yaw_rad))
+    scale = 1 + rng.uniform(-config.scale, config.scale)
+    shift = rng.uniform(-config.shift_voxels, config.shift_voxels, 3) * voxel_size_m
+    frame.points[:, :3] *= np.float32(scale)
+    frame.points[:, :3] += shift.astype(np.float32)
+    frame.boxes[:, :6] *= scale
+    frame.boxes[:, :3] += shift
+    if config.jitter_m:
+        sigma = np.float32(rng.uniform(0, config.jitter_m))
+        frame.points[:, :3] += sigma * rng.standard_normal((len(frame.points), 3), dtype=np.float32)
+    gain = np.float32(1 + rng.uniform(-config.intensity, config.intensity))
+    frame.points[:, 3] = np.clip(frame.points[:, 3] * gain, 0, 1)
+    return frame

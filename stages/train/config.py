@@ -1,0 +1,74 @@
+"""What a training run needs to know."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from advpipe.pipeline.detector.second.presets import preset_named
+from advpipe.pipeline.errors import AdvpipeError
+
+
+@dataclass(frozen=True)
+class Augmentation:
+    """How each training frame is changed; `Augmentation.none()` leaves it as recorded.
+
+    yaw_rad, scale, shift_voxels: largest change either way. drop: largest share of points dropped.
+    jitter_m: largest standard deviation of noise. intensity: largest relative change.
+    paste: how many objects of each class (car, truck, cyclist, pedestrian) from other frames.
+    """
+
+    yaw_rad: float = 3.141592653589793
+    flip: bool = True
+    scale: float = 0.05
+    # Sub-voxel shifts keep the detector from learning where the voxel faces lie.
+    shift_voxels: float = 0.5
+    drop: float = 0.2
+    jitter_m: float = 0.02
+    intensity: float = 0.3
+    paste: tuple[int, int, int, int] = (6, 4, 5, 6)
+
+    @classmethod
+    def none(cls) -> Augmentation:
+        return cls(0.0, False, 0.0, 0.0, 0.0, 0.0, 0.0, (0, 0, 0, 0))
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """One training run.
+
+    bags: clean bags (dataset folders, rosbag2 folders or .mcap files). out: the run's folder.
+    epochs: passes over the frames; steps, when given, overrides it. checkpoint_every: steps.
+    validation: a bag of another drive, for the average precision at the end.
+    """
+
+    bags: tuple[Path, ...]
+    out: Path
+    preset: str = "small"
+    epochs: float = 8.0
+    steps: int | None = None
+    batch_size: int = 2
+    learning_rate: float = 3e-3
+    weight_decay: float = 0.01
+    warmup: float = 0.05
+    clip_norm: float = 10.0
+    seed: int = 0
+    threads: int | None = None
+    bf16: bool = False
+    min_points: int = 5
+    checkpoint_every: int = 200
+    validation: Path | None = None
+    validation_frames: str = "::1"
+    augmentation: Augmentation = Augmentation()
+
+    def __post_init__(self) -> None:
+        preset_named(self.preset)
+        if not self.bags:
+            raise AdvpipeError("train needs at least one bag")
+        for name in ("batch_size", "checkpoint_every", "epochs", "learning_rate"):
+            if not getattr(self, name) > 0:
+                raise AdvpipeError(f"{name} is {getattr(self, name)}; it has to be above 0")
+        if self.steps is not None and self.steps < 1:
+            raise AdvpipeError(f"steps is {self.steps}; it has to be at least 1")
+        if not 0 <= self.warmup < 1:
+            raise AdvpipeError(f"warmup is {self.warmup}; it is a share of the steps, in [0, 1)")

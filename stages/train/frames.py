@@ -1,0 +1,136 @@
+"""Frames of bags as plain arrays on disk: decoded once, then read by position."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.bag.cloud import Cloud, xyzi
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.geometry.boxes import Boxes, points_in_boxes
+
+Points = npt.NDArray[np.float32]
+
+
+class LabelledCloud(Protocol):
+    """A cloud and its ground truth in the cloud's frame, as `pipeline.bag.frames.Frame`."""
+
+    @property
+    def cloud(self) -> Cloud: ...
+
+    @property
+    def boxes(self) -> Boxes: ...
+
+
+@dataclass(frozen=True)
+class TrainingFrame:
+    """points: (N, 4) x, y, z, intensity. boxes: (M, 7). labels: (M,). counts: (M,) points inside."""
+
+    points: Points
+    boxes: npt.NDArray[np.float64]
+    labels: npt.NDArray[np.int64]
+    counts: npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class FrameStore:
+    """A folder of frames.
+
+    points.bin: all points, 4 x float32; objects.bin: the points inside each box, box after box;
+    index.npz: where each frame and box begins, and the boxes.
+    """
+
+    folder: Path
+
+    @classmethod
+    def build(cls, frames: Iterable[LabelledCloud], folder: Path, key: object, radius_m: float) -> FrameStore:
+        """Store frames cropped to a radius around the sensor, unless `folder` holds those of `key`."""
+        key_text = json.dumps(key, sort_keys=True)
+        key_file = folder / "key.json"
+        if key_file.is_file() and key_file.read_text() == key_text:
+            return cls(folder)
+        beside = folder.with_name(f".{folder.name}.part")
+        shutil.rmtree(beside, ignore_errors=True)
+        beside.mkdir(parents=True)
+        boxes, labels, counts, frame_points, frame_boxes = [], [], [], [0], [0]
+        with (
+            (beside / "points.bin").open("wb") as points_file,
+            (beside / "objects.bin").open("wb") as objects,
+        ):
+            for frame in frames:
+                points = xyzi(frame.cloud)
+                near = np.hypot(points[:, 0], points[:, 1]) < radius_m
+                points = points[near & np.isfinite(points).all(1)]
+                inside = points_in_boxes(points, frame.boxes.geometry)
+                points_file.write(points.tobytes())
+                for rows in inside:
+                    objects.write(points[rows].tobytes())
+                boxes.append(frame.boxes.geometry)
+                labels.append(frame.boxes.labels)
+                counts += [len(rows) for rows in inside]
+                frame_points.append(frame_points[-1] + len(points))
+                frame_boxes.append(frame_boxes[-1] + len(frame.boxes))
+        if not boxes or not frame_points[-1]:
+            shutil.rmtree(beside)
+            raise AdvpipeError("the bags hold no labelled clouds to train on")
+        np.savez(
+            beside / "index.npz",
+            boxes=np.concatenate(boxes),
+            labels=np.concatenate(labels),
+            counts=np.array(counts, dtype=np.int64),
+            frame_points=frame_points,
+            frame_boxes=frame_boxes,
+        )
+        (beside / "key.json").write_text(key_text)
+        shutil.rmtree(folder, ignore_errors=True)
+        beside.rename(folder)
+        return cls(folder)
+
+    @cached_property
+    def _index(self) -> dict[str, npt.NDArray[np.int64]]:
+        with np.load(self.folder / "index.npz") as arrays:
+            index = dict(arrays)
+        index["objects"] = np.concatenate([[0], np.cumsum(index["counts"])])
+        return index
+
+    def __len__(self) -> int:
+        return len(self._index["frame_points"]) - 1
+
+    @property
+    def labels(self) -> npt.NDArray[np.int64]:
+        """Class of every box of every frame."""
+        return self._index["labels"]
+
+    @property
+    def counts(self) -> npt.NDArray[np.int64]:
+        """Points inside every box of every frame."""
+        return self._index["counts"]
+
+    def frame(self, i: int) -> TrainingFrame:
+        """Frame i, arrays of its own."""
+        first, last = self._index["frame_boxes"][i : i + 2]
+        return TrainingFrame(
+            self._read("points.bin", *self._index["frame_points"][i : i + 2]),
+            self._index["boxes"][first:last].astype(np.float64),
+            self.labels[first:last],
+            self.counts[first:last],
+        )
+
+    def object(self, i: int) -> tuple[Points, npt.NDArray[np.float64]]:
+        """Points (n, 4) and box (7,) of object i among all boxes of all frames."""
+        return (
+            self._read("objects.bin", *self._index["objects"][i : i + 2]),
+            self._index["boxes"][i].astype(np.float64),
+        )
+
+    def _read(self, name: str, first: int, last: int) -> Points:
+        count = 4 * int(last - first)
+        return np.fromfile(self.folder / name, np.float32, count, offset=16 * int(first)).reshape(-1, 4)
