@@ -29,10 +29,10 @@ class ObjectBank:
         left out where it would touch another object or something standing on the ground.
         """
         chosen = [
-            (int(i), label)
+            (i, label)
             for label, count in enumerate(wanted)
             if len(self.by_class[label])
-            for i in rng.choice(self.by_class[label], size=count)
+            for i in rng.choice(self.by_class[label], size=count).tolist()
         ]
         if not chosen:
             return frame
@@ -49,8 +49,8 @@ class ObjectBank:
             if free[k]:
                 taken = np.concatenate([taken, box[None]])
         kept = np.ones(len(frame.points), dtype=bool)
-        for k in np.flatnonzero(free):
-            kept[scene[k]] = False
+        for row in np.flatnonzero(free):
+            kept[scene[row]] = False
         labels = np.array([label for _, label in chosen])[free]
         counts = np.array([len(p) for p in points])[free]
         new_points = [p for p, ok in zip(points, free, strict=True) if ok]

@@ -47,4 +47,4 @@ def plot_losses(log: Path, picture: Path) -> None:
     axes.set(xlabel="step", ylabel="loss", yscale="log", title="Training loss")
     axes.grid(alpha=0.3)
     axes.legend()
-    FigureCanvasAgg(figure).print_png(picture)
+    FigureCanvasAgg(figure).print_png(picture)  # type: ignore[no-untyped-call]

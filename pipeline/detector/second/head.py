@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import log
 
+import torch
 from torch import Tensor, nn
 
 from advpipe.pipeline.detector.second.presets import Preset
@@ -38,7 +39,7 @@ class Head(nn.Module):
         scores.fill_(-log((1 - PRIOR) / PRIOR))
         codes.zero_()
         # Small weights let the prior rule at first: large logits would swamp the first steps.
-        first, second, _ = self.convolution.weight.data.split(self.widths)
+        first, second, _ = torch.split(self.convolution.weight.data, self.widths)
         nn.init.normal_(first, std=0.01)
         nn.init.normal_(second, std=0.001)
 

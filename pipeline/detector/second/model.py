@@ -25,6 +25,9 @@ from advpipe.pipeline.errors import AdvpipeError
 class SecondNet(nn.Module):
     """Voxels, sparse 3D backbone, bird's-eye backbone, anchor head."""
 
+    input_offset: Tensor
+    input_scale: Tensor
+
     def __init__(self, preset: Preset) -> None:
         super().__init__()
         self.preset = preset
