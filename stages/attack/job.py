@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.attack.lidar.base import LidarResult, PointLabels
 
 
@@ -36,6 +37,13 @@ class Job:
                 return LidarResult(stored["cloud"], labels, before, after, str(stored["note"]))
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
             return None  # not there, or cut off by a power failure
+
+    def require(self, index: int) -> LidarResult:
+        """The result of a frame that is done."""
+        result = self.load(index)
+        if result is None:
+            raise AdvpipeError(f"{self._file(index)} vanished or was damaged; run the attack again")
+        return result
 
     def store(self, index: int, result: LidarResult) -> None:
         """Keep the result of a frame; a killed run leaves the whole of it or nothing."""

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.stages.attack.lidar.base import LidarAttack
 from advpipe.stages.attack.lidar.detach import Detach
 
-ATTACKS: dict[str, type[Detach]] = {
+ATTACKS: dict[str, Callable[..., LidarAttack]] = {
     "detach": Detach,
 }
 
 
-def find_attack(word: str) -> type[Detach]:
+def find_attack(word: str) -> Callable[..., LidarAttack]:
     """The attack class of a word; raises `AdvpipeError` with the known words for any other."""
     try:
         return ATTACKS[word]

@@ -1,65 +1,26 @@
-"""A small but real voxel detector, whose best removal a person can work out."""
+"""Clouds, boxes, a drive and a detector for the tests of attacks."""
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
-import torch
 
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, xyzi
-from advpipe.pipeline.detector.protocol import Detections, Range
+from advpipe.pipeline.bag import messages
+from advpipe.pipeline.bag.cloud import POINT_DTYPE, cloud_to_cdr
+from advpipe.pipeline.bag.provenance import clean_provenance
+from advpipe.pipeline.bag.topics import CLOCK, SCENARIO_INFO, TF_STATIC, VehicleTopics
+from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.geometry.transforms import se3_from_yaw
 
+sys.path.insert(0, str(Path(__file__).parent))
 
-class LinearVoxelDetector:
-    """Voxels of 1 m in [0, 10)^3; an object's score is the sum of the weights of its occupied voxels.
+from linear_detector import BOX, LinearVoxelDetector
 
-    With mean points m_v, the loss is -sum_v weight_v * occupancy_v * (1 + m_v.x / 100) over the voxels whose
-    centre lies in a target box (boxes are not turned here).
-    """
-
-    classes = ("car",)
-    range_m = Range(0.0, 0.0, 0.0, 10.0, 10.0, 10.0)
-
-    def __init__(self, weights, anchors):
-        self.weights = torch.as_tensor(weights, dtype=torch.float32)
-        self.anchors = np.asarray(anchors, dtype=np.float64).reshape(-1, 7)
-        self.checkpoint_sha256 = "0" * 64
-
-    def _voxels(self, points):
-        cells = torch.floor(points[:, :3].detach()).long()
-        inside = ((cells >= 0) & (cells < 10)).all(dim=1)
-        keys = (cells * torch.tensor([100, 10, 1])).sum(dim=1)
-        occupied, rank = torch.unique(keys[inside], return_inverse=True)
-        voxel = torch.full((len(points),), -1)
-        voxel[inside] = rank
-        return occupied, voxel
-
-    def _scores(self, points, boxes, occupancy_of):
-        occupied, voxel = self._voxels(points)
-        cells = torch.stack([occupied // 100, occupied // 10 % 10, occupied % 10], dim=1)
-        read = voxel >= 0
-        count = torch.bincount(voxel[read], minlength=len(occupied))
-        mean_x = torch.zeros(len(occupied)).index_add(0, voxel[read], points[read, 0]) / count
-        occupancy = occupancy_of(len(occupied))
-        inside = ((cells[None] + 0.5 - boxes[:, None, :3]).abs() <= boxes[:, None, 3:6] / 2).all(dim=2)
-        worth = self.weights[cells[:, 0], cells[:, 1], cells[:, 2]] * occupancy * (1 + mean_x / 100)
-        return (worth * inside).sum(dim=1), occupancy, voxel
-
-    def loss(self, points, boxes, labels):
-        return -self._scores(points, boxes, torch.ones)[0].sum()
-
-    def occupancy_loss(self, points, boxes, labels):
-        scores, occupancy, voxel = self._scores(
-            points, boxes, lambda count: torch.ones(count, requires_grad=True)
-        )
-        return -scores.sum(), occupancy, voxel
-
-    def detect(self, cloud):
-        boxes = torch.as_tensor(self.anchors, dtype=torch.float32)
-        scores = self._scores(torch.from_numpy(xyzi(cloud)), boxes, torch.ones)[0].numpy().astype(float)
-        found = np.flatnonzero(scores > 0.5)
-        return Detections(self.anchors[found], np.clip(scores[found], 0, 1), np.zeros(len(found), np.int64))
+FRAMES, PERIOD_NS, EPOCH_NS = 6, 100_000_000, 1_700_000_000_000_000_000
 
 
 def cloud_of(points):
@@ -108,3 +69,33 @@ def hand_worked():
     weights[0, 0, 0], weights[1, 0, 0], weights[2, 0, 0] = 4, 6, 9
     box = [1.5, 0.5, 0.5, 3.0, 1.0, 1.0, 0.0]
     return cloud_of(clutter[:2] + b + a + c + clutter[2:]), car(box), LinearVoxelDetector(weights, [box])
+
+
+@pytest.fixture
+def clean_bag(tmp_path):
+    """Six frames at 10 Hz, a car in each but frame 4; the clock at 50 Hz."""
+    return write_drive(tmp_path / "clean")
+
+
+def write_drive(path, frames=FRAMES):
+    ego = VehicleTopics("ego")
+    base_SE3_lidar = se3_from_yaw([0.5, 0.0, 1.8], 0.2)
+    draw = np.random.default_rng(11)
+    with BagWriter(path, provenance=clean_provenance("test", "simulation: {}\n", 7)) as bag:
+        static = [(ego.base_frame, ego.lidar_frame, base_SE3_lidar)]
+        bag.write(TF_STATIC, messages.transforms(EPOCH_NS, static), EPOCH_NS)
+        bag.write(SCENARIO_INFO, messages.string("{}"), EPOCH_NS)
+        for frame in range(frames):
+            stamp_ns = EPOCH_NS + frame * PERIOD_NS
+            map_SE3_base = se3_from_yaw([10.0 + frame, 5.0, 0.0], 0.3)
+            boxes = (car(BOX) if frame != 4 else car()).transformed(map_SE3_base @ base_SE3_lidar)
+            cloud = cloud_of(draw.uniform(0, 10, (500 + frame, 3)))
+            cloud["ring"], cloud["intensity"] = np.arange(len(cloud)) % 64, draw.random(len(cloud))
+            bag.write(ego.objects, messages.detections(stamp_ns, "map", boxes), stamp_ns)
+            odometry = messages.odometry(stamp_ns, map_SE3_base, [10.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+            bag.write(ego.true_odometry, odometry, stamp_ns)
+            bag.write_cdr(ego.lidar_points, cloud_to_cdr(cloud, stamp_ns, ego.lidar_frame), stamp_ns)
+            for tick in range(5):
+                tick_ns = stamp_ns + tick * PERIOD_NS // 5
+                bag.write(CLOCK, messages.clock(tick_ns), tick_ns)
+    return path

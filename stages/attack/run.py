@@ -1,0 +1,123 @@
+"""Stage 2: an adversarial bag from a clean one."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+import yaml
+
+from advpipe.pipeline.bag.cloud import StampedCloud, cloud_from_cdr, cloud_to_cdr
+from advpipe.pipeline.bag.frames import find_lidar_topic, read_frames
+from advpipe.pipeline.bag.locate import resolve_bag
+from advpipe.pipeline.bag.provenance import attack_provenance
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.topics import RawMessage
+from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.detector.registry import load_detector
+from advpipe.pipeline.detector.second.checkpoint import SHIPPED
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.progress import track
+from advpipe.pipeline.seeding import named_generator
+from advpipe.stages.attack.job import Job
+from advpipe.stages.attack.lidar.base import LidarResult
+from advpipe.stages.attack.request import AttackRequest, attack_id
+from advpipe.stages.attack.selected import messages_of_frames
+from advpipe.stages.attack.summary import AttackSummary
+from advpipe.stages.attack.tables import AttackTables
+
+__all__ = ["AttackRequest", "AttackSummary", "attack", "attack_id"]
+
+TORCH_THREADS = 2
+"""Sums depend on the number of threads, so it is fixed: the same bytes on a machine of any size."""
+
+
+def attack(clean: Path, out: Path, request: AttackRequest, *, overwrite: bool = False) -> AttackSummary:
+    """Craft the adversarial version of each chosen cloud of a bag, and write the bag that holds them.
+
+    Every message that is no attacked cloud is copied byte for byte. Beside them in the folder `out` lie
+    attack.yaml (the resolved request), labels.parquet and frames.parquet (see `tables`). A run that was
+    interrupted goes on where it stopped, and ends with the same bytes.
+
+    Raises AdvpipeError for an unknown attack, a bad parameter, a bag that is none or holds no clouds,
+    frames that it does not have, and an output that exists.
+    """
+    attacker = request.build()
+    reader = BagReader(resolve_bag(clean))
+    source = reader.path.resolve()
+    if out.resolve() in (source, *source.parents):
+        raise AdvpipeError(f"{out} is or holds the clean bag; choose another output")
+    detector = load_detector(request.detector)
+    frames = read_frames(reader.path, request.frames)
+    provenance = _provenance(reader, request)
+    writer = BagWriter(out, provenance=provenance, overwrite=overwrite)  # refuses a bad output at once
+    resolved = _resolved(provenance)
+    job = Job(out, resolved)
+    with _fixed_threads():
+        for frame in track(frames, f"attacking with {attack_id(request)}", len(_chosen(reader, request))):
+            if job.load(frame.index) is None:
+                rng = named_generator(request.seed, "attack", request.type, request.recipe, frame.index)
+                job.store(frame.index, attacker(frame.cloud, frame.boxes, detector, rng))
+    summary = AttackSummary(out)
+    with writer as bag, AttackTables(bag.folder) as tables:
+        (bag.folder / "attack.yaml").write_text(resolved, encoding="utf-8")
+        for index, message in messages_of_frames(reader, find_lidar_topic(reader), _chosen(reader, request)):
+            if index is None:
+                bag.copy(message)
+                continue
+            stamped, result = cloud_from_cdr(message.cdr), job.require(index)
+            bag.copy(_with_result(message, stamped, result))
+            tables.add(index, stamped.stamp_ns, len(stamped.cloud), result)
+            summary.add(len(stamped.cloud), result)
+    job.remove()
+    return summary
+
+
+def _chosen(reader: BagReader, request: AttackRequest) -> range:
+    return request.frames.indices(reader.topics[find_lidar_topic(reader)].count)
+
+
+def _with_result(message: RawMessage, clean: StampedCloud, result: LidarResult) -> RawMessage:
+    """The cloud's message with the adversarial points; as it was where none was touched."""
+    if not len(result.labels):
+        return message
+    return replace(message, cdr=cloud_to_cdr(result.cloud, clean.stamp_ns, clean.frame_id))
+
+
+def _provenance(reader: BagReader, request: AttackRequest) -> dict[str, str]:
+    """Everything that decides the adversarial bag's bytes."""
+    record = attack_provenance(
+        reader.path,
+        reader.provenance,
+        attack=request.type,
+        recipe=request.recipe,
+        parameters=request.resolved_parameters(),
+        seed=request.seed,
+        frames=str(request.frames),
+    )
+    checkpoint = SHIPPED.get(request.detector, Path(request.detector))
+    digest = hashlib.sha256(checkpoint.read_bytes()).hexdigest() if checkpoint.is_file() else ""
+    return {**record, "detector": request.detector, "detector_sha256": digest}
+
+
+def _resolved(provenance: dict[str, str]) -> str:
+    """The text of attack.yaml: the request with every default filled in, and what it was run on."""
+    plain = {key: value for key, value in provenance.items() if key not in ("kind", "scenario")}
+    for key in ("parameters", "versions"):
+        plain[key] = json.loads(plain[key])
+    return yaml.safe_dump(plain, sort_keys=True)
+
+
+@contextmanager
+def _fixed_threads() -> Iterator[None]:
+    before = torch.get_num_threads()
+    torch.set_num_threads(TORCH_THREADS)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)

@@ -1,0 +1,50 @@
+"""What an attack did to a bag, in figures."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from advpipe.stages.attack.lidar.base import LidarResult
+
+
+@dataclass
+class AttackSummary:
+    """Counts over all frames; `unchanged` ones were left as they were.
+
+    losses: the detector's loss before and after, for each frame with an object to take it for.
+    notes: what the user must know, with the number of frames that it concerns.
+    """
+
+    bag: Path
+    frames: int = 0
+    unchanged: int = 0
+    points_clean: int = 0
+    points_adversarial: int = 0
+    losses: list[tuple[float, float]] = field(default_factory=list)
+    notes: Counter[str] = field(default_factory=Counter)
+
+    def add(self, points_clean: int, result: LidarResult) -> None:
+        """Count one frame."""
+        self.frames += 1
+        self.unchanged += len(result.labels) == 0
+        self.points_clean += points_clean
+        self.points_adversarial += len(result.cloud)
+        if not np.isnan(result.loss_before):
+            self.losses.append((result.loss_before, result.loss_after))
+        if result.note:
+            self.notes[result.note] += 1
+
+    def __str__(self) -> str:
+        text = (
+            f"{self.bag}: {self.frames} frames, {self.frames - self.unchanged} attacked; "
+            f"{self.points_clean:,} points became {self.points_adversarial:,}"
+        )
+        if self.losses:
+            before, after = np.mean(self.losses, axis=0)
+            text += f"; mean detection loss {before:.3f} became {after:.3f}"
+        notes = [f"  {count} of {self.frames} frames: {note}" for note, count in sorted(self.notes.items())]
+        return "\n".join([text, *notes])
