@@ -44,7 +44,7 @@ class Head(nn.Module):
         nn.init.normal_(second, std=0.001)
 
     def forward(self, features: Tensor) -> Predictions:
-        out = self.convolution(features).float().permute(0, 2, 3, 1)
+        out = self.convolution(features).permute(0, 2, 3, 1)
         batch, height, width, _ = out.shape
         anchors = height * width * self.anchors
         scores, codes, directions = (part.reshape(batch, anchors, -1) for part in out.split(self.widths, 3))

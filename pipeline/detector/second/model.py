@@ -43,7 +43,7 @@ class SecondNet(nn.Module):
         bev = self.backbone3d(features, voxels.sites, occupancy)
         with torch.autocast(bev.device.type, torch.bfloat16, enabled=bf16):
             features = self.backbone2d(bev)
-        predictions: Predictions = self.head(features.float())
+        predictions: Predictions = self.head(features.to(bev.dtype))
         return predictions
 
     def anchor_grid(self) -> AnchorGrid:

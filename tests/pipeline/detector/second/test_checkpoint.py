@@ -1,0 +1,94 @@
+"""Checkpoints: the same detector comes back, and damaged files are refused in one line."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+import torch
+from safetensors import safe_open
+from safetensors.torch import save_file
+
+from advpipe.pipeline.detector.second.checkpoint import load_checkpoint, save_checkpoint
+from advpipe.pipeline.detector.second.model import Second, SecondNet
+from advpipe.pipeline.detector.second.presets import SMALL
+from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
+
+
+@pytest.fixture
+def saved(tmp_path):
+    torch.manual_seed(1)
+    net = SecondNet(SMALL)
+    path = tmp_path / "a.safetensors"
+    save_checkpoint(net, path, {"seed": "7", "frames": "100"})
+    return net, path
+
+
+def test_round_trip(saved):
+    net, path = saved
+    assert path.stat().st_size < 2_100_000
+    detector = load_checkpoint(path)
+    assert detector.provenance == {"seed": "7", "frames": "100"}
+    torch.manual_seed(0)
+    points = torch.rand(500, 4) * torch.tensor([20.0, 20.0, 2.0, 1.0]) - torch.tensor([0.0, 0.0, 2.0, 0.0])
+    boxes, labels = torch.tensor([[10.0, 10.0, -1.0, 4.5, 1.8, 1.6, 0.2]]), torch.tensor([0])
+    before, after = (
+        float(Second(net).loss(points, boxes, labels)),
+        float(detector.loss(points, boxes, labels)),
+    )
+    assert after == pytest.approx(before, rel=1e-2)
+    # Saved again, nothing more is lost, to the byte.
+    again = path.with_name("b.safetensors")
+    save_checkpoint(detector.net, again, detector.provenance)
+    assert again.read_bytes() == path.read_bytes()
+
+
+def test_nothing_is_overwritten_unasked(saved):
+    net, path = saved
+    with pytest.raises(OutputExistsError):
+        save_checkpoint(net, path, {})
+    save_checkpoint(net, path, {}, overwrite=True)
+    assert not list(path.parent.glob(".*"))
+
+
+def rewritten(path, change):
+    with safe_open(path, "pt") as file:
+        about = json.loads(file.metadata()["advpipe"])
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    change(about, tensors)
+    save_file(tensors, path, metadata={"advpipe": json.dumps(about)})
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda about, tensors: about.update(preset="huge"), "unknown detector preset 'huge'"),
+        (lambda about, tensors: about.update(classes=["car"]), "train again"),
+        (lambda about, tensors: about.update(kind="other"), "no detector checkpoint of advpipe"),
+        (lambda about, tensors: tensors.popitem(), "do not fit"),
+        (lambda about, tensors: tensors.update({"head.convolution.bias": torch.zeros(3)}), "do not fit"),
+    ],
+)
+def test_checkpoints_that_do_not_fit(saved, change, message):
+    _, path = saved
+    rewritten(path, change)
+    with pytest.raises(AdvpipeError, match=message) as caught:
+        load_checkpoint(path)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 something else", "cut"])
+def test_files_that_are_no_checkpoint(saved, content):
+    _, path = saved
+    path.write_bytes(path.read_bytes()[:100_000] if content == "cut" else content)
+    with pytest.raises(AdvpipeError, match="not a whole safetensors file") as caught:
+        load_checkpoint(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_other_safetensors_and_missing_files(tmp_path):
+    save_file({"a": torch.zeros(2)}, tmp_path / "x.safetensors")
+    with pytest.raises(AdvpipeError, match="no detector checkpoint of advpipe"):
+        load_checkpoint(tmp_path / "x.safetensors")
+    with pytest.raises(AdvpipeError, match="no detector checkpoint at"):
+        load_checkpoint(tmp_path / "none.safetensors")

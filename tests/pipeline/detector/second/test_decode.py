@@ -1,0 +1,62 @@
+"""From raw predictions to boxes."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+import pytest
+import torch
+
+from advpipe.pipeline.detector.second.anchors import AnchorGrid, encode
+from advpipe.pipeline.detector.second.decode import detections, suppress
+from advpipe.pipeline.detector.second.head import Predictions
+from advpipe.pipeline.detector.second.loss import direction_bin
+from advpipe.pipeline.detector.second.presets import SMALL
+
+GRID = AnchorGrid(SMALL, 128, 128)
+
+
+def predictions(boxes, labels, scores):
+    """What a head would say that sees exactly these boxes, at every positive anchor."""
+    count = 128 * 128 * 10
+    out = Predictions(torch.full((1, count, 4), -9.0), torch.zeros(1, count, 7), torch.zeros(1, count, 2))
+    for box, label, score in zip(boxes, labels, scores, strict=True):
+        target = GRID.assign(box[None], label[None])
+        code = encode(target.boxes, GRID.boxes(target.positive))
+        out.scores[0, target.positive, label] = torch.logit(torch.tensor(score))
+        # The head learns the heading only up to half a turn: the direction bin has to mend it.
+        code[:, 6] = code[:, 6] + pi
+        out.codes[0, target.positive] = code
+        out.directions[0, target.positive, direction_bin(box[6:7])] = 3.0
+    return out
+
+
+def test_boxes_come_back_once_each_best_first():
+    boxes = torch.tensor(
+        [
+            [10.3, -7.2, -1.0, 4.2, 1.8, 1.5, 0.3],
+            [-20.1, 3.0, -0.2, 10.5, 2.6, 3.1, -2.0],
+            [5.0, 30.0, -1.0, 1.8, 0.7, 1.7, 3.0],
+            [-3.0, -3.0, -0.9, 0.7, 0.6, 1.7, -1.2],
+            [30.0, 30.0, -1.0, 4.2, 1.8, 1.5, 0.0],
+        ]
+    )
+    labels = torch.tensor([0, 1, 2, 3, 0])
+    found = detections(predictions(boxes, labels, [0.6, 0.9, 0.3, 0.7, 0.05]), 0, GRID)
+    assert found.scores == pytest.approx([0.9, 0.7, 0.6, 0.3], rel=1e-5)
+    assert found.labels.tolist() == [1, 3, 0, 2]
+    expected = boxes[[1, 3, 0, 2]].numpy().astype(np.float64)
+    np.testing.assert_allclose(found.boxes, expected, atol=1e-4)
+
+
+def test_no_detection_under_the_threshold():
+    box = torch.tensor([[10.3, -7.2, -1.0, 4.2, 1.8, 1.5, 0.3]])
+    assert len(detections(predictions(box, torch.tensor([0]), [0.09]), 0, GRID)) == 0
+
+
+def test_suppression_is_greedy():
+    # b overlaps a and c, a and c stay apart: a and c remain.
+    boxes = np.array([[x, 0, 0, 4, 2, 2, 0] for x in (0.0, 2.0, 4.1)])
+    assert suppress(boxes, 0.1).tolist() == [0, 2]
+    assert suppress(np.zeros((0, 7)), 0.1).tolist() == []

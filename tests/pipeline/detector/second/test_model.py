@@ -1,0 +1,147 @@
+"""The whole network: gradients by finite differences, occupancy against really removing points."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from advpipe.pipeline.bag.cloud import POINT_DTYPE
+from advpipe.pipeline.detector.protocol import VoxelDetector
+from advpipe.pipeline.detector.second.model import Second, SecondNet
+from advpipe.pipeline.detector.second.presets import SMALL
+from advpipe.pipeline.errors import AdvpipeError
+
+
+def cloud_of(points: torch.Tensor) -> np.ndarray:
+    cloud = np.zeros(len(points), POINT_DTYPE)
+    for column, name in enumerate(("x", "y", "z", "intensity")):
+        cloud[name] = points[:, column].numpy()
+    return cloud
+
+
+def test_small_has_the_parameters_it_says():
+    assert sum(p.numel() for p in SecondNet(SMALL).parameters()) == pytest.approx(0.92e6, rel=0.05)
+
+
+def test_it_is_a_voxel_detector(tiny):
+    assert isinstance(tiny, VoxelDetector)
+
+
+def test_gradient_to_the_points_matches_finite_differences(tiny, scene):
+    tiny.net.double()
+    points, boxes, labels = scene[0].double().requires_grad_(), scene[1].double(), scene[2]
+    (gradient,) = torch.autograd.grad(tiny.loss(points, boxes, labels), points)
+    assert (gradient[:, :3].abs().sum(1) > 0).float().mean() > 0.9
+    torch.manual_seed(0)
+    for _ in range(3):
+        # Small enough to stay inside the voxels.
+        step = torch.randn_like(points) * 1e-7
+        with torch.no_grad():
+            change = tiny.loss(points + step, boxes, labels) - tiny.loss(points - step, boxes, labels)
+        assert float(change) == pytest.approx(float(2 * (gradient * step).sum()), rel=1e-3)
+
+
+def test_gradient_steps_lower_the_loss(tiny, scene):
+    points, boxes, labels = scene
+    moved = points.clone()
+    before = float(tiny.loss(points, boxes, labels))
+    for _ in range(10):
+        moved.requires_grad_()
+        (gradient,) = torch.autograd.grad(tiny.loss(moved, boxes, labels), moved)
+        moved = (moved - 0.01 * gradient / gradient.abs().max()).detach()
+    assert float(tiny.loss(moved, boxes, labels)) < before
+
+
+def test_full_occupancy_is_the_plain_loss(tiny, scene):
+    loss, occupancy, point_to_voxel = tiny.occupancy_loss(*scene)
+    assert occupancy.is_leaf
+    assert (occupancy == 1).all()
+    assert len(point_to_voxel) == len(scene[0])
+    assert int(point_to_voxel.max()) == len(occupancy) - 1
+    assert float(loss.detach()) == pytest.approx(float(tiny.loss(*scene)), rel=1e-6)
+    (gradient,) = torch.autograd.grad(loss, occupancy)
+    assert gradient.shape == occupancy.shape
+    assert (gradient != 0).float().mean() > 0.9
+
+
+def test_zero_occupancy_is_removing_the_points(tiny, scene):
+    points, boxes, labels = scene
+    voxels = tiny._voxels(points)
+    count = len(voxels.sites)
+    torch.manual_seed(1)
+    for removed in (torch.randperm(count)[:1], torch.randperm(count)[: count // 3], torch.arange(count - 5)):
+        occupancy = torch.ones(count)
+        occupancy[removed] = 0
+        masked = tiny._loss(voxels, boxes, labels, occupancy)
+        reduced = points[occupancy[voxels.point_to_voxel] == 1]
+        assert float(masked) == pytest.approx(float(tiny.loss(reduced, boxes, labels)), rel=1e-4)
+
+
+def test_occupancy_gradient_matches_finite_differences(tiny, scene):
+    tiny.net.double()
+    points, boxes, labels = scene[0].double(), scene[1].double(), scene[2]
+    voxels = tiny._voxels(points)
+    torch.manual_seed(2)
+    occupancy = (0.5 + 0.5 * torch.rand(len(voxels.sites), dtype=torch.float64)).requires_grad_()
+    (gradient,) = torch.autograd.grad(tiny._loss(voxels, boxes, labels, occupancy), occupancy)
+    step = torch.randn_like(occupancy) * 1e-7
+    with torch.no_grad():
+        change = tiny._loss(voxels, boxes, labels, occupancy + step) - tiny._loss(
+            voxels, boxes, labels, occupancy - step
+        )
+    assert float(change) == pytest.approx(float(2 * (gradient * step).sum()), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "points",
+    [torch.zeros(0, 4), torch.full((5, 4), 1e6), torch.tensor([[1.0, 2.0, -1.0, 0.3]])],
+    ids=["no points", "all out of range", "one point"],
+)
+def test_clouds_with_little_in_them(tiny, scene, points):
+    leaf = points.clone().requires_grad_()
+    loss = tiny.loss(leaf, *scene[1:])
+    (gradient,) = torch.autograd.grad(loss, leaf)
+    assert torch.isfinite(loss)
+    assert torch.isfinite(gradient).all()
+    if len(points) != 1:
+        assert len(tiny.detect(cloud_of(points))) == 0
+        assert not gradient.any()
+    loss, occupancy, point_to_voxel = tiny.occupancy_loss(points, *scene[1:])
+    assert len(occupancy) == (len(points) == 1)
+    assert len(point_to_voxel) == len(points)
+    loss.backward()
+
+
+def test_loss_without_boxes_is_background_only(tiny, scene):
+    loss = tiny.loss(scene[0], torch.zeros(0, 7), torch.zeros(0, dtype=torch.int64))
+    assert torch.isfinite(loss)
+    assert loss > 0
+
+
+def test_points_that_are_not_finite(tiny, scene):
+    points = scene[0].clone()
+    points[3, 1] = float("nan")
+    with pytest.raises(AdvpipeError, match="not finite"):
+        tiny.loss(points, *scene[1:])
+    clean = tiny.detect(cloud_of(torch.cat([points[:3], points[4:]])))
+    np.testing.assert_array_equal(tiny.detect(cloud_of(points)).boxes, clean.boxes)
+
+
+def test_detection_repeats_exactly(tiny, scene):
+    a, b = (tiny.detect(cloud_of(scene[0])) for _ in range(2))
+    assert len(a) > 0
+    assert a.boxes.tobytes() == b.boxes.tobytes()
+
+
+def test_weights_are_frozen(tiny, scene):
+    points = scene[0].clone().requires_grad_()
+    tiny.loss(points, *scene[1:]).backward()
+    assert points.grad is not None
+    assert all(not p.requires_grad and p.grad is None for p in tiny.net.parameters())
+    assert not tiny.net.training
+
+
+def test_a_network_in_training_mode_is_frozen_by_second():
+    net = SecondNet(SMALL).train()
+    assert not Second(net).net.training

@@ -1,0 +1,61 @@
+"""Voxelisation: which voxel, which mean, which gradient."""
+
+from __future__ import annotations
+
+import torch
+
+from advpipe.pipeline.detector.second.presets import SMALL
+from advpipe.pipeline.detector.second.voxels import voxelise
+
+POINTS = torch.tensor(
+    [
+        [-51.2, -51.2, -3.0, 0.5],  # the lowest corner: inside
+        [0.01, 0.02, 0.0, 1.0],
+        [0.09, 0.04, 0.1, 0.0],  # the same voxel as the point before
+        [51.2, 0.0, 0.0, 0.5],  # on the upper bound: outside
+        [0.0, 0.0, 1.05, 0.5],  # outside
+        [float("nan"), 0.0, 0.0, 0.5],
+        [0.0, 0.0, 0.0, float("inf")],
+    ]
+)
+
+
+def test_means_and_rows():
+    voxels = voxelise([POINTS], SMALL)
+    assert voxels.point_to_voxel.tolist() == [0, 1, 1, -1, -1, -1, -1]
+    torch.testing.assert_close(
+        voxels.features, torch.tensor([[-51.2, -51.2, -3.0, 0.5], [0.05, 0.03, 0.05, 0.5]])
+    )
+    batch, z, y, x = voxels.sites.bzyx()
+    assert batch.tolist() == [0, 0]
+    assert z.tolist() == [0, 20]
+    assert y.tolist() == [0, 512]
+    assert x.tolist() == [0, 512]
+
+
+def test_gradient_reaches_every_read_point_equally():
+    points = POINTS.clone().requires_grad_()
+    voxelise([points], SMALL).features[:, 0].sum().backward()
+    assert points.grad[:, 0].tolist() == [1, 0.5, 0.5, 0, 0, 0, 0]
+    assert not points.grad[:, 1:].any()
+
+
+def test_clouds_of_a_batch_stay_apart():
+    both = voxelise([POINTS, POINTS[1:2]], SMALL)
+    assert both.sites.bzyx()[0].tolist() == [0, 0, 1]
+    torch.testing.assert_close(both.features[:2], voxelise([POINTS], SMALL).features)
+    torch.testing.assert_close(both.features[2], POINTS[1])
+
+
+def test_order_of_points_does_not_matter():
+    order = torch.tensor([6, 2, 4, 0, 1, 3, 5])
+    a, b = voxelise([POINTS], SMALL), voxelise([POINTS[order]], SMALL)
+    torch.testing.assert_close(a.features, b.features)
+    assert torch.equal(a.point_to_voxel[order], b.point_to_voxel)
+
+
+def test_nothing_to_read():
+    for cloud in (torch.zeros(0, 4), torch.full((3, 4), 1e9), torch.full((2, 4), float("nan"))):
+        voxels = voxelise([cloud], SMALL)
+        assert voxels.features.shape == (0, 4)
+        assert voxels.point_to_voxel.tolist() == [-1] * len(cloud)
