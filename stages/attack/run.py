@@ -33,8 +33,9 @@ from advpipe.stages.attack.tables import AttackTables
 
 __all__ = ["AttackRequest", "AttackSummary", "attack", "attack_id"]
 
-TORCH_THREADS = 2
-"""Sums depend on the number of threads, so it is fixed: the same bytes on a machine of any size."""
+TORCH_THREADS = 1
+"""Sums depend on the number of threads, so it is fixed: the same bytes on a machine of any size. More
+gain little on networks this small, and lose much where another program takes a core."""
 
 
 def attack(clean: Path, out: Path, request: AttackRequest, *, overwrite: bool = False) -> AttackSummary:
