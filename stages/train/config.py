@@ -39,6 +39,7 @@ class TrainConfig:
 
     bags: clean bags (dataset folders, rosbag2 folders or .mcap files). out: the run's folder.
     epochs: passes over the frames; steps, when given, overrides it. checkpoint_every: steps.
+    workers: processes, by default one a core; the result does not depend on it.
     validation: a bag of another drive, for the average precision at the end.
     """
 
@@ -53,7 +54,7 @@ class TrainConfig:
     warmup: float = 0.05
     clip_norm: float = 10.0
     seed: int = 0
-    threads: int | None = None
+    workers: int | None = None
     bf16: bool = False
     min_points: int = 5
     checkpoint_every: int = 200

@@ -10,7 +10,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
-from math import cos, pi
+from math import cos, isfinite, pi
 from pathlib import Path
 from types import FrameType
 
@@ -19,19 +19,17 @@ import torch
 from advpipe.pipeline.bag.frames import read_frames
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.provenance import parent_sha256
-from advpipe.pipeline.detector.second.anchors import AnchorGrid
 from advpipe.pipeline.detector.second.checkpoint import save_checkpoint
-from advpipe.pipeline.detector.second.loss import Losses, losses
 from advpipe.pipeline.detector.second.model import SecondNet
 from advpipe.pipeline.detector.second.presets import preset_named
-from advpipe.pipeline.detector.second.voxels import voxelise
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
 from advpipe.pipeline.progress import track
-from advpipe.stages.train.batches import Batch, Batches, load_batches
 from advpipe.stages.train.config import TrainConfig
+from advpipe.stages.train.examples import Examples
 from advpipe.stages.train.frames import FrameStore, LabelledCloud
 from advpipe.stages.train.log import TrainLog, plot_losses
 from advpipe.stages.train.state import TrainState
+from advpipe.stages.train.workers import Gradients, gradients
 
 
 @dataclass(frozen=True)
@@ -53,35 +51,30 @@ def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
 
     The run's folder `config.out` gets detector.safetensors, config.json, train.csv, loss.png, and
     while it runs state.pt, latest.safetensors and frames/ (the decoded frames). The result is the
-    same whether or not the run was interrupted, for the same number of threads.
+    same whether or not the run was interrupted, and for any number of worker processes.
     """
-    torch.set_num_threads(config.threads or os.cpu_count() or 1)
     out, checkpoint = config.out, config.out / "detector.safetensors"
     bags = [resolve_bag(bag) for bag in config.bags]
     resume = open_run(config, overwrite)
     store = store_frames(bags, config)
-    batches = Batches(store, config)
+    examples = Examples(store, config)
     steps = config.steps or max(1, round(config.epochs * len(store) / config.batch_size))
+    workers = min(config.batch_size, config.workers or os.cpu_count() or 1)
 
     torch.manual_seed(config.seed)
     net = SecondNet(preset_named(config.preset)).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    state = TrainState(net, torch.optim.AdamW(net.parameters(), config.learning_rate, (0.9, 0.99)))
-    for group in state.optimiser.param_groups:
-        group["weight_decay"] = config.weight_decay
+    state = TrainState.new(net, config.learning_rate, config.weight_decay)
     if resume:
         state.restore(out / "state.pt")
     provenance = provenance_of(config, bags, len(store))
 
-    log, grid, loss = TrainLog(out / "train.csv", state.step), net.anchor_grid(), float("nan")
-    with interrupts() as interrupted:
-        todo = range(state.step, steps)
-        loaded = load_batches(batches, state.step, steps)
-        for step, batch in track(zip(todo, loaded, strict=True), "train", total=len(todo)):
+    log, loss = TrainLog(out / "train.csv", state.step), float("nan")
+    with interrupts() as interrupted, gradients(net, examples, workers) as gradients_of:
+        for step in track(range(state.step, steps), "train", total=steps - state.step):
             rate = learning_rate(step, steps, config)
-            parts, norm = train_step(state, batch, grid, rate, config)
-            loss = float(parts.total.detach())
-            log.add(step, rate, loss, float(parts.score), float(parts.box), float(parts.direction), norm)
-            state.step = step + 1
+            parts, norm = train_step(state, gradients_of, rate, config.clip_norm)
+            loss = sum(parts)
+            log.add(step, rate, loss, *parts, norm)
             if state.step % config.checkpoint_every == 0 or state.step == steps or interrupted.is_set():
                 state.save(out / "state.pt")
                 about = {**provenance, "steps": str(state.step)}
@@ -100,7 +93,7 @@ def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
 def open_run(config: TrainConfig, overwrite: bool) -> bool:
     """Make the run's folder; whether it holds an unfinished run to go on with."""
     out = config.out
-    wanted = json.dumps(asdict(config), default=str, indent=2, sort_keys=True) + "\n"
+    wanted = json.dumps({**asdict(config), "workers": None}, default=str, indent=2, sort_keys=True) + "\n"
     config_file = out / "config.json"
     if overwrite and config_file.is_file():
         for name in ("detector.safetensors", "latest.safetensors", "state.pt", "train.csv", "loss.png"):
@@ -139,7 +132,6 @@ def provenance_of(config: TrainConfig, bags: list[Path], frames: int) -> dict[st
         "batch_size": str(config.batch_size),
         "learning_rate": str(config.learning_rate),
         "seed": str(config.seed),
-        "threads": str(torch.get_num_threads()),
         "torch": torch.__version__,
         "augmentation": json.dumps(asdict(config.augmentation)),
     }
@@ -155,25 +147,17 @@ def learning_rate(step: int, steps: int, config: TrainConfig) -> float:
 
 
 def train_step(
-    state: TrainState, batch: Batch, grid: AnchorGrid, rate: float, config: TrainConfig
-) -> tuple[Losses, float]:
+    state: TrainState, gradients_of: Gradients, rate: float, clip_norm: float
+) -> tuple[list[float], float]:
     """One step of the optimiser; the losses before it and the norm of the gradient before clipping."""
-    net = state.net.train()
     for group in state.optimiser.param_groups:
         group["lr"] = rate
-    device = next(net.parameters()).device
-    voxels = voxelise([points.to(device) for points in batch.points], net.preset)
-    targets = [
-        grid.assign(boxes.to(device), labels.to(device), ignored.to(device))
-        for boxes, labels, ignored in zip(batch.boxes, batch.labels, batch.ignored, strict=True)
-    ]
-    parts = losses(net(voxels, bf16=config.bf16), targets, grid)
-    if not torch.isfinite(parts.total):
+    parts: list[float] = gradients_of(state.step).tolist()
+    norm = float(torch.nn.utils.clip_grad_norm_(state.net.parameters(), clip_norm))
+    if not isfinite(sum(parts)) or not isfinite(norm):
         raise AdvpipeError(f"the loss is not finite at step {state.step}; lower learning_rate")
-    state.optimiser.zero_grad()
-    parts.total.backward()  # type: ignore[no-untyped-call]
-    norm = float(torch.nn.utils.clip_grad_norm_(net.parameters(), config.clip_norm))
     state.optimiser.step()
+    state.step += 1
     return parts, norm
 
 

@@ -20,6 +20,13 @@ class TrainState:
     optimiser: torch.optim.AdamW
     step: int = 0
 
+    @classmethod
+    def new(cls, net: SecondNet, learning_rate: float, weight_decay: float) -> TrainState:
+        optimiser = torch.optim.AdamW(
+            net.parameters(), learning_rate, betas=(0.9, 0.99), weight_decay=weight_decay
+        )
+        return cls(net, optimiser)
+
     def save(self, path: Path) -> None:
         """Write beside, then rename."""
         beside = path.with_name(f".{path.name}.part")

@@ -1,0 +1,146 @@
+"""Gradients of several clouds at once: one process and one thread for each share of the batch.
+
+A cloud is small for a network with many short layers, so two processes of one thread are faster than
+one process of two, and far less hurt by other work on the machine. Each cloud has its own batch norm
+statistics; therefore the result does not depend on the number of processes.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from multiprocessing.connection import Connection
+from typing import Any, Protocol
+
+import torch
+from torch import Tensor, multiprocessing, nn
+
+from advpipe.pipeline.detector.second.loss import losses
+from advpipe.pipeline.detector.second.model import SecondNet
+from advpipe.pipeline.detector.second.voxels import voxelise
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.stages.train.examples import Examples
+
+PARTS = ("score_loss", "box_loss", "direction_loss")
+
+
+class Gradients(Protocol):
+    """The mean gradient over the clouds of a batch."""
+
+    def __call__(self, step: int) -> Tensor:
+        """Set the gradients and batch norm averages of the network; the losses (3,) of `PARTS`."""
+
+
+class Replica:
+    """A network that shares its weights with another one and has batch norm averages of its own."""
+
+    def __init__(self, net: SecondNet, examples: Examples) -> None:
+        self.source, self.examples = net, examples
+        self.net = SecondNet(net.preset).to(memory_format=torch.channels_last).train()  # type: ignore[call-overload]
+        for mine, shared in zip(self.net.parameters(), net.parameters(), strict=True):
+            mine.data = shared.data
+        self.grid = self.net.anchor_grid()
+
+    def result(self, place: int) -> Tensor:
+        """Losses, gradients and batch norm averages after the cloud at `place`, as one row."""
+        for mine, shared in zip(averages(self.net), averages(self.source), strict=True):
+            mine.copy_(shared)
+        self.net.zero_grad()
+        example = self.examples[place]
+        voxels = voxelise([example.points], self.net.preset)
+        target = self.grid.assign(example.boxes, example.labels, example.ignored)
+        parts = losses(self.net(voxels, bf16=self.examples.config.bf16), [target], self.grid)
+        parts.total.backward()  # type: ignore[no-untyped-call]
+        values = [torch.stack([parts.score, parts.box, parts.direction]).detach()]
+        values += [p.grad.reshape(-1) for p in self.net.parameters() if p.grad is not None]
+        return torch.cat([*values, *averages(self.net)])
+
+
+def averages(net: nn.Module) -> list[Tensor]:
+    """The running means and variances of the batch norms."""
+    return [b for name, b in net.named_buffers() if name.endswith(("running_mean", "running_var"))]
+
+
+def row_length(net: SecondNet) -> int:
+    return len(PARTS) + sum(t.numel() for t in [*net.parameters(), *averages(net)])
+
+
+def take(row: Tensor, net: SecondNet) -> Tensor:
+    """Set gradients and batch norm averages of the network from a row; return the losses."""
+    at = len(PARTS)
+    for parameter in net.parameters():
+        parameter.grad = row[at : at + parameter.numel()].view(parameter.shape)
+        at += parameter.numel()
+    for average in averages(net):
+        average.copy_(row[at : at + average.numel()])
+        at += average.numel()
+    return row[: len(PARTS)]
+
+
+@contextmanager
+def gradients(net: SecondNet, examples: Examples, workers: int) -> Iterator[Gradients]:
+    """The gradients of `net` on its examples, computed by so many processes; one works in this one."""
+    batch = examples.config.batch_size
+    torch.set_num_threads(1)
+    rows = torch.zeros(batch, row_length(net))
+    rows.share_memory_()  # type: ignore[no-untyped-call]
+    if workers <= 1:
+        replica = Replica(net, examples)
+
+        def here(step: int) -> Tensor:
+            for b in range(batch):
+                rows[b] = replica.result(step * batch + b)
+            return take(rows.mean(0), net)
+
+        yield here
+        return
+
+    net.share_memory()
+    # Forking is quick and needs no guard in a caller's script; elsewhere it is not safe.
+    context: Any = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
+    with ExitStack() as stack:
+        pipes: list[Connection] = []
+        for worker in range(workers):
+            mine, theirs = context.Pipe()
+            arguments = (net, examples, rows, range(worker, batch, workers), theirs)
+            process = context.Process(target=_work, args=arguments, daemon=True)
+            process.start()
+            theirs.close()
+            stack.callback(process.join, 5)
+            stack.callback(mine.close)
+            pipes.append(mine)
+
+        def elsewhere(step: int) -> Tensor:
+            for pipe in pipes:
+                pipe.send(step)
+            for pipe in pipes:
+                try:
+                    failure = pipe.recv()
+                except EOFError:
+                    failure = "it was killed; is there enough memory?"
+                if failure:
+                    raise AdvpipeError(f"a training process stopped at step {step}: {failure}")
+            return take(rows.mean(0), net)
+
+        yield elsewhere
+
+
+def _work(net: SecondNet, examples: Examples, rows: Tensor, mine: range, pipe: Connection) -> None:
+    """Answer each step that comes through the pipe, until it closes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    torch.set_num_threads(1)
+    replica = Replica(net, examples)
+    while True:
+        try:
+            step = pipe.recv()
+        except EOFError:
+            return
+        try:
+            for b in mine:
+                rows[b] = replica.result(step * len(rows) + b)
+        except Exception as error:
+            pipe.send(f"{type(error).__name__}: {error}")
+            return
+        pipe.send(None)
