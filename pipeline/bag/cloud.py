@@ -72,12 +72,6 @@ def cloud_from_cdr(cdr: bytes) -> StampedCloud:
     return StampedCloud(layout.stamp_ns, layout.frame_id, points)
 
 
-def count_points_in_cdr(cdr: bytes) -> int:
-    """How many points a serialised sensor_msgs/PointCloud2 holds."""
-    layout = _parse(cdr)
-    return layout.height * layout.width
-
-
 class _Layout(NamedTuple):
     stamp_ns: int
     frame_id: str

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from advpipe.pipeline.bag.cloud import Cloud, cloud_from_cdr
+from advpipe.pipeline.bag.cloud import Cloud
 from advpipe.pipeline.bag.frame_slice import ALL_FRAMES, FrameSlice
 from advpipe.pipeline.bag.ground_truth import LATENCY_NS, GroundTruth, objects_topic
 from advpipe.pipeline.bag.reader import BagReader
@@ -90,16 +90,19 @@ def _frames(reader: BagReader, topic: str, indices: range) -> Iterator[Frame]:
     for run in runs:
         first_ns, last_ns = int(times_ns[run[0]]), int(times_ns[run[-1]])
         before = int(np.searchsorted(times_ns, first_ns))
-        is_sought = False
+        is_sought, seen = False, 0
         for index, raw in enumerate(reader.raw_messages([topic], first_ns, last_ns), start=before):
             if index not in run:
                 continue
-            stamp_ns, frame_id, cloud = cloud_from_cdr(raw.cdr)
+            stamp_ns, frame_id, cloud = reader.cloud(raw)
             if truth and not is_sought:
                 truth.seek(first_ns, last_ns, 0 if raw.log_time_ns == stamp_ns else LATENCY_NS)
                 is_sought = True
             boxes = truth.boxes(stamp_ns, raw.log_time_ns, frame_id) if truth else Boxes()
+            seen += 1
             yield Frame(index, stamp_ns, cloud, boxes)
+        if seen != len(run):
+            raise AdvpipeError(f"{reader.path}: damaged (the index of {topic} is wrong)")
 
 
 def _vehicle_topics(lidar_topic: str) -> VehicleTopics:

@@ -10,7 +10,6 @@ from pathlib import Path
 from rosbags.interfaces import Qos, QosDurability
 
 from advpipe.pipeline.bag.checksums import ChecksumCoverage, validate_checksums
-from advpipe.pipeline.bag.cloud import count_points_in_cdr
 from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.messages import NS_PER_S
@@ -112,7 +111,7 @@ class _Tally:
         self.first_ns.setdefault(raw.topic.name, raw.log_time_ns)
         self.last_ns[raw.topic.name] = raw.log_time_ns
         if raw.topic.type == _CLOUD_TYPE:
-            self.points.append(count_points_in_cdr(raw.cdr))
+            self.points.append(len(reader.cloud(raw).cloud))
         elif raw.topic.type == _OBJECTS_TYPE:
             for detection in reader.decode(raw).detections:
                 name = detection.results[0].hypothesis.class_id if detection.results else "unknown"

@@ -14,7 +14,7 @@ import numpy.typing as npt
 import zstandard
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader, make_reader
-from mcap.records import Channel, MessageIndex, Schema, Statistics
+from mcap.records import Channel, MessageIndex, Statistics
 from mcap.stream_reader import StreamReader
 from mcap.summary import Summary
 from mcap.writer import MCAP0_MAGIC
@@ -52,6 +52,8 @@ def mcap_errors(path: Path) -> Iterator[None]:
 class McapFile:
     """A .mcap file of a ROS 2 recording, with or without an index.
 
+    topics: by channel id. counts: messages by topic name. metadata: records by name.
+
     Chunk and summary checksums are validated where the file has them. Raises AdvpipeError for anything
     that is no whole MCAP file of CDR messages.
     """
@@ -64,36 +66,22 @@ class McapFile:
                 reader = make_reader(stream, validate_crcs=True)
                 summary = reader.get_summary()
                 self.metadata = {record.name: record.metadata for record in reader.iter_metadata()}
+            if summary is not None and {index.name for index in summary.metadata_indexes} != set(
+                self.metadata
+            ):
+                raise AdvpipeError(f"{path}: damaged (a metadata record has another name than its index)")
             self.is_indexed = summary is not None and _is_indexed(summary)
             self._summary = summary if summary is not None and self.is_indexed else self._scan()
             self.topics = {channel.id: self._topic(channel) for channel in self._summary.channels.values()}
-
-    def counts(self) -> dict[str, int]:
-        """Messages by topic name."""
-        statistics = self._summary.statistics
-        counts = dict.fromkeys((topic.name for topic in self.topics.values()), 0)
-        for channel_id, count in (statistics.channel_message_counts if statistics else {}).items():
-            counts[self.topics[channel_id].name] += count
-        return counts
+            self.counts = self._counts()
 
     def log_times_ns(self, topic_name: str) -> npt.NDArray[np.int64]:
         """Log times (K,) of a topic's messages, ascending; read from the index, no chunk is unpacked."""
-        if not self.is_indexed:
-            times = [raw.log_time_ns for raw in self.raw_messages([topic_name])]
-            return np.array(times, dtype=np.int64)
-        ids = [channel_id for channel_id, topic in self.topics.items() if topic.name == topic_name]
-        times = []
-        with mcap_errors(self.path), self.path.open("rb") as stream:
-            for chunk in self._summary.chunk_indexes:
-                for offset in (
-                    chunk.message_index_offsets[i] for i in ids if i in chunk.message_index_offsets
-                ):
-                    stream.seek(offset)
-                    record = next(StreamReader(stream, skip_magic=True).records)
-                    if not isinstance(record, MessageIndex):
-                        raise ValueError("a message index is missing")
-                    times += [log_time_ns for log_time_ns, _ in record.records]
-        return np.sort(np.array(times, dtype=np.int64))
+        with mcap_errors(self.path):
+            times = self._indexed_times(topic_name) if self.is_indexed else self._read_times(topic_name)
+            if len(times) != self.counts.get(topic_name, 0):
+                raise ValueError(f"the index has {len(times)} messages of {topic_name}")
+            return np.sort(np.array(times, dtype=np.int64))
 
     def raw_messages(
         self,
@@ -126,11 +114,22 @@ class McapFile:
                     schema_encoding=schema.encoding if schema else "",
                 )
 
-    def schema(self, topic_name: str) -> Schema:
-        for channel in self._summary.channels.values():
-            if channel.topic == topic_name:
-                return self._summary.schemas[channel.schema_id]
-        raise KeyError(topic_name)
+    def _read_times(self, topic_name: str) -> list[int]:
+        return [raw.log_time_ns for raw in self.raw_messages([topic_name])]
+
+    def _indexed_times(self, topic_name: str) -> list[int]:
+        ids = [channel_id for channel_id, topic in self.topics.items() if topic.name == topic_name]
+        times_ns: list[int] = []
+        with self.path.open("rb") as stream:
+            for chunk in self._summary.chunk_indexes:
+                offsets = chunk.message_index_offsets
+                for channel_id in (i for i in ids if i in offsets):
+                    stream.seek(offsets[channel_id])
+                    record = next(StreamReader(stream, skip_magic=True).records)
+                    if not isinstance(record, MessageIndex):
+                        raise ValueError("a message index is missing")
+                    times_ns += [log_time_ns for log_time_ns, _ in record.records]
+        return times_ns
 
     def _check_ends(self) -> None:
         """Whole at both ends, and a summary that its checksum covers is as it was written."""
@@ -168,6 +167,14 @@ class McapFile:
                 del message
         summary.statistics = Statistics(0, len(counts), counts, 0, 0, sum(counts.values()), 0, 0, 0)
         return summary
+
+    def _counts(self) -> dict[str, int]:
+        """Messages by topic name."""
+        statistics = self._summary.statistics
+        counts = dict.fromkeys((topic.name for topic in self.topics.values()), 0)
+        for channel_id, count in (statistics.channel_message_counts if statistics else {}).items():
+            counts[self.topics[channel_id].name] += count
+        return counts
 
     def _topic(self, channel: Channel) -> Topic:
         if channel.message_encoding != "cdr":

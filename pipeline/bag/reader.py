@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Collection, Iterator
 from functools import cached_property
 from pathlib import Path
@@ -10,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from rosbags.serde import SerdeError
-from rosbags.typesys import TypesysError, get_types_from_idl, get_types_from_msg
+from rosbags.typesys import get_types_from_idl, get_types_from_msg
 from rosbags.typesys.store import Typestore
 
+from advpipe.pipeline.bag.cloud import StampedCloud, cloud_from_cdr
 from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.mcap_file import McapFile, in_time_order
 from advpipe.pipeline.bag.provenance import RECORD_NAME, unseal
@@ -47,12 +46,11 @@ class BagReader:
         """Type, offered QoS and number of messages of each topic, by its name."""
         found: dict[str, TopicInfo] = {}
         for file in self._files:
-            counts = file.counts()
             for topic in {topic.name: topic for topic in file.topics.values()}.values():
                 known = found.get(topic.name)
                 if known is not None and known.type != topic.type:
                     raise AdvpipeError(f"{self.path}: {topic.name} holds both {known.type} and {topic.type}")
-                count = counts[topic.name] + (known.count if known else 0)
+                count = file.counts[topic.name] + (known.count if known else 0)
                 found[topic.name] = TopicInfo(topic.type, topic.qos, count)
         return found
 
@@ -87,10 +85,18 @@ class BagReader:
         """The message as a dataclass with the fields of its type as the bag defines it."""
         try:
             return self._store_for(raw).deserialize_cdr(raw.cdr, raw.topic.type)
-        except (SerdeError, TypesysError, struct.error, ValueError, LookupError, AssertionError, MemoryError):
+        except Exception:  # rosbags makes code of the bag's definitions: they can fail in any way
             raise AdvpipeError(
                 f"{self.path}: a message of {raw.topic.name} at {raw.log_time_ns} ns is no {raw.topic.type}"
             ) from None
+
+    def cloud(self, raw: RawMessage) -> StampedCloud:
+        """The points of a message of a PointCloud2 topic (see `cloud_from_cdr`)."""
+        try:
+            return cloud_from_cdr(raw.cdr)
+        except AdvpipeError as error:
+            where = f"{self.path}: {raw.topic.name} at {raw.log_time_ns} ns"
+            raise AdvpipeError(f"{where}: {error}") from None
 
     def _store_for(self, raw: RawMessage) -> Typestore:
         """Our own types where the bag defines them alike, the bag's elsewhere."""

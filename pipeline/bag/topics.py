@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import yaml
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.rosbag2 import ReaderError
 from rosbags.rosbag2.metadata import parse_qos
 
 _FOREVER = QosTime(9223372036, 854775807)
@@ -136,5 +137,11 @@ def qos_to_yaml(profiles: tuple[Qos, ...]) -> str:
 
 
 def qos_from_yaml(text: str) -> tuple[Qos, ...]:
-    """The profiles in a channel's metadata, with numbers (to Iron) or names (from Jazzy)."""
-    return tuple(parse_qos(text))
+    """The profiles in a channel's metadata, with numbers (to Iron) or names (from Jazzy).
+
+    Raises ValueError for a text that is none.
+    """
+    try:
+        return tuple(parse_qos(text))
+    except (ReaderError, LookupError, TypeError, AttributeError) as error:
+        raise ValueError(f"offered_qos_profiles: {error}") from None

@@ -1,0 +1,118 @@
+"""A short drive whose numbers are known, recorded by advpipe or by another tool."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+from advpipe.pipeline.bag import messages, topics
+from advpipe.pipeline.bag.cloud import POINT_DTYPE, Cloud, cloud_to_cdr
+from advpipe.pipeline.bag.markers import markers
+from advpipe.pipeline.bag.types import message_class, serialise, typestore
+from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.geometry.transforms import se3_from_yaw
+
+STEP_NS = 100_000_000
+START_NS = 1_700_000_000_000_000_000
+EGO = topics.VehicleTopics("ego")
+
+CAR = Boxes(
+    geometry=np.array([[10.0, 5.0, 0.8, 4.5, 1.8, 1.6, 0.0]]),
+    labels=np.array([0]),
+    ids=("veh7",),
+    velocity_mps=np.array([[0.0, 3.0, 0.0]]),
+)
+
+
+def cloud_of(frame: int, points: int = 200) -> Cloud:
+    rng = np.random.default_rng(frame)
+    cloud = np.zeros(points, POINT_DTYPE)
+    for name in ("x", "y", "z", "intensity", "time"):
+        cloud[name] = rng.normal(size=points)
+    cloud["ring"] = rng.integers(0, 64, points)
+    return cloud
+
+
+@pytest.fixture
+def record() -> Callable[..., Path]:
+    def record(path: Path, frames: int = 4, **options: object) -> Path:
+        """The ego drives along +x at 10 m/s and faces +y; its LiDAR sits 1 m ahead and 2 m up."""
+        provenance = {"kind": "clean", "scenario": "a: 1\nb: ü\n", "seed": "7"}
+        with BagWriter(path, provenance=provenance, **options) as bag:
+            static = [(EGO.base_frame, EGO.lidar_frame, se3_from_yaw([1, 0, 2], 0))]
+            bag.write(topics.TF_STATIC, messages.transforms(START_NS, static), START_NS)
+            bag.write(topics.SCENARIO_INFO, messages.string("{}"), START_NS)
+            for frame in range(frames):
+                stamp_ns = START_NS + frame * STEP_NS
+                map_SE3_base = se3_from_yaw([frame, 0, 0], np.pi / 2)
+                odometry = messages.odometry(
+                    stamp_ns, map_SE3_base, [0, -10, 0], [0, 0, 0], child_frame_id=EGO.base_frame
+                )
+                pose = [("map", EGO.base_frame, map_SE3_base)]
+                bag.write(topics.CLOCK, messages.clock(stamp_ns), stamp_ns)
+                bag.write(topics.TF, messages.transforms(stamp_ns, pose), stamp_ns)
+                bag.write(EGO.true_odometry, odometry, stamp_ns)
+                bag.write(EGO.gnss_fix, messages.nav_sat_fix(stamp_ns, 50.1, 8.6, 100.0), stamp_ns)
+                cdr = cloud_to_cdr(cloud_of(frame), stamp_ns, EGO.lidar_frame)
+                bag.write_cdr(EGO.lidar_points, cdr, stamp_ns)
+                bag.write(EGO.objects, messages.detections(stamp_ns, "map", CAR), stamp_ns)
+                bag.write(EGO.road_users, messages.road_users(stamp_ns, "map", CAR, [12]), stamp_ns)
+                bag.write(EGO.markers, markers(stamp_ns, "map", CAR), stamp_ns)
+        return path
+
+    return record
+
+
+@pytest.fixture
+def record_foreign() -> Callable[..., Path]:
+    def record_foreign(path: Path, version: int = 9, log_delay_ns: int = 20_000_000) -> Path:
+        """Another tool's bag: CARLA's cloud layout, a pose on /tf only, truth logged after the clouds."""
+        store = typestore()
+        with Writer(path, version=version, storage_plugin=StoragePlugin.MCAP) as writer:
+            connections = {
+                name: writer.add_connection(name, type_name, typestore=store)
+                for name, type_name in (
+                    ("/carla/hero/lidar", "sensor_msgs/msg/PointCloud2"),
+                    ("/labels", "vision_msgs/msg/Detection3DArray"),
+                    ("/tf", "tf2_msgs/msg/TFMessage"),
+                )
+            }
+            for frame in range(3):
+                stamp_ns = START_NS + frame * STEP_NS
+                tf = messages.transforms(stamp_ns, [("map", "hero/lidar", se3_from_yaw([frame, 0, 2], 0))])
+                labels = messages.detections(stamp_ns, "map", CAR)
+                for delay, name, cdr in (
+                    (0, "/tf", serialise(tf, "tf2_msgs/msg/TFMessage")),
+                    (1, "/carla/hero/lidar", carla_cloud(cloud_of(frame), stamp_ns)),
+                    (2, "/labels", serialise(labels, "vision_msgs/msg/Detection3DArray")),
+                ):
+                    writer.write(connections[name], stamp_ns + delay * log_delay_ns, cdr)
+        return path
+
+    return record_foreign
+
+
+def carla_cloud(cloud: Cloud, stamp_ns: int) -> bytes:
+    """The cloud in CARLA's layout of 16 bytes a point, serialised by rosbags."""
+    PointField = message_class("sensor_msgs/msg/PointField")
+    points = np.stack([cloud[name] for name in ("x", "y", "z", "intensity")], axis=-1)
+    message = message_class("sensor_msgs/msg/PointCloud2")(
+        header=messages.header(stamp_ns, "hero/lidar"),
+        height=1,
+        width=len(cloud),
+        fields=[
+            PointField(name=name, offset=4 * place, datatype=7, count=1)
+            for place, name in enumerate(("x", "y", "z", "intensity"))
+        ],
+        is_bigendian=False,
+        point_step=16,
+        row_step=16 * len(cloud),
+        data=points.astype("<f4").view(np.uint8).ravel(),
+        is_dense=True,
+    )
+    return serialise(message, "sensor_msgs/msg/PointCloud2")

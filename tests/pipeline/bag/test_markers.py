@@ -1,0 +1,29 @@
+import numpy as np
+
+from advpipe.pipeline.bag.markers import markers
+from advpipe.pipeline.bag.types import serialise, typestore
+from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
+
+TYPE = "visualization_msgs/msg/MarkerArray"
+CUBE, ADD, DELETE_ALL = 1, 0, 3
+
+
+def test_cubes_after_a_clean_slate() -> None:
+    geometry = np.array([[1.0, 2, 3, 4, 5, 6, np.pi / 2]] * 4)
+    boxes = Boxes(geometry, np.arange(4), tuple("abcd"), np.zeros((4, 3)))
+    message = markers(5_000_000_001, "map", boxes)
+    back = typestore().deserialize_cdr(serialise(message, TYPE), TYPE)
+    clear, *cubes = back.markers
+    assert clear.action == DELETE_ALL
+    assert [(cube.type, cube.action, cube.ns) for cube in cubes] == [(CUBE, ADD, name) for name in CLASSES]
+    assert len({(cube.color.r, cube.color.g, cube.color.b) for cube in cubes}) == 4
+    first = cubes[0]
+    assert (first.header.frame_id, first.header.stamp.sec, first.header.stamp.nanosec) == ("map", 5, 1)
+    assert (first.pose.position.x, first.pose.position.y, first.pose.position.z) == (1, 2, 3)
+    assert (first.scale.x, first.scale.y, first.scale.z) == (4, 5, 6)
+    np.testing.assert_allclose([first.pose.orientation.z, first.pose.orientation.w], [0.5**0.5] * 2)
+
+
+def test_an_empty_scene_is_still_cleared() -> None:
+    (clear,) = markers(0, "map", Boxes()).markers
+    assert clear.action == DELETE_ALL
