@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from advpipe.pipeline.errors import AdvpipeError
@@ -28,41 +30,57 @@ class PartialFolder:
         self.final = final
         final.parent.mkdir(parents=True, exist_ok=True)
         self._prefix = f".{final.name}.partial-"
-        self._remove_leftovers()
-        self.path = Path(tempfile.mkdtemp(prefix=self._prefix, dir=final.parent))
-        self.path.chmod(0o755)  # mkdtemp's 0700 would hide the bag from everybody else
-        self._lock = (self.path / _LOCK_NAME).open("w")
-        if fcntl is not None:
-            fcntl.flock(self._lock, fcntl.LOCK_EX)
+        with _one_at_a_time(final.parent):
+            self._remove_leftovers()
+            self.path = Path(tempfile.mkdtemp(prefix=self._prefix, dir=final.parent))
+            self.path.chmod(0o755)  # mkdtemp's 0700 would hide the bag from everybody else
+            self._lock = (self.path / _LOCK_NAME).open("w")
+            if fcntl is not None:
+                fcntl.flock(self._lock, fcntl.LOCK_EX)
 
     def commit(self, may_replace: Callable[[Path], bool]) -> None:
         """Give the folder its final name; what lies there is replaced if `may_replace` says so."""
-        self._unlock()
-        if not self.final.exists():
+        with _one_at_a_time(self.final.parent):
+            if self.final.exists() and not may_replace(self.final):
+                raise AdvpipeError(f"{self.final} appeared meanwhile, not overwriting")
+            (self.path / _LOCK_NAME).unlink(missing_ok=True)
+            self._lock.close()
+            if not self.final.exists():
+                self.path.rename(self.final)
+                return
+            old = Path(tempfile.mkdtemp(prefix=self._prefix, dir=self.final.parent)) / "replaced"
+            self.final.rename(old)
             self.path.rename(self.final)
-            return
-        if not may_replace(self.final):
-            raise AdvpipeError(f"{self.final} appeared meanwhile, not overwriting")
-        old = Path(tempfile.mkdtemp(prefix=self._prefix, dir=self.final.parent)) / "replaced"
-        self.final.rename(old)
-        self.path.rename(self.final)
-        shutil.rmtree(old.parent, ignore_errors=True)
+            shutil.rmtree(old.parent, ignore_errors=True)
 
     def discard(self) -> None:
         self._lock.close()
         shutil.rmtree(self.path, ignore_errors=True)
 
-    def _unlock(self) -> None:
-        (self.path / _LOCK_NAME).unlink(missing_ok=True)
-        self._lock.close()
-
     def _remove_leftovers(self) -> None:
         if fcntl is None:
             return
-        for leftover in self.final.parent.glob(f"{self._prefix}*"):
+        for leftover in self.final.parent.iterdir():
+            if not leftover.name.startswith(self._prefix):
+                continue
             try:
                 with (leftover / _LOCK_NAME).open("w") as lock:
                     fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
                     shutil.rmtree(leftover, ignore_errors=True)
             except OSError:  # locked by a living run, or not ours to remove
                 continue
+
+
+@contextmanager
+def _one_at_a_time(parent: Path) -> Iterator[None]:
+    """Between two runs, making, naming and cleaning up folders under one parent never mix."""
+    if fcntl is None:
+        yield
+        return
+    descriptor = os.open(parent, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # some network file systems lock no folders
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)

@@ -70,9 +70,13 @@ class BagWriter:
         self._refuse_existing()
         with self._disk_errors():
             self._folder = PartialFolder(self.path)
-            self._file: IO[bytes] = (self._folder.path / self._file_name).open("wb")
-            self._mcap = Writer(self._file, compression=self._compression, enable_data_crcs=True)
-            self._mcap.start(profile="ros2", library="advpipe")
+            try:
+                self._file: IO[bytes] = (self._folder.path / self._file_name).open("wb")
+                self._mcap = Writer(self._file, compression=self._compression, enable_data_crcs=True)
+                self._mcap.start(profile="ros2", library="advpipe")
+            except BaseException:
+                self._folder.discard()
+                raise
         return self
 
     def __exit__(
