@@ -13,6 +13,19 @@ def _norm_relu(channels: int) -> list[nn.Module]:
     return [nn.BatchNorm2d(channels, eps=1e-3, momentum=0.05), nn.ReLU(inplace=True)]
 
 
+class Upsample(nn.ConvTranspose2d):
+    """A transposed convolution whose kernel is its stride, as a matrix product: faster on a CPU."""
+
+    def forward(self, input: Tensor, output_size: list[int] | None = None) -> Tensor:
+        batch, channels, height, width = input.shape
+        k, out = self.kernel_size[0], self.out_channels
+        weight = self.weight.permute(0, 2, 3, 1).reshape(channels, k * k * out)
+        cells = (input.permute(0, 2, 3, 1) @ weight).view(batch, height, width, k, k, out)
+        # (B, H, W, k, k, C) to (B, C, H k, W k), channels last in memory.
+        fine = cells.permute(0, 1, 3, 2, 4, 5).reshape(batch, height * k, width * k, out)
+        return fine.permute(0, 3, 1, 2)
+
+
 class Backbone2d(nn.Module):
     """Each block halves the map or keeps it; all of them, brought to one scale, side by side."""
 
@@ -32,7 +45,7 @@ class Backbone2d(nn.Module):
             block += _norm_relu(channels)
             for _ in range(layers):
                 block += [nn.Conv2d(channels, channels, 3, padding=1, bias=False), *_norm_relu(channels)]
-            up = nn.ConvTranspose2d(channels, up_channels, up_stride, up_stride, bias=False)
+            up = Upsample(channels, up_channels, up_stride, up_stride, bias=False)
             self.blocks.append(nn.Sequential(*block))
             self.ups.append(nn.Sequential(up, *_norm_relu(up_channels)))
             c_in = channels
