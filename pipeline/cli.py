@@ -7,8 +7,27 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer.core import TyperGroup
+
+
+class _OneLineErrors(TyperGroup):
+    """A user's mistake becomes one line and a non-zero exit code."""
+
+    def invoke(self, ctx: typer.Context) -> object:  # type: ignore[override]
+        from advpipe.pipeline.errors import AdvpipeError
+
+        try:
+            return super().invoke(ctx)
+        except AdvpipeError as error:
+            print(f"advpipe: {' '.join(str(error).split())}", file=sys.stderr)
+            raise typer.Exit(error.exit_code) from None
+        except KeyboardInterrupt:
+            print("advpipe: interrupted", file=sys.stderr)
+            raise typer.Exit(130) from None
+
 
 app = typer.Typer(
+    cls=_OneLineErrors,
     name="advpipe",
     help="Adversarial attacks on autonomous vehicles: simulate a drive, attack it, measure the damage.",
     no_args_is_help=True,
@@ -125,13 +144,14 @@ def train(
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the checkpoint, log and plot.")],
     preset: Annotated[str, typer.Option(help="Size of the SECOND detector.")] = "small",
     steps: Annotated[int, typer.Option(min=1, help="Optimiser steps, two frames each.")] = 3000,
-    validate: Annotated[list[Path] | None, typer.Option("--validate", help="Held-out bag.")] = None,
+    validate: Annotated[Path | None, typer.Option("--validate", help="A held-out bag to score.")] = None,
+    bf16: Annotated[bool, typer.Option("--bf16", help="Half the time where the processor has it.")] = False,
     seed: Annotated[int, typer.Option(help="Seed of weights, order and augmentation.")] = 0,
     overwrite: Overwrite = False,
 ) -> None:
     """Train a SECOND detector on clean bags; goes on where an interrupted run stopped."""
     from advpipe.pipeline.bag.locate import resolve_bag
-    from advpipe.stages.train.run import TrainConfig
+    from advpipe.stages.train.config import TrainConfig
     from advpipe.stages.train.run import train as run
 
     config = TrainConfig(
@@ -139,7 +159,8 @@ def train(
         out=out,
         preset=preset,
         steps=steps,
-        validation=tuple(resolve_bag(bag) for bag in validate or ()),
+        validation=resolve_bag(validate) if validate else None,
+        bf16=bf16,
         seed=seed,
     )
     print(run(config, overwrite=overwrite))
@@ -177,19 +198,5 @@ def options(
     pass
 
 
-def main() -> None:
-    """Runs the command line; a user's mistake becomes one line and a non-zero exit code."""
-    from advpipe.pipeline.errors import AdvpipeError
-
-    try:
-        app()
-    except AdvpipeError as error:
-        print(f"advpipe: {' '.join(str(error).split())}", file=sys.stderr)
-        sys.exit(error.exit_code)
-    except KeyboardInterrupt:
-        print("advpipe: interrupted", file=sys.stderr)
-        sys.exit(130)
-
-
 if __name__ == "__main__":
-    main()
+    app()

@@ -74,7 +74,7 @@ def _find(name_or_path: str) -> Path:
         return path
     if path.is_dir():
         raise AdvpipeError(f"{path} is a folder; give a scenario file")
-    hint = _nearest(name_or_path, list(shipped))
+    hint = _nearest(name_or_path, list(shipped), otherwise="")
     raise AdvpipeError(f"no scenario {name_or_path!r}: neither a file nor one of {', '.join(shipped)}{hint}")
 
 
@@ -151,9 +151,11 @@ def _keys_at(place: tuple[str, ...]) -> list[str]:
     return list(model.model_fields)
 
 
-def _nearest(word: str, known: list[str]) -> str:
+def _nearest(word: str, known: list[str], otherwise: str | None = None) -> str:
     close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
-    return f"; did you mean {close[0]!r}?" if close else (f"; known: {', '.join(known)}" if known else "")
+    if close:
+        return f"; did you mean {close[0]!r}?"
+    return f"; known: {', '.join(known)}" if otherwise is None else otherwise
 
 
 def _lines(path: Path) -> dict[tuple[str, ...], int]:
