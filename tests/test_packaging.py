@@ -1,0 +1,63 @@
+"""The wheel holds every sub-package and all data; the layers import downward only."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """Names of the files in a wheel built from a copy of the tracked tree."""
+    folder = tmp_path_factory.mktemp("wheel")
+    command = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(ROOT)]
+    subprocess.run(command, check=True, capture_output=True)
+    (path,) = folder.glob("*.whl")
+    return zipfile.ZipFile(path).namelist()
+
+
+def test_every_module_is_in_the_wheel(wheel: list[str]) -> None:
+    for top in ("pipeline", "stages"):
+        for module in (ROOT / top).rglob("*.py"):
+            assert f"advpipe/{module.relative_to(ROOT)}" in wheel
+
+
+def test_data_is_in_the_wheel(wheel: list[str]) -> None:
+    expected = [
+        *(ROOT / "scenarios").glob("*.yaml"),
+        *(ROOT / "scenarios" / "networks").glob("*.xml"),
+        *(ROOT / "pipeline" / "bag" / "msgs").rglob("*.msg"),
+        *(ROOT / "pipeline" / "detector" / "second" / "checkpoints").glob("*.safetensors"),
+        *(ROOT / "pipeline" / "detector" / "second" / "checkpoints").glob("*.md"),
+        *(ROOT / "stages" / "evaluate" / "report").glob("*.html"),
+    ]
+    assert len(expected) > 8
+    for path in expected:
+        assert f"advpipe/{path.relative_to(ROOT)}" in wheel
+
+
+def imported(path: Path) -> set[str]:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    names = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    return names | {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module}
+
+
+def test_the_pipeline_imports_no_stage() -> None:
+    for path in (ROOT / "pipeline").rglob("*.py"):
+        if path.name != "cli.py":
+            assert not [name for name in imported(path) if name.startswith("advpipe.stages")], path
+
+
+def test_no_stage_imports_another() -> None:
+    for path in (ROOT / "stages").rglob("*.py"):
+        own = path.relative_to(ROOT / "stages").parts[0]
+        for name in imported(path):
+            if name.startswith("advpipe.stages."):
+                assert name.split(".")[2] == own, path
