@@ -1,0 +1,71 @@
+"""One frame in figures: a row of `results.parquet`."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult
+from advpipe.stages.evaluate.detection.scoring import Truth, false_positives, found_objects, new_boxes
+
+Bool = npt.NDArray[np.bool_]
+
+COUNTS = (
+    "points",
+    "points_removed",
+    "points_added",
+    "points_moved",
+    "max_displacement_m",
+    "chamfer_distance_m2",
+    "objects_below_min_points",
+    "found_objects",
+    "false_positives",
+    "lost_objects",
+    "new_false_positives",
+)
+"""What is counted of each cloud of a frame, the clean one too."""
+
+
+def lost_objects(truth: Truth, clean: CloudResult, cloud: CloudResult, min_score: float) -> Bool:
+    """Which objects (M,) the detector finds on the clean cloud and misses on the other one."""
+    return found_objects(truth, clean.matches, min_score) & ~found_objects(truth, cloud.matches, min_score)
+
+
+def new_false_positives(clean: CloudResult, cloud: CloudResult, min_score: float) -> Bool:
+    """Which detections (K,) on a cloud find nothing and overlap no detection on the clean one."""
+    wrong = false_positives(cloud.detections, cloud.matches, min_score)
+    new = new_boxes(cloud.detections, clean.detections, min_score)
+    return wrong & new
+
+
+def frame_row(frame: FrameResult, min_score: float) -> dict[str, int | float | None]:
+    """Index, stamp, number of evaluated objects, and `COUNTS` of each cloud, such as `points_adv`.
+
+    min_score: detections with a lower score are not counted.
+    """
+    row: dict[str, int | float | None] = {
+        "frame": frame.index,
+        "stamp_ns": frame.stamp_ns,
+        "objects": int(frame.truth.is_evaluated.sum()),
+    }
+    clouds = frame.clouds()
+    for word in ("clean", "adv", "baseline"):
+        counts = _counts(frame, clouds[word], min_score) if word in clouds else dict.fromkeys(COUNTS)
+        row |= {f"{name}_{word}": counts[name] for name in COUNTS}
+    return row
+
+
+def _counts(frame: FrameResult, cloud: CloudResult, min_score: float) -> dict[str, int | float | None]:
+    return {
+        "points": cloud.points,
+        "points_removed": cloud.points_removed,
+        "points_added": cloud.points_added,
+        "points_moved": cloud.points_moved,
+        "max_displacement_m": cloud.max_displacement_m,
+        "chamfer_distance_m2": cloud.chamfer_distance_m2,
+        "objects_below_min_points": cloud.objects_below_min_points,
+        "found_objects": int(found_objects(frame.truth, cloud.matches, min_score).sum()),
+        "false_positives": int(false_positives(cloud.detections, cloud.matches, min_score).sum()),
+        "lost_objects": int(lost_objects(frame.truth, frame.clean, cloud, min_score).sum()),
+        "new_false_positives": int(new_false_positives(frame.clean, cloud, min_score).sum()),
+    }

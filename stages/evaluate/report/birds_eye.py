@@ -1,0 +1,212 @@
+"""Bird's-eye pictures: a frame before and after the attack, and a lost object from near.
+
+Forward is up. Truth in blue and predictions in red, as in the paper's figures; lost objects are
+marked in orange.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from advpipe.pipeline.bag.cloud import Cloud, xyz
+from advpipe.pipeline.geometry.boxes import box_corners
+from advpipe.stages.evaluate.report.scene import Scene, View, crop
+
+Float64 = npt.NDArray[np.float64]
+Limits = tuple[float, float, float, float]
+
+TRUTH, PREDICTION, LOST = "#1d5fd1", "#d61f26", "#f08c00"
+REMOVED, ADDED, MOVED = "#f08c00", "#c2189b", "#7a3ff2"
+INK = "#1b2430"
+HEIGHTS = LinearSegmentedColormap.from_list("heights", ["#c3cad3", "#8d98a6", "#4a5766", "#141b24"])
+
+ZOOM_M = 12.0
+"""Side of the picture of one object."""
+
+SMALL_M2 = 4.0
+WIDTH_IN, HEAD_IN, FOOT_IN = 15.0, 0.85, 0.55
+
+
+def draw_scene(scene: Scene) -> Figure:
+    """A frame as a figure: before, after, and beside them one lost object from near."""
+    evaluated = scene.truth.boxes.geometry[scene.truth.is_evaluated]
+    limits = crop([evaluated], margin_m=8.0, least_m=50.0)
+    focus = _focus(scene)
+    views = [("Clean", scene.before)] + ([("After the attack", scene.after)] if scene.after else [])
+    widths = [1.0] * len(views) + ([0.58] if focus is not None else [])
+    # The height that leaves no empty margin around panels of equal scale.
+    panel = (WIDTH_IN - 0.3) / sum(widths)
+    height = float(np.clip(panel * (limits[1] - limits[0]) / (limits[3] - limits[2]), 6.0, 10.0))
+    figure = Figure(figsize=(WIDTH_IN, height + HEAD_IN + FOOT_IN), dpi=110, facecolor="white")
+    total = height + HEAD_IN + FOOT_IN
+    grid = figure.add_gridspec(
+        2, len(widths), width_ratios=widths, left=0.01, right=0.99, top=1 - HEAD_IN / total,
+        bottom=FOOT_IN / total, wspace=0.03, hspace=0.1,
+    )  # fmt: skip
+    for column, (label, view) in enumerate(views):
+        axes = figure.add_subplot(grid[:, column])
+        _draw_view(axes, scene, view, limits, point_area=0.5)
+        axes.set_title(f"{label}   {len(view.cloud):,} points", loc="left", fontsize=11, color=INK, pad=6)
+        if focus is not None:
+            _draw_frame_of(axes, focus)
+    for row, (label, view) in enumerate(views if focus is not None else []):
+        axes = figure.add_subplot(grid[row, -1])
+        _draw_view(axes, scene, view, focus or limits, point_area=5.0, rings=False)
+        axes.set_title(f"{label}, from near", loc="left", fontsize=11, color=INK, pad=6)
+    figure.text(0.012, 1 - 0.18 / total, scene.title, va="top", fontsize=14, fontweight="bold", color=INK)
+    figure.legend(
+        handles=_legend(scene), loc="lower center", ncols=7, frameon=False, fontsize=10, labelcolor=INK,
+        bbox_to_anchor=(0.5, 0.002),
+    )  # fmt: skip
+    return figure
+
+
+def _focus(scene: Scene) -> Limits | None:
+    """The surroundings of the lost object that is best seen: of large ones, the nearest."""
+    lost = scene.truth.boxes.geometry[scene.lost]
+    if not len(lost):
+        return None
+    is_small = lost[:, 3] * lost[:, 4] < SMALL_M2
+    x, y = lost[np.lexsort((np.hypot(lost[:, 0], lost[:, 1]), is_small))[0], :2]
+    return x - ZOOM_M / 2, x + ZOOM_M / 2, y - ZOOM_M / 2, y + ZOOM_M / 2
+
+
+def _draw_view(
+    axes: Axes, scene: Scene, view: View, limits: Limits, point_area: float, rings: bool = True
+) -> None:
+    axes.set_aspect("equal")
+    axes.set_xlim(limits[3], limits[2])  # y points left
+    axes.set_ylim(limits[0], limits[1])
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for spine in axes.spines.values():
+        spine.set_color("#c9d1da")
+    if rings:
+        _draw_rings(axes, limits)
+    _draw_points(axes, view.cloud, limits, point_area)
+    _draw_changes(axes, scene, view, point_area)
+    boxes, evaluated = scene.truth.boxes.geometry, scene.truth.is_evaluated
+    line = 1.2 if rings else 2.0
+    _draw_boxes(axes, boxes[~evaluated], TRUTH, line * 0.7, linestyle="dotted", alpha=0.7)
+    _draw_boxes(axes, boxes[evaluated], TRUTH, line * 1.8)  # wider, so that it shows beside a prediction
+    _draw_boxes(axes, view.predictions, PREDICTION, line)
+    # A lost object is one of the attacked cloud; on a clean bag alone, one that is missed.
+    if scene.after is None or view is scene.after:
+        _draw_boxes(axes, boxes[scene.lost], LOST, line * 1.5, linestyle="dashed", grow_m=0.7, heading=False)
+
+
+def _draw_points(axes: Axes, cloud: Cloud, limits: Limits, area: float) -> None:
+    points = xyz(cloud)
+    x, y = points[:, 0], points[:, 1]
+    points = points[(x > limits[0]) & (x < limits[1]) & (y > limits[2]) & (y < limits[3])]
+    if not len(points):
+        return
+    ground_m = float(np.quantile(points[:, 2], 0.05))
+    points = points[np.argsort(points[:, 2], kind="stable")]  # high ones on top
+    axes.scatter(
+        points[:, 1], points[:, 0], s=area, c=points[:, 2], cmap=HEIGHTS, vmin=ground_m, vmax=ground_m + 2.2,
+        linewidths=0, rasterized=True, zorder=2,
+    )  # fmt: skip
+
+
+def _draw_changes(axes: Axes, scene: Scene, view: View, area: float) -> None:
+    """Removed points where they were, added and moved ones where they are."""
+    if scene.change is None or scene.after is None:
+        return
+    removed = xyz(scene.before.cloud[scene.change.removed])
+    if view is scene.before:
+        axes.scatter(removed[:, 1], removed[:, 0], color=REMOVED, s=area * 4.5, linewidths=0, zorder=3)
+        return
+    axes.scatter(
+        removed[:, 1], removed[:, 0], s=area * 5, facecolors="none", edgecolors=REMOVED,
+        linewidths=0.35, zorder=3, alpha=0.8,
+    )  # fmt: skip
+    for indices, colour in ((scene.change.added, ADDED), (scene.change.moved, MOVED)):
+        points = xyz(view.cloud[indices])
+        axes.scatter(points[:, 1], points[:, 0], color=colour, s=area * 4.5, linewidths=0, zorder=3)
+
+
+def _draw_boxes(
+    axes: Axes,
+    boxes: Float64,
+    colour: str,
+    width: float,
+    *,
+    linestyle: str = "solid",
+    alpha: float = 1.0,
+    grow_m: float = 0.0,
+    heading: bool = True,
+) -> None:
+    """Outlines with a short line out of the front."""
+    if not len(boxes):
+        return
+    grown = boxes.copy()
+    grown[:, 3:5] += 2 * grow_m
+    corners = box_corners(grown)[:, :4, :2]
+    lines = [np.append(c, c[:1], axis=0)[:, ::-1] for c in corners]
+    if heading:
+        front = (corners[:, 0] + corners[:, 3]) / 2
+        tip = front + 0.35 * (front - grown[:, :2])
+        lines += [np.stack([a, b])[:, ::-1] for a, b in zip(front, tip, strict=True)]
+    axes.add_collection(
+        LineCollection(lines, colors=colour, linewidths=width, linestyles=linestyle, alpha=alpha, zorder=4)
+    )
+
+
+def _draw_rings(axes: Axes, limits: Limits) -> None:
+    """Circles every 20 m around the sensor, and the sensor as an arrow."""
+    angle = np.linspace(0, 2 * np.pi, 361)
+    farthest = np.hypot(max(abs(limits[0]), abs(limits[1])), max(abs(limits[2]), abs(limits[3])))
+    for radius in range(20, int(farthest) + 1, 20):
+        axes.plot(
+            radius * np.sin(angle), radius * np.cos(angle), color="#dbe1e8", linewidth=0.8, zorder=1,
+            scalex=False, scaley=False,
+        )  # fmt: skip
+        if limits[0] < radius < limits[1] - 1:
+            axes.text(
+                0, radius, f"{radius} m", fontsize=8, color="#7b8794", ha="center", va="center", zorder=5,
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.85},
+            )  # fmt: skip
+    axes.fill([0.0, 1.1, 0.0, -1.1], [2.4, -1.6, -0.7, -1.6], color=INK, zorder=6)
+
+
+def _draw_frame_of(axes: Axes, limits: Limits) -> None:
+    x_min, x_max, y_min, y_max = limits
+    axes.plot(
+        [y_min, y_max, y_max, y_min, y_min], [x_min, x_min, x_max, x_max, x_min], color=INK, linewidth=0.9,
+        zorder=5, scalex=False, scaley=False,
+    )  # fmt: skip
+
+
+def _legend(scene: Scene) -> list[Line2D]:
+    """An entry for each thing in the picture."""
+
+    def dot(colour: str, text: str) -> Line2D:
+        return Line2D([], [], linestyle="none", marker="o", markersize=5, color=colour, label=text)
+
+    entries = [
+        Line2D([], [], color=TRUTH, linewidth=2, label="truth"),
+        Line2D([], [], color=PREDICTION, linewidth=2, label="prediction"),
+    ]
+    if not scene.truth.is_evaluated.all():
+        entries.insert(
+            1, Line2D([], [], color=TRUTH, linewidth=1, linestyle="dotted", label="truth, ignored")
+        )
+    if scene.lost.any():
+        word = "lost object" if scene.after else "missed object"
+        entries.append(Line2D([], [], color=LOST, linewidth=2, linestyle="dashed", label=word))
+    if scene.change:
+        for count, colour, word in (
+            (len(scene.change.removed), REMOVED, "removed"),
+            (len(scene.change.added), ADDED, "added"),
+            (len(scene.change.moved), MOVED, "moved"),
+        ):
+            if count:
+                entries.append(dot(colour, f"{count:,} points {word}"))
+    return entries

@@ -1,0 +1,59 @@
+"""The report as one HTML file that needs no other file and no network."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from jinja2 import Environment, StrictUndefined
+
+from advpipe.pipeline.geometry.boxes import CLASSES
+from advpipe.stages.evaluate.detection.summary import Row
+from advpipe.stages.evaluate.report.pictures import Picture
+from advpipe.stages.evaluate.report.report import Report
+from advpipe.stages.evaluate.report.scene import attack_title
+from advpipe.stages.evaluate.report.table import lines, number, remarks
+
+TEMPLATE = Path(__file__).with_name("template.html")
+
+
+def write_html(report: Report, pictures: Sequence[Picture], path: Path) -> None:
+    """Write report.html: table, pictures, precision by class, formulas and provenance."""
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    page = environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
+        title=report.provenance["clean"],
+        detector=report.provenance["detector"],
+        lines=lines(report),
+        remarks=remarks(report),
+        overview=[picture for picture in pictures if not picture.bag],
+        sections=[
+            {
+                "row": row,
+                "title": attack_title(row) if row["map_adv"] is not None else "Clean drive",
+                "pictures": [picture for picture in pictures if picture.bag == row["bag"]],
+                "precisions": precisions(row),
+            }
+            for row in report.rows
+        ],
+        formulas=report.formulas,
+        provenance=json.dumps(json.loads(report.to_json())["provenance"], indent=2, sort_keys=True),
+    )
+    path.write_text(page, encoding="utf-8")
+
+
+def precisions(row: Row) -> list[list[str]]:
+    """Average precision by class: class, boxes, then strict, loose and bird's-eye on each kind of cloud."""
+    table = []
+    for name in CLASSES:
+        if f"boxes_{name}" not in row:
+            continue
+        figures = [
+            number(row.get(f"{prefix}ap_{criterion}{name}_{word}"), 3)
+            for criterion in ("", "loose_", "bev_")
+            for prefix, word in (("", "clean"), ("", "adv"), ("baseline_", "adv"))
+        ]
+        table.append([name, number(row[f"boxes_{name}"], 0), *figures])
+    return table

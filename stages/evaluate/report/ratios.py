@@ -1,0 +1,53 @@
+"""The mAP ratio of each attack beside that of its random baseline, with their intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from advpipe.stages.evaluate.detection.summary import Row
+from advpipe.stages.evaluate.report.birds_eye import INK, PREDICTION
+from advpipe.stages.evaluate.report.scene import attack_title
+
+BASELINE = "#7b8794"
+
+
+def draw_ratios(rows: Sequence[Row]) -> Figure:
+    """One line an attack: red the attack, grey the same budget at random."""
+    figure = Figure(figsize=(11, 1.3 + 0.62 * len(rows)), dpi=110, facecolor="white", layout="constrained")
+    axes = figure.add_subplot()
+    axes.axvline(100, color="#c9d1da", linewidth=1, zorder=1)
+    for line, row in enumerate(rows):
+        _draw_ratio(axes, row, "baseline_", line + 0.17, BASELINE)
+        _draw_ratio(axes, row, "", line - 0.17, PREDICTION)
+    axes.set_yticks(range(len(rows)), [attack_title(row) for row in rows], color=INK)
+    axes.set_ylim(len(rows) - 0.45, -0.55)
+    axes.set_xlim(left=0)
+    axes.set_xlabel(
+        "mAP ratio in % of the clean mAP, with its 95 % interval: lower is a stronger attack", color=INK
+    )
+    axes.grid(axis="x", color="#eceff3", zorder=0)
+    axes.tick_params(length=0)
+    for side in ("top", "right", "left"):
+        axes.spines[side].set_visible(False)
+    for colour, word in ((PREDICTION, "attack"), (BASELINE, "random baseline of equal budget")):
+        axes.plot([], [], "o", color=colour, label=word)
+    axes.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, ncols=2, fontsize=9, labelcolor=INK
+    )
+    return figure
+
+
+def _draw_ratio(axes: Axes, row: Row, prefix: str, height: float, colour: str) -> None:
+    ratio, interval = row[f"{prefix}map_ratio_percent"], row[f"{prefix}map_ratio_ci95"]
+    if not isinstance(ratio, float) or ratio != ratio:
+        return
+    if isinstance(interval, tuple):
+        axes.plot(interval, [height, height], color=colour, linewidth=2, solid_capstyle="round", zorder=2)
+    axes.plot([ratio], [height], "o", color=colour, markersize=7, zorder=3)
+    axes.annotate(
+        f"{ratio:.1f} %", (ratio, height), xytext=(0, 6), textcoords="offset points", ha="center",
+        fontsize=8, color=colour,
+    )  # fmt: skip

@@ -1,0 +1,124 @@
+"""A frame as a bird's-eye picture needs it: clouds, boxes, and what the attack changed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.bag.cloud import Cloud
+from advpipe.pipeline.bag.frames import FrameSlice, read_frames
+from advpipe.stages.evaluate.detection.cloud_difference import CloudDifference, cloud_difference
+from advpipe.stages.evaluate.detection.comparison import FrameResult
+from advpipe.stages.evaluate.detection.frame_row import lost_objects
+from advpipe.stages.evaluate.detection.scoring import Truth, found_objects
+from advpipe.stages.evaluate.detection.summary import Summary
+
+Float64 = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+
+APART_NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class View:
+    """One cloud and the boxes (K, 7) that the detector sees in it."""
+
+    cloud: Cloud
+    predictions: Float64
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One frame before and after an attack; `after` and `change` are None for a clean bag alone.
+
+    lost: (M,) of the objects in `truth`; on a clean bag alone, those that are missed.
+    """
+
+    title: str
+    name: str
+    truth: Truth
+    lost: Bool
+    before: View
+    after: View | None
+    change: CloudDifference | None
+
+
+def choose_frames(summary: Summary, count: int) -> list[FrameResult]:
+    """The frames with most lost objects, at least 1 s apart, worst first."""
+    order = sorted(
+        summary.comparison.frames, key=lambda f: (-int(_lost(f, summary.min_score).sum()), f.index)
+    )
+    chosen: list[FrameResult] = []
+    for frame in order:
+        if len(chosen) < count and all(abs(frame.stamp_ns - c.stamp_ns) >= APART_NS for c in chosen):
+            chosen.append(frame)
+    return chosen
+
+
+def load_scenes(clean: Path, summary: Summary, count: int) -> list[Scene]:
+    """The chosen frames of a comparison, with their clouds read again."""
+    return [_load_scene(clean, summary, frame) for frame in choose_frames(summary, count)]
+
+
+def _load_scene(clean: Path, summary: Summary, frame: FrameResult) -> Scene:
+    bag, lost = summary.comparison.bag, _lost(frame, summary.min_score)
+    before = View(
+        _cloud(clean, frame.index),
+        _seen(frame.clean.detections.boxes, frame.clean.detections.scores, summary),
+    )
+    name = f"{summary.comparison.name}-{frame.index:06d}"
+    if bag is None or frame.adversarial is None:
+        title = (
+            f"frame {frame.index}: {int(lost.sum())} of {int(frame.truth.is_evaluated.sum())} objects missed"
+        )
+        return Scene(title, name, frame.truth, lost, before, None, None)
+    found = int(found_objects(frame.truth, frame.clean.matches, summary.min_score).sum())
+    seen = frame.adversarial.detections
+    after = View(_cloud(bag, frame.adversarial_index), _seen(seen.boxes, seen.scores, summary))
+    return Scene(
+        f"{attack_title(summary.row)}, frame {frame.index}: {int(lost.sum())} of {found} found objects lost",
+        name,
+        frame.truth,
+        lost,
+        before,
+        after,
+        cloud_difference(before.cloud, after.cloud),
+    )
+
+
+def attack_title(row: dict[str, object]) -> str:
+    """Such as `detach, recipe best, ratio 0.01`."""
+    words = [str(row["attack"])]
+    if row["recipe"]:
+        words.append(f"recipe {row['recipe']}")
+    if row["parameter"]:
+        words.append(f"{row['parameter']} {row['value']}")
+    return ", ".join(words)
+
+
+def _lost(frame: FrameResult, min_score: float) -> Bool:
+    if frame.adversarial is None:
+        return frame.truth.is_evaluated & ~found_objects(frame.truth, frame.clean.matches, min_score)
+    return lost_objects(frame.truth, frame.clean, frame.adversarial, min_score)
+
+
+def _seen(boxes: Float64, scores: Float64, summary: Summary) -> Float64:
+    return boxes[scores >= summary.min_score]
+
+
+def _cloud(bag: Path, index: int) -> Cloud:
+    frame = next(iter(read_frames(bag, FrameSlice(index, index + 1))))
+    return frame.cloud
+
+
+def crop(boxes: Sequence[Float64], margin_m: float, least_m: float) -> tuple[float, float, float, float]:
+    """Limits x_min, x_max, y_min, y_max around box centres and the sensor, at least `least_m` wide."""
+    centres = np.concatenate([np.zeros((1, 2)), *[b[:, :2] for b in boxes]])
+    low, high = centres.min(axis=0) - margin_m, centres.max(axis=0) + margin_m
+    middle, half = (low + high) / 2, np.maximum(high - low, least_m) / 2
+    (x_min, y_min), (x_max, y_max) = middle - half, middle + half
+    return float(x_min), float(x_max), float(y_min), float(y_max)
