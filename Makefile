@@ -1,4 +1,4 @@
-# Every target sets up what it needs: a fresh clone needs Python >= 3.10 with venv, and make.
+# Every target sets up what it needs; a fresh clone needs Python >= 3.10 with venv, and make.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -11,11 +11,13 @@ DEMO_FRAMES ?= ::10
 install: $(INSTALLED)
 
 $(INSTALLED): pyproject.toml constraints.txt
-	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 13))' || \
-		{ echo "advpipe needs Python 3.10 to 3.12 (open3d has no build for others); set PYTHON=python3.12"; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
+		{ echo "advpipe needs Python 3.10 or later; set PYTHON=python3.11, for instance"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || \
 		{ echo "cannot make a virtual environment; on Debian or Ubuntu: apt-get install python3-venv"; exit 1; }
 	$(BIN)/python -m pip install --quiet --upgrade --constraint constraints.txt --editable '.[dev]'
+	@$(BIN)/python -c 'import open3d' || \
+		{ echo "open3d does not import; from Python 3.13 on it needs: apt-get install libusb-1.0-0"; exit 1; }
 	@touch $@
 
 demo: $(INSTALLED)

@@ -14,7 +14,9 @@ class Geodesy:
 
     def __init__(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> None:
         self._altitude_m = altitude_m
-        projection = f"+proj=tmerc +lat_0={latitude_deg!r} +lon_0={longitude_deg!r} +k=1 +datum=WGS84 +units=m"
+        projection = (
+            f"+proj=tmerc +lat_0={latitude_deg!r} +lon_0={longitude_deg!r} +k=1 +datum=WGS84 +units=m"
+        )
         self._projection = pyproj.Proj(projection)
 
     def to_geographic(self, map_m: npt.ArrayLike) -> Float64:
