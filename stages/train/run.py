@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import signal
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass
 from math import cos, isfinite, pi
 from pathlib import Path
@@ -16,124 +15,130 @@ from types import FrameType
 
 import torch
 
-from advpipe.pipeline.bag.frames import read_frames
+from advpipe.pipeline.bag.frames import Frame, FrameSlice, count_frames, has_ground_truth, read_frames
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.provenance import parent_sha256
-from advpipe.pipeline.detector.second.checkpoint import save_checkpoint
+from advpipe.pipeline.detector.second.checkpoint import load_checkpoint, save_checkpoint
 from advpipe.pipeline.detector.second.model import SecondNet
 from advpipe.pipeline.detector.second.presets import preset_named
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
+from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.progress import track
 from advpipe.stages.train.config import TrainConfig
 from advpipe.stages.train.examples import Examples
-from advpipe.stages.train.frames import FrameStore, LabelledCloud
+from advpipe.stages.train.folder import RunFolder
+from advpipe.stages.train.frames import FrameStore
 from advpipe.stages.train.log import TrainLog, plot_losses
 from advpipe.stages.train.state import TrainState
+from advpipe.stages.train.validate import ClassPrecision, validate
 from advpipe.stages.train.workers import Gradients, gradients
 
 
 @dataclass(frozen=True)
 class TrainSummary:
-    """What a run made: the checkpoint, the log and the loss of the last step."""
+    """What a run made: the checkpoint, the log, and how good the detector is."""
 
     checkpoint: Path
     log: Path
     picture: Path
     steps: int
     frames: int
-    loss: float
-    average_precision: dict[str, float]
-    """Strict 3D AP R40 in percent on the validation bag, by class; empty without one."""
+    precision: dict[str, ClassPrecision]
+    """By class, on the validation bag; empty without one."""
 
 
 def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
     """Train a detector on the frames of the bags; an unfinished run with this configuration goes on.
 
-    The run's folder `config.out` gets detector.safetensors, config.json, train.csv, loss.png, and
-    while it runs state.pt, latest.safetensors and frames/ (the decoded frames). The result is the
-    same whether or not the run was interrupted, and for any number of worker processes.
+    The files of the run's folder: `RunFolder`. The checkpoint is the same whether or not the run was
+    interrupted, and for any number of worker processes.
     """
-    out, checkpoint = config.out, config.out / "detector.safetensors"
-    bags = [resolve_bag(bag) for bag in config.bags]
-    resume = open_run(config, overwrite)
-    store = store_frames(bags, config)
+    folder = RunFolder(config.out)
+    bags = [labelled_bag(bag) for bag in config.bags]
+    to_validate = validation_frames(config)
+    folder.open(config, overwrite)
+    digests = {bag: parent_sha256(bag) for bag in bags}
+    store = store_frames(digests, folder, config)
     examples = Examples(store, config)
     steps = config.steps or max(1, round(config.epochs * len(store) / config.batch_size))
     workers = min(config.batch_size, config.workers or os.cpu_count() or 1)
+    provenance = provenance_of(config, digests, len(store), steps)
 
     torch.manual_seed(config.seed)
     net = SecondNet(preset_named(config.preset)).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     state = TrainState.new(net, config.learning_rate, config.weight_decay)
-    if resume:
-        state.restore(out / "state.pt")
-    provenance = provenance_of(config, bags, len(store))
+    if folder.state.is_file():
+        state.restore(folder.state)
 
-    log, loss = TrainLog(out / "train.csv", state.step), float("nan")
-    with interrupts() as interrupted, gradients(net, examples, workers) as gradients_of:
+    with (
+        closing(TrainLog(folder.log, state.step)) as log,
+        interrupts() as interrupted,
+        gradients(net, examples, workers) as gradients_of,
+    ):
         for step in track(range(state.step, steps), "train", total=steps - state.step):
             rate = learning_rate(step, steps, config)
             parts, norm = train_step(state, gradients_of, rate, config.clip_norm)
-            loss = sum(parts)
-            log.add(step, rate, loss, *parts, norm)
-            if state.step % config.checkpoint_every == 0 or state.step == steps or interrupted.is_set():
-                state.save(out / "state.pt")
-                about = {**provenance, "steps": str(state.step)}
-                save_checkpoint(net, out / "latest.safetensors", about, overwrite=True)
+            log.add(step, rate, sum(parts), *parts, norm)
+            if state.step % config.checkpoint_every == 0 or interrupted.is_set():
+                state.save(folder.state)
+                about = {**provenance, "steps": f"{state.step} of {steps}"}
+                save_checkpoint(net, folder.latest, about, overwrite=True)
             if interrupted.is_set():
                 raise KeyboardInterrupt
-    log.close()
+    plot_losses(folder.log, folder.picture)
 
-    plot_losses(out / "train.csv", out / "loss.png")
-    os.replace(out / "latest.safetensors", checkpoint)
-    (out / "state.pt").unlink()
-    shutil.rmtree(out / "frames")
-    return TrainSummary(checkpoint, out / "train.csv", out / "loss.png", steps, len(store), loss, {})
-
-
-def open_run(config: TrainConfig, overwrite: bool) -> bool:
-    """Make the run's folder; whether it holds an unfinished run to go on with."""
-    out = config.out
-    wanted = json.dumps({**asdict(config), "workers": None}, default=str, indent=2, sort_keys=True) + "\n"
-    config_file = out / "config.json"
-    if overwrite and config_file.is_file():
-        for name in ("detector.safetensors", "latest.safetensors", "state.pt", "train.csv", "loss.png"):
-            (out / name).unlink(missing_ok=True)
-    elif (out / "detector.safetensors").exists():
-        raise OutputExistsError(out / "detector.safetensors")
-    elif config_file.is_file() and config_file.read_text() != wanted:
-        raise AdvpipeError(
-            f"{out} holds an unfinished run with another configuration; pass --overwrite or another folder"
-        )
-    elif out.exists() and not config_file.is_file() and any(out.iterdir()):
-        raise AdvpipeError(f"{out} is not empty and holds no training run; choose another folder")
-    out.mkdir(parents=True, exist_ok=True)
-    config_file.write_text(wanted)
-    return (out / "state.pt").is_file()
+    # What is validated is what is saved: weights in half precision.
+    state.save(folder.state)
+    save_checkpoint(net, folder.latest, provenance, overwrite=True)
+    trained = load_checkpoint(folder.latest)
+    precision = validate(trained, to_validate, config.min_points)
+    about = {**provenance, "validation": json.dumps({k: asdict(v) for k, v in precision.items()})}
+    save_checkpoint(trained.net, folder.checkpoint, about, overwrite=True)
+    folder.tidy()
+    return TrainSummary(folder.checkpoint, folder.log, folder.picture, steps, len(store), precision)
 
 
-def store_frames(bags: list[Path], config: TrainConfig) -> FrameStore:
+def labelled_bag(path: Path) -> Path:
+    """The bag that a path names; it has to hold ground truth."""
+    bag = resolve_bag(path)
+    if not has_ground_truth(bag):
+        raise AdvpipeError(f"{bag} holds no ground truth (vision_msgs/msg/Detection3DArray) to learn from")
+    return bag
+
+
+def store_frames(digests: dict[Path, str], folder: RunFolder, config: TrainConfig) -> FrameStore:
     """The frames of the bags, decoded once, as far out as a turned range can reach."""
     r = preset_named(config.preset).range_m
     radius_m = 1.1 * max(abs(r.x_min_m), r.x_max_m) * 2**0.5
 
-    def frames() -> Iterator[LabelledCloud]:
-        for bag in bags:
-            yield from track(read_frames(bag), f"read {bag.name}")
+    def frames() -> Iterator[Frame]:
+        for bag in digests:
+            yield from track(read_frames(bag), f"read {bag.name}", total=count_frames(bag))
 
-    key = [parent_sha256(bag) for bag in bags] + [radius_m]
-    return FrameStore.build(frames(), config.out / "frames", key, radius_m)
+    return FrameStore.build(frames(), folder.frames, [*digests.values(), radius_m], radius_m)
 
 
-def provenance_of(config: TrainConfig, bags: list[Path], frames: int) -> dict[str, str]:
+def validation_frames(config: TrainConfig) -> Iterator[Frame]:
+    """The chosen frames of the validation bag; none without one. A bad choice is refused at once."""
+    if config.validation is None:
+        return iter(())
+    bag, chosen = labelled_bag(config.validation), FrameSlice.parse(config.validation_frames)
+    count = len(chosen.indices(count_frames(bag)))
+    return track(read_frames(bag, chosen), "validate", total=count)
+
+
+def provenance_of(config: TrainConfig, digests: dict[Path, str], frames: int, steps: int) -> dict[str, str]:
     """What the checkpoint says about how it was trained."""
     return {
-        "bags": json.dumps([{"name": bag.name, "sha256": parent_sha256(bag)} for bag in bags]),
+        "bags_sha256": json.dumps(list(digests.values())),
         "frames": str(frames),
+        "steps": str(steps),
         "batch_size": str(config.batch_size),
         "learning_rate": str(config.learning_rate),
+        "weight_decay": str(config.weight_decay),
+        "bf16": str(config.bf16),
         "seed": str(config.seed),
-        "torch": torch.__version__,
         "augmentation": json.dumps(asdict(config.augmentation)),
+        "torch": torch.__version__,
     }
 
 

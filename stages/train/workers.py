@@ -10,7 +10,7 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from multiprocessing.connection import Connection
 from typing import Any, Protocol
 
@@ -104,43 +104,50 @@ def gradients(net: SecondNet, examples: Examples, workers: int) -> Iterator[Grad
         pipes: list[Connection] = []
         for worker in range(workers):
             mine, theirs = context.Pipe()
-            arguments = (net, examples, rows, range(worker, batch, workers), theirs)
+            share = range(worker, batch, workers)
+            arguments = (net, examples, rows, share, theirs, [*pipes, mine])
             process = context.Process(target=_work, args=arguments, daemon=True)
             process.start()
             theirs.close()
-            stack.callback(process.join, 5)
+            stack.callback(process.join)
             stack.callback(mine.close)
             pipes.append(mine)
 
         def elsewhere(step: int) -> Tensor:
-            for pipe in pipes:
-                pipe.send(step)
-            for pipe in pipes:
-                try:
-                    failure = pipe.recv()
-                except EOFError:
-                    failure = "it was killed; is there enough memory?"
-                if failure:
-                    raise AdvpipeError(f"a training process stopped at step {step}: {failure}")
+            try:
+                for pipe in pipes:
+                    pipe.send(step)
+                failures = [pipe.recv() for pipe in pipes]
+            except (EOFError, OSError):
+                failures = ["it was killed; is there enough memory?"]
+            for failure in filter(None, failures):
+                raise AdvpipeError(f"a training process stopped at step {step}: {failure}")
             return take(rows.mean(0), net)
 
         yield elsewhere
 
 
-def _work(net: SecondNet, examples: Examples, rows: Tensor, mine: range, pipe: Connection) -> None:
+def _work(
+    net: SecondNet,
+    examples: Examples,
+    rows: Tensor,
+    share: range,
+    pipe: Connection,
+    inherited: list[Connection],
+) -> None:
     """Answer each step that comes through the pipe, until it closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # The parent's ends have to be the parent's alone: else its death would close no pipe.
+    for connection in inherited:
+        connection.close()
     torch.set_num_threads(1)
     replica = Replica(net, examples)
-    while True:
-        try:
-            step = pipe.recv()
-        except EOFError:
-            return
-        try:
-            for b in mine:
-                rows[b] = replica.result(step * len(rows) + b)
-        except Exception as error:
-            pipe.send(f"{type(error).__name__}: {error}")
-            return
-        pipe.send(None)
+    with suppress(EOFError, OSError):  # the pipe closed: the run is over
+        while True:
+            step, failure = pipe.recv(), None
+            try:
+                for b in share:
+                    rows[b] = replica.result(step * len(rows) + b)
+            except Exception as error:
+                failure = f"{type(error).__name__}: {error}"
+            pipe.send(failure)

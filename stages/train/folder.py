@@ -1,0 +1,74 @@
+"""The folder of one training run: what lies where, and whether a run may start or go on in it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
+from advpipe.stages.train.config import TrainConfig
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """detector.safetensors, config.json, train.csv and loss.png; state.pt, latest.safetensors and
+    frames/ (decoded clouds) only while the run is not finished."""
+
+    path: Path
+
+    @property
+    def checkpoint(self) -> Path:
+        return self.path / "detector.safetensors"
+
+    @property
+    def config(self) -> Path:
+        return self.path / "config.json"
+
+    @property
+    def log(self) -> Path:
+        return self.path / "train.csv"
+
+    @property
+    def picture(self) -> Path:
+        return self.path / "loss.png"
+
+    @property
+    def state(self) -> Path:
+        return self.path / "state.pt"
+
+    @property
+    def latest(self) -> Path:
+        return self.path / "latest.safetensors"
+
+    @property
+    def frames(self) -> Path:
+        return self.path / "frames"
+
+    def open(self, config: TrainConfig, overwrite: bool) -> None:
+        """Make the folder, or accept the unfinished run of the same configuration in it."""
+        # The number of processes changes no result, so a run may go on with another.
+        wanted = json.dumps({**asdict(config), "workers": None}, default=str, indent=2, sort_keys=True) + "\n"
+        if self.path.exists() and not self.path.is_dir():
+            raise AdvpipeError(f"{self.path} is a file; name a folder for the training run")
+        if self.path.exists() and not self.config.is_file() and any(self.path.iterdir()):
+            raise AdvpipeError(f"{self.path} is not empty and holds no training run; choose another folder")
+        if overwrite:
+            for file in (self.checkpoint, self.latest, self.state, self.log, self.picture):
+                file.unlink(missing_ok=True)
+        elif self.checkpoint.exists():
+            raise OutputExistsError(self.checkpoint)
+        elif self.config.is_file() and self.config.read_text(encoding="utf-8") != wanted:
+            raise AdvpipeError(
+                f"{self.path} holds an unfinished run with another configuration; "
+                "pass --overwrite to start anew, or choose another folder"
+            )
+        self.path.mkdir(parents=True, exist_ok=True)
+        self.config.write_text(wanted, encoding="utf-8")
+
+    def tidy(self) -> None:
+        """Remove what only an unfinished run needs."""
+        self.state.unlink()
+        self.latest.unlink()
+        shutil.rmtree(self.frames)

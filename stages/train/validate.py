@@ -1,0 +1,57 @@
+"""How good a detector is on a drive it was not trained on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from advpipe.pipeline.bag.cloud import xyz
+from advpipe.pipeline.detector.protocol import Detector
+from advpipe.pipeline.geometry.boxes import CLASSES, count_points
+from advpipe.pipeline.metrics.average_precision import LOOSE_IOU, STRICT_IOU, average_precision, match_frame
+from advpipe.stages.train.frames import LabelledCloud
+
+
+@dataclass(frozen=True)
+class ClassPrecision:
+    """3D AP R40 of one class in percent, NaN without a box; `boxes` were there to find."""
+
+    boxes: int
+    strict_percent: float
+    loose_percent: float
+
+
+def validate(
+    detector: Detector, frames: Iterable[LabelledCloud], min_points: int
+) -> dict[str, ClassPrecision]:
+    """Average precision by class; boxes out of range or with too few points count neither way."""
+    truths, found = [], []
+    for frame in frames:
+        boxes = frame.boxes.geometry
+        evaluated = count_points(xyz(frame.cloud), boxes) >= min_points
+        truths.append((frame.boxes, evaluated & detector.range_m.contains_centres(boxes)))
+        found.append(detector.detect(frame.cloud))
+    precision = {}
+    for name in detector.classes:
+        label, own_label = CLASSES.index(name), detector.classes.index(name)
+
+        def percent(min_iou: float, label: int = label, own_label: int = own_label) -> float:
+            matches = []
+            for (truth, evaluated), detections in zip(truths, found, strict=True):
+                mine, theirs = truth.labels == label, detections.labels == own_label
+                matches.append(
+                    match_frame(
+                        truth.geometry[mine],
+                        evaluated[mine],
+                        detections.boxes[theirs],
+                        detections.scores[theirs],
+                        min_iou,
+                    )
+                )
+            return 100 * average_precision(matches)
+
+        count = int(sum(np.sum(evaluated & (truth.labels == label)) for truth, evaluated in truths))
+        precision[name] = ClassPrecision(count, percent(STRICT_IOU[name]), percent(LOOSE_IOU[name]))
+    return precision

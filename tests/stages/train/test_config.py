@@ -1,0 +1,26 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.stages.train.config import TrainConfig
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"bags": ()}, "at least one bag"),
+        ({"preset": "huge"}, "unknown detector preset 'huge'; known: small"),
+        ({"batch_size": 0}, "batch_size is 0"),
+        ({"epochs": -1.0}, "epochs is -1"),
+        ({"learning_rate": float("nan")}, "learning_rate is nan"),
+        ({"steps": 0}, "steps is 0"),
+        ({"warmup": 1.0}, "warmup is 1.0"),
+    ],
+)
+def test_values_that_make_no_sense(changes, message):
+    settings = {"bags": (Path("a"),), "out": Path("b"), **changes}
+    with pytest.raises(AdvpipeError, match=message):
+        TrainConfig(**settings)

@@ -1,0 +1,196 @@
+"""Training end to end on a real bag: it learns, goes on after a stop, and refuses bad input."""
+
+from __future__ import annotations
+
+import csv
+import multiprocessing
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from advpipe.pipeline.bag import messages
+from advpipe.pipeline.bag.cloud import POINT_DTYPE, cloud_to_cdr
+from advpipe.pipeline.bag.topics import VehicleTopics
+from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.detector.registry import load_detector
+from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
+from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.stages.train import run
+from advpipe.stages.train.config import Augmentation, TrainConfig
+
+
+def configured(drive: Path, out: Path, **changes: object) -> TrainConfig:
+    settings = {"steps": 4, "checkpoint_every": 100, "preset": "tiny", "workers": 1, **changes}
+    return TrainConfig(bags=(drive,), out=out, **settings)
+
+
+def test_it_learns_two_frames(record, tiny, tmp_path):
+    drive = record(tmp_path / "bag", frames=2, seed=1)
+    none = Augmentation.none()
+    config = configured(drive, tmp_path / "run", steps=90, augmentation=none, validation=drive)
+    summary = run.train(config)
+    assert summary.frames == 2
+    assert load_detector(str(summary.checkpoint)).provenance["steps"] == "90"
+    for precision in summary.precision.values():
+        assert precision.boxes == 2
+        assert precision.strict_percent == pytest.approx(100)
+    assert sorted(p.name for p in config.out.iterdir()) == [
+        "config.json",
+        "detector.safetensors",
+        "loss.png",
+        "train.csv",
+    ]
+    assert summary.picture.read_bytes().startswith(b"\x89PNG")
+
+
+def steps_of(log: Path) -> list[int]:
+    with log.open(newline="") as file:
+        return [int(row["step"]) for row in csv.DictReader(file)]
+
+
+def test_two_processes_and_an_interruption_change_no_byte(drive, tiny, tmp_path, monkeypatch):
+    whole = run.train(configured(drive, tmp_path / "whole"))
+
+    # Ctrl-C during the second step: that step is finished and saved.
+    step = run.train_step
+
+    def interrupted_step(state, *arguments):
+        if state.step == 1:
+            os.kill(os.getpid(), signal.SIGINT)
+        return step(state, *arguments)
+
+    config = configured(drive, tmp_path / "parts", workers=2)
+    with monkeypatch.context() as patch:
+        patch.setattr(run, "train_step", interrupted_step)
+        with pytest.raises(KeyboardInterrupt):
+            run.train(config)
+    assert not (config.out / "detector.safetensors").exists()
+    assert steps_of(config.out / "train.csv") == [0, 1]
+    resumed = run.train(config)
+    assert resumed.checkpoint.read_bytes() == whole.checkpoint.read_bytes()
+    assert resumed.log.read_bytes() == whole.log.read_bytes()
+    assert not multiprocessing.active_children()
+
+
+def test_a_killed_run_goes_on_from_its_last_state(drive, tiny, tmp_path, monkeypatch):
+    whole = run.train(configured(drive, tmp_path / "whole", checkpoint_every=2))
+    step = run.train_step
+
+    def dying_step(state, *arguments):
+        if state.step == 3:
+            raise MemoryError
+        return step(state, *arguments)
+
+    config = configured(drive, tmp_path / "parts", checkpoint_every=2)
+    with monkeypatch.context() as patch:
+        patch.setattr(run, "train_step", dying_step)
+        with pytest.raises(MemoryError):
+            run.train(config)
+    assert steps_of(config.out / "train.csv") == [0, 1, 2]
+    resumed = run.train(config)
+    assert steps_of(resumed.log) == [0, 1, 2, 3]
+    assert resumed.checkpoint.read_bytes() == whole.checkpoint.read_bytes()
+
+
+def test_another_seed_gives_other_weights(drive, tiny, tmp_path):
+    a, b = (run.train(configured(drive, tmp_path / str(s), seed=s, steps=1)) for s in (0, 1))
+    assert a.checkpoint.read_bytes() != b.checkpoint.read_bytes()
+
+
+def test_nothing_is_overwritten_unasked(drive, tiny, tmp_path):
+    config = configured(drive, tmp_path / "run", steps=1)
+    first = run.train(config).checkpoint.read_bytes()
+    with pytest.raises(OutputExistsError):
+        run.train(config)
+    assert run.train(config, overwrite=True).checkpoint.read_bytes() == first
+
+
+def test_folders_that_hold_something_else(drive, tiny, tmp_path):
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "a.jpg").touch()
+    with pytest.raises(AdvpipeError, match="holds no training run"):
+        run.train(configured(drive, tmp_path / "photos"), overwrite=True)
+    with pytest.raises(AdvpipeError, match="is a file"):
+        run.train(configured(drive, tmp_path / "photos" / "a.jpg"))
+
+
+def unfinished(config: TrainConfig, monkeypatch) -> None:
+    def stop(*_):
+        raise MemoryError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(run, "train_step", stop)
+        with pytest.raises(MemoryError):
+            run.train(config)
+
+
+def test_an_unfinished_run_goes_on_only_with_its_own_configuration(drive, tiny, tmp_path, monkeypatch):
+    unfinished(configured(drive, tmp_path / "run"), monkeypatch)
+    with pytest.raises(AdvpipeError, match="another configuration"):
+        run.train(configured(drive, tmp_path / "run", seed=3))
+    run.train(configured(drive, tmp_path / "run", seed=3, steps=1), overwrite=True)
+
+
+def test_a_damaged_state_is_named(drive, tiny, tmp_path, monkeypatch):
+    config = configured(drive, tmp_path / "run")
+    unfinished(config, monkeypatch)
+    (config.out / "state.pt").write_bytes(b"no state")
+    with pytest.raises(AdvpipeError, match="cannot go on from"):
+        run.train(config)
+
+
+def test_a_loss_that_is_not_finite_stops_the_run(drive, tiny, tmp_path, monkeypatch):
+    def explode(net, *_):
+        def gradients_of(step):
+            for parameter in net.parameters():
+                parameter.grad = torch.full_like(parameter, float("nan"))
+            return torch.full((3,), float("nan"))
+
+        class Context:
+            def __enter__(self):
+                return gradients_of
+
+            def __exit__(self, *_):
+                return None
+
+        return Context()
+
+    monkeypatch.setattr(run, "gradients", explode)
+    with pytest.raises(AdvpipeError, match="not finite at step 0"):
+        run.train(configured(drive, tmp_path / "run"))
+
+
+def test_bags_without_ground_truth_or_clouds(tiny, tmp_path):
+    ego = VehicleTopics("ego")
+    with BagWriter(tmp_path / "bare", provenance={}) as bag:
+        bag.write_cdr(ego.lidar_points, cloud_to_cdr(np.zeros(3, POINT_DTYPE), 0, ego.lidar_frame), 0)
+    with pytest.raises(AdvpipeError, match="no ground truth"):
+        run.train(configured(tmp_path / "bare", tmp_path / "run"))
+    with BagWriter(tmp_path / "blind", provenance={}) as bag:
+        bag.write(ego.objects, messages.detections(0, ego.lidar_frame, Boxes()), 0)
+    with pytest.raises(AdvpipeError, match="no LiDAR clouds"):
+        run.train(configured(tmp_path / "blind", tmp_path / "run"))
+    with pytest.raises(AdvpipeError, match="does not exist"):
+        run.train(configured(tmp_path / "missing", tmp_path / "run"))
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_failing_process_is_reported_in_one_line(drive, tiny, tmp_path, monkeypatch):
+    from advpipe.stages.train.examples import Examples
+
+    def broken(self, place):
+        raise ValueError("no such frame")
+
+    monkeypatch.setattr(Examples, "__getitem__", broken)
+    with pytest.raises(AdvpipeError, match="stopped at step 0: ValueError: no such frame"):
+        run.train(configured(drive, tmp_path / "run", workers=2))
+
+
+def test_learning_rate_warms_up_and_fades():
+    config = TrainConfig(bags=(Path("a"),), out=Path("b"), learning_rate=1.0, warmup=0.1)
+    rates = [run.learning_rate(step, 100, config) for step in (0, 5, 10, 55, 99)]
+    assert rates == pytest.approx([0.1, 0.55, 1.0, 0.5005, 0.0013], abs=1e-3)
