@@ -40,5 +40,8 @@ format: $(INSTALLED)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
+checkpoint: $(INSTALLED)
+	benchmarks/train_small.sh
+
 clean:
 	rm -rf $(VENV) build dist *.egg-info
