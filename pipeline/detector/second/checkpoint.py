@@ -9,7 +9,7 @@ from pathlib import Path
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import preset_named
@@ -43,7 +43,7 @@ def save_checkpoint(
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f".{path.name}.part")
     # A single metadata key: safetensors does not fix the order of several.
-    save_file(tensors, beside, metadata={"advpipe": json.dumps(about)})
+    beside.write_bytes(save(tensors, metadata={"advpipe": json.dumps(about)}))
     os.replace(beside, path)
 
 
