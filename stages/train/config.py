@@ -39,6 +39,7 @@ class TrainConfig:
 
     bags: clean bags (dataset folders, rosbag2 folders or .mcap files). out: the run's folder.
     epochs: passes over the frames; steps, when given, overrides it. checkpoint_every: steps.
+    start: a checkpoint of the same preset whose weights the run starts from.
     workers: processes, by default one a core; the result does not depend on it.
     validation: a bag of another drive, for the average precision at the end.
     """
@@ -46,6 +47,7 @@ class TrainConfig:
     bags: tuple[Path, ...]
     out: Path
     preset: str = "small"
+    start: Path | None = None
     epochs: float = 8.0
     steps: int | None = None
     batch_size: int = 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import signal
@@ -55,6 +56,8 @@ def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
     folder = RunFolder(config.out)
     bags = [labelled_bag(bag) for bag in config.bags]
     to_validate = validation_frames(config)
+    torch.manual_seed(config.seed)
+    net = new_net(config)
     folder.open(config, overwrite)
     digests = {bag: parent_sha256(bag) for bag in bags}
     store = store_frames(digests, folder, config)
@@ -63,8 +66,6 @@ def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
     workers = min(config.batch_size, config.workers or os.cpu_count() or 1)
     provenance = provenance_of(config, digests, len(store), steps)
 
-    torch.manual_seed(config.seed)
-    net = SecondNet(preset_named(config.preset)).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     state = TrainState.new(net, config.learning_rate, config.weight_decay)
     if folder.state.is_file():
         state.restore(folder.state)
@@ -105,6 +106,18 @@ def labelled_bag(path: Path) -> Path:
     return bag
 
 
+def new_net(config: TrainConfig) -> SecondNet:
+    """The network before the first step: random weights, or those of the checkpoint to start from."""
+    net = SecondNet(preset_named(config.preset))
+    if config.start is not None:
+        start = load_checkpoint(config.start)
+        if start.preset != net.preset:
+            raise AdvpipeError(f"{config.start} holds preset {start.preset.name!r}, not {config.preset!r}")
+        net.load_state_dict(start.net.state_dict())
+    channels_last: SecondNet = net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    return channels_last
+
+
 def store_frames(digests: dict[Path, str], folder: RunFolder, config: TrainConfig) -> FrameStore:
     """The frames of the bags, decoded once, as far out as a turned range can reach."""
     r = preset_named(config.preset).range_m
@@ -137,9 +150,14 @@ def provenance_of(config: TrainConfig, digests: dict[Path, str], frames: int, st
         "weight_decay": str(config.weight_decay),
         "bf16": str(config.bf16),
         "seed": str(config.seed),
+        "start": file_sha256(config.start) if config.start else "",
         "augmentation": json.dumps(asdict(config.augmentation)),
         "torch": torch.__version__,
     }
+
+
+def file_sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def learning_rate(step: int, steps: int, config: TrainConfig) -> float:

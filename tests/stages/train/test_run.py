@@ -101,6 +101,17 @@ def test_another_seed_gives_other_weights(drive, tiny, tmp_path):
     assert a.checkpoint.read_bytes() != b.checkpoint.read_bytes()
 
 
+def test_a_run_may_start_from_a_checkpoint(drive, tiny, tmp_path):
+    first = run.train(configured(drive, tmp_path / "first", steps=1)).checkpoint
+    begun = run.new_net(configured(drive, tmp_path / "second", start=first)).state_dict()
+    for name, value in load_detector(str(first)).net.state_dict().items():
+        assert torch.equal(begun[name], value)
+    second = run.train(configured(drive, tmp_path / "second", steps=1, start=first)).checkpoint
+    assert len(load_detector(str(second)).provenance["start"]) == 64
+    with pytest.raises(AdvpipeError, match="no detector checkpoint at"):
+        run.train(configured(drive, tmp_path / "third", start=tmp_path / "none.safetensors"))
+
+
 def test_nothing_is_overwritten_unasked(drive, tiny, tmp_path):
     config = configured(drive, tmp_path / "run", steps=1)
     first = run.train(config).checkpoint.read_bytes()
