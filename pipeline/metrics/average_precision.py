@@ -151,11 +151,16 @@ class RankedMatches:
         return float(envelope[reached].mean())
 
     def best_f1_score(self) -> float:
-        """The score threshold with the best F1, a natural working point; 0 without detections."""
+        """The score threshold with the best F1, a natural working point; 0 without detections.
+
+        Half-way between the lowest score that is kept and the next one, or 0.
+        """
         found, detected, n_truth = self.curve()
         if not len(found):
             return 0.0
-        return float(self.scores[self._threshold[np.argmax(2 * found / np.maximum(detected + n_truth, 1))]])
+        levels = np.append(self.scores[self._threshold], 0.0)
+        best = int(np.argmax(2 * found / np.maximum(detected + n_truth, 1)))
+        return float(levels[best : best + 2].mean())
 
 
 def average_precision(frames: Sequence[FrameMatches]) -> float:

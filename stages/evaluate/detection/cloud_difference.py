@@ -53,9 +53,7 @@ def cloud_difference(clean: Cloud, adversarial: Cloud) -> CloudDifference:
 def _words(cloud: Cloud) -> npt.NDArray[np.uint64]:
     """The bytes of each point, filled up to whole words: (N, 3) uint64."""
     rows = np.zeros((len(cloud), 24), dtype=np.uint8)
-    rows[:, : cloud.dtype.itemsize] = np.frombuffer(
-        np.ascontiguousarray(cloud).tobytes(), dtype=np.uint8
-    ).reshape(len(cloud), -1)
+    rows[:, : cloud.dtype.itemsize] = np.ascontiguousarray(cloud).view((np.uint8, cloud.dtype.itemsize))
     return rows.view(np.uint64)
 
 

@@ -51,13 +51,13 @@ def draw_scene(scene: Scene) -> Figure:
     )  # fmt: skip
     for column, (label, view) in enumerate(views):
         axes = figure.add_subplot(grid[:, column])
-        _draw_view(axes, scene, view, limits, point_area=0.5)
+        _draw_view(axes, scene, view, limits, point_area=0.7)
         axes.set_title(f"{label}   {len(view.cloud):,} points", loc="left", fontsize=11, color=INK, pad=6)
         if focus is not None:
             _draw_frame_of(axes, focus)
     for row, (label, view) in enumerate(views if focus is not None else []):
         axes = figure.add_subplot(grid[row, -1])
-        _draw_view(axes, scene, view, focus or limits, point_area=5.0, rings=False)
+        _draw_view(axes, scene, view, focus or limits, point_area=4.0, rings=False)
         axes.set_title(f"{label}, from near", loc="left", fontsize=11, color=INK, pad=6)
     figure.text(0.012, 1 - 0.18 / total, scene.title, va="top", fontsize=14, fontweight="bold", color=INK)
     figure.legend(

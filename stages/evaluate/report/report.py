@@ -18,7 +18,7 @@ FORMULAS: Mapping[str, str] = {
     "map": "mAP = mean AP over the classes with at least 50 evaluated boxes in the clean bag",
     "map_ratio": "mAP ratio = 100 % * mAP(adversarial clouds) / mAP(clean clouds), on the same frames",
     "iou": "strict 3D IoU: car and truck 0.7, cyclist and pedestrian 0.5; loose: 0.5 and 0.25",
-    "ignored": "objects with fewer than 5 points in the clean cloud, or out of the detector's range, do not count",
+    "ignored": "no object counts with fewer than 5 points in the clean cloud or out of the detector's range",
     "chamfer": "CD(P, Q) = mean over p of min |p - q|^2 + mean over q of min |q - p|^2, in m^2; "
     "the mean over frames",
     "interval": "95 % percentile interval of a bootstrap over blocks of at least 5 s, drawn together for "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rich import box
 from rich.console import Console
 from rich.table import Table
 
@@ -9,6 +10,10 @@ from advpipe.stages.evaluate.detection.summary import Row
 from advpipe.stages.evaluate.report.report import Report
 
 NOTHING = "–"
+CLEAN, AT_RANDOM = "clean", "  at random"
+
+ON_THE_TERMINAL = ("attack", "mAP", "ratio %", "95 %", "car AP", "CD m²", "points", "lost")
+"""The columns that fit into 80 characters; the page has them all."""
 
 
 def number(value: object, digits: int, suffix: str = "") -> str:
@@ -18,34 +23,35 @@ def number(value: object, digits: int, suffix: str = "") -> str:
     return f"{value:,.{digits}f}{suffix}"
 
 
-def interval(value: object, digits: int = 1) -> str:
-    """Such as `40.1 … 52.3`; a dash where there is none."""
-    return f"{value[0]:.{digits}f} … {value[1]:.{digits}f}" if isinstance(value, tuple) else NOTHING
+def interval(value: object) -> str:
+    """Such as `40.1…52.3`; a dash where there is none."""
+    return f"{value[0]:.1f}…{value[1]:.1f}" if isinstance(value, tuple) else NOTHING
 
 
-def share(count: object, whole: object) -> str:
-    """A count of points in percent of all clean points; a dash for none."""
-    if not isinstance(count, int) or not isinstance(whole, int) or not count or not whole:
-        return NOTHING
-    return f"{100 * count / whole:.2f} %"
+def changed_points(row: Row, prefix: str = "") -> str:
+    """Points removed (−), added (+) and moved (~) in percent of all clean points."""
+    words = []
+    for sign, name in (("−", "removed"), ("+", "added"), ("~", "moved")):
+        count, clean = row[f"{prefix}points_{name}"], row["points_clean"]
+        if isinstance(count, int) and isinstance(clean, int) and count and clean:
+            words.append(f"{sign}{100 * count / clean:.2f} %")
+    return " ".join(words) or NOTHING
 
 
 def cells(row: Row, prefix: str = "") -> dict[str, str]:
     """A line of the table by column: an attack (no prefix) or its baseline (`baseline_`)."""
+    words = [str(row[key]) for key in ("attack", "recipe", "value") if row[key] is not None]
     return {
-        "attack": "  at random" if prefix else str(row["attack"]),
-        "recipe": NOTHING if prefix else str(row["recipe"] or NOTHING),
-        "budget": NOTHING if prefix or not row["parameter"] else f"{row['parameter']} {row['value']}",
+        "attack": AT_RANDOM if prefix else " ".join(words),
         "mAP": number(row[f"{prefix}map_adv"], 3),
-        "mAP ratio %": number(row[f"{prefix}map_ratio_percent"], 2),
-        "95 % interval": interval(row[f"{prefix}map_ratio_ci95"]),
+        "ratio %": number(row[f"{prefix}map_ratio_percent"], 2),
+        "95 %": interval(row[f"{prefix}map_ratio_ci95"]),
         "car AP": number(row.get(f"{prefix}ap_car_adv"), 3),
         "CD m²": number(row[f"{prefix}chamfer_distance_m2"], 5),
-        "max shift m": number(row[f"{prefix}max_displacement_m"], 3),
-        "removed": share(row[f"{prefix}points_removed"], row["points_clean"]),
-        "added": share(row[f"{prefix}points_added"], row["points_clean"]),
+        "points": changed_points(row, prefix),
         "lost": number(row[f"{prefix}lost_objects"], 0),
         "new FP": number(row[f"{prefix}new_false_positives"], 0),
+        "max shift m": number(row[f"{prefix}max_displacement_m"], 3),
     }
 
 
@@ -53,9 +59,9 @@ def clean_cells(row: Row) -> dict[str, str]:
     """The line of the clean clouds."""
     empty = dict.fromkeys(cells(row), NOTHING)
     return empty | {
-        "attack": "clean",
+        "attack": CLEAN,
         "mAP": number(row["map_clean"], 3),
-        "mAP ratio %": number(100.0, 2),
+        "ratio %": number(100.0, 2),
         "car AP": number(row.get("ap_car_clean"), 3),
     }
 
@@ -76,30 +82,36 @@ def lines(report: Report) -> list[dict[str, str]]:
 
 
 def remarks(report: Report) -> list[str]:
-    """What must be known beside the table, each once."""
+    """What must be known beside the table."""
     words = []
     for row in report.rows:
         chosen, notes = row["classes_in_map"], row["notes"]
         if isinstance(chosen, list) and isinstance(notes, list):
             size = f"{row['frames']} frames, {row['objects']} objects"
-            words += [f"{row['bag']}: {size}, mAP over {', '.join(chosen)}.", *notes]
+            words.append(" ".join([f"{row['bag']}: {size}, mAP over {', '.join(chosen)}.", *notes]))
         difference = row["map_ratio_minus_baseline_ci95"]
         if isinstance(difference, tuple):
             words.append(
                 f"{row['bag']}: mAP ratio minus that at random {number(row['map_ratio_minus_baseline'], 2)} "
                 f"points, 95 % interval {interval(difference)}."
             )
-    return list(dict.fromkeys(words))
+    return words
 
 
 def print_report(report: Report) -> None:
     """The table on the terminal."""
-    table = Table(title="Detection, strict 3D R40", title_justify="left", header_style="bold")
-    rows = lines(report)
-    for column in rows[0]:
-        table.add_column(column, justify="left" if column in ("attack", "recipe", "budget") else "right")
-    for row in rows:
-        table.add_row(*row.values(), style="dim" if row["attack"] in ("clean", "  at random") else None)
+    table = Table(
+        title="Detection: strict 3D R40 average precision, ratio to clean, Chamfer distance",
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+        show_edge=False,
+        padding=(0, 1, 0, 0),
+    )
+    for column in ON_THE_TERMINAL:
+        table.add_column(column, justify="left" if column == "attack" else "right", no_wrap=True)
+    for line in lines(report):
+        style = "dim" if line["attack"] in (CLEAN, AT_RANDOM) else None
+        table.add_row(*(line[column] for column in ON_THE_TERMINAL), style=style)
     console = Console()
     console.print(table)
     for remark in remarks(report):

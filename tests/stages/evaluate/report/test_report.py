@@ -1,0 +1,42 @@
+"""Report texts: numbers as people read them, JSON that every reader takes."""
+
+import json
+
+import pytest
+
+from advpipe.stages.evaluate.detection.summary import classes_in_map
+from advpipe.stages.evaluate.report.report import Report
+from advpipe.stages.evaluate.report.table import changed_points, interval, number
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "text"),
+    [(0.12345, 3, "0.123"), (1234, 0, "1,234"), (None, 2, "–"), (float("nan"), 2, "–"), (65.0, 2, "65.00")],
+)
+def test_numbers(value, digits, text):
+    assert number(value, digits) == text
+
+
+def test_intervals():
+    assert interval((40.12, 52.37)) == "40.1…52.4"
+    assert interval(None) == "–"
+
+
+def test_changed_points():
+    row = {"points_clean": 1000, "points_removed": 10, "points_added": 0, "points_moved": 5}
+    assert changed_points(row) == "−1.00 % ~0.50 %"
+    assert changed_points(dict.fromkeys(row)) == "–"
+
+
+def test_classes_of_the_map():
+    assert classes_in_map({"car": 50, "truck": 49, "cyclist": 0}) == (["car"], [])
+    chosen, notes = classes_in_map({"car": 10, "truck": 0, "pedestrian": 3})
+    assert chosen == ["car", "pedestrian"]
+    assert notes == ["No class has 50 evaluated boxes: mAP over those with any (car, pedestrian)."]
+
+
+def test_json_has_no_nan_and_sorted_keys():
+    report = Report(({"b": float("nan"), "a": (1 / 3, float("inf"))},), {"seed": 0}, {})
+    text = report.to_json()
+    assert json.loads(text)["rows"] == [{"a": [0.33333333, None], "b": None}]
+    assert text.index('"a"') < text.index('"b"')

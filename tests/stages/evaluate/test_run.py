@@ -1,0 +1,321 @@
+"""Stage 3 on small bags written here, with a small detector of its own; the figures are checked by hand."""
+
+import json
+import re
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from scipy.spatial.distance import cdist
+
+from advpipe.pipeline.bag import messages
+from advpipe.pipeline.bag.cloud import POINT_DTYPE, cloud_to_cdr, xyz
+from advpipe.pipeline.bag.provenance import parent_sha256
+from advpipe.pipeline.bag.topics import CLOCK, VehicleTopics
+from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.detector.protocol import Detections, Range
+from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
+from advpipe.pipeline.geometry.boxes import CLASSES, Boxes, count_points
+from advpipe.stages.evaluate.run import evaluate, print_report
+
+FRAMES = 24  # at 2 Hz: 12 s, two blocks
+PERIOD_NS = 500_000_000
+PLACES = np.array(
+    [
+        [10.0, 3.0, 0.0, 4.0, 2.0, 1.5, 0.2],  # three cars ...
+        [18.0, -4.0, 0.0, 4.2, 1.9, 1.5, 0.0],
+        [6.0, -6.0, 0.0, 4.4, 1.8, 1.6, 1.5],
+        [12.0, 9.0, 0.0, 0.8, 0.8, 1.8, 0.0],  # ... a pedestrian ...
+        [90.0, 0.0, 0.0, 4.0, 2.0, 1.5, 0.0],  # ... a car out of range ...
+        [25.0, 15.0, 0.0, 4.0, 2.0, 1.5, 0.0],  # ... and one that the LiDAR does not hit
+    ]
+)
+LABELS = np.array([0, 0, 0, 3, 0, 0])
+POINTS = (60, 50, 40, 30, 50, 0)
+TOPICS = VehicleTopics("ego")
+
+
+class PlaceDetector:
+    """Sees a car or a person at each of the places that holds at least 20 points."""
+
+    classes = ("pedestrian", "car")  # its own order, not ours
+    range_m = Range(0, -40, -3, 70, 40, 3)
+
+    def detect(self, cloud):
+        points = count_points(xyz(cloud), PLACES)
+        seen = np.flatnonzero(points >= 20)
+        seen = seen[np.argsort(-points[seen], kind="stable")]
+        labels = np.array([self.classes.index(CLASSES[label]) for label in LABELS[seen]], np.int64)
+        return Detections(PLACES[seen], points[seen] / 100, labels)
+
+    def loss(self, points, boxes, labels):
+        raise NotImplementedError
+
+
+class BlindDetector(PlaceDetector):
+    def detect(self, cloud):
+        return Detections(np.zeros((0, 7)), np.zeros(0), np.zeros(0, np.int64))
+
+
+DETECTOR = f"{__name__}:PlaceDetector"
+
+
+def clean_cloud(index):
+    """3,000 points on the ground and some in each place, those of place 0 first."""
+    rng = np.random.default_rng(index)
+    inside = [
+        box[:3] + rng.uniform(-0.45, 0.45, (n, 3)) * box[3:6].min()
+        for box, n in zip(PLACES, POINTS, strict=True)
+    ]
+    ground = np.column_stack(
+        [rng.uniform(-30, 60, (3000, 1)), rng.uniform(-30, 30, (3000, 1)), -1.5 * np.ones(3000)]
+    )
+    points = np.concatenate([*inside, ground])
+    cloud = np.zeros(len(points), POINT_DTYPE)
+    cloud["x"], cloud["y"], cloud["z"] = points.T
+    cloud["time"] = np.arange(len(points)) * 1e-6
+    return cloud
+
+
+def write_bag(path, provenance, clouds, truth=True):
+    """clouds: by index of the frame."""
+    with BagWriter(path, provenance=provenance) as bag:
+        for index, cloud in clouds.items():
+            stamp_ns = 10**12 + index * PERIOD_NS
+            bag.write_cdr(TOPICS.lidar_points, cloud_to_cdr(cloud, stamp_ns, TOPICS.lidar_frame), stamp_ns)
+            if truth:
+                ids = tuple(f"user{i}" for i in range(len(PLACES)))
+                boxes = Boxes(PLACES, LABELS, ids, np.zeros((len(PLACES), 3)))
+                bag.write(TOPICS.objects, messages.detections(stamp_ns, TOPICS.lidar_frame, boxes), stamp_ns)
+    return path
+
+
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory):
+    clouds = {index: clean_cloud(index) for index in range(FRAMES)}
+    return write_bag(tmp_path_factory.mktemp("drive") / "clean", {"kind": "clean"}, clouds)
+
+
+@pytest.fixture
+def attacked(clean, tmp_path):
+    """Make an adversarial bag of a change to the clouds."""
+
+    def make(change, name="attacked", frames=range(FRAMES), **provenance):
+        about = {
+            "kind": "attack",
+            "attack": "detach",
+            "recipe": "best",
+            "parameters": json.dumps({"ratio": 0.014, "rounds": 10}),
+            "parent_sha256": parent_sha256(clean),
+        } | {"frames" if key == "slice" else key: value for key, value in provenance.items()}
+        return write_bag(tmp_path / name, about, {index: change(clean_cloud(index)) for index in frames})
+
+    return make
+
+
+def hide_first_car(cloud):
+    """Leaves 15 of the 60 points of place 0."""
+    return cloud[45:]
+
+
+def rows(out):
+    return json.loads((out / "report.json").read_text())["rows"]
+
+
+def test_figures_by_hand(clean, attacked, tmp_path, capsys):
+    report = evaluate(clean, [attacked(hide_first_car)], tmp_path / "report", detector=DETECTOR)
+    (row,) = rows(tmp_path / "report")
+
+    assert (row["attack"], row["recipe"], row["parameter"], row["value"]) == (
+        "detach",
+        "best",
+        "ratio",
+        0.014,
+    )
+    assert row["frames"] == FRAMES
+    # three cars a frame are evaluated, not the one out of range nor the one without points
+    assert (row["boxes_car"], row["boxes_pedestrian"]) == (3 * FRAMES, FRAMES)
+    assert row["classes_in_map"] == ["car"]  # 24 pedestrians are fewer than 50
+    assert row["map_clean"] == row["ap_car_clean"] == row["ap_pedestrian_clean"] == 1.0
+    # two of three cars are found: precision 1 up to recall 2/3, that is at 26 of 40 positions
+    assert row["map_adv"] == row["ap_car_adv"] == row["ap_loose_car_adv"] == row["ap_bev_car_adv"] == 26 / 40
+    assert row["map_ratio_percent"] == 65.0
+    assert row["map_ratio_ci95"] == [65.0, 65.0]  # every frame is alike
+    assert row["ap_pedestrian_adv"] == 1.0
+    # the same number of points taken at random hides nothing
+    assert row["baseline_map_ratio_percent"] == 100.0
+    assert row["map_ratio_minus_baseline"] == -35.0
+    assert row["map_ratio_minus_baseline_ci95"] == [-35.0, -35.0]
+    assert row["points_removed"] == row["baseline_points_removed"] == 45 * FRAMES
+    assert row["points_added"] == row["max_displacement_m"] == 0
+    assert (row["lost_objects"], row["baseline_lost_objects"]) == (FRAMES, 0)
+    assert row["new_false_positives"] == row["objects_below_min_points"] == 0
+
+    print_report(report)
+    printed = capsys.readouterr().out
+    assert "65.00" in printed
+    assert "at random" in printed
+
+
+@pytest.mark.oracle
+def test_chamfer_distance_is_the_mean_over_frames(clean, attacked, tmp_path):
+    evaluate(clean, [attacked(hide_first_car, frames=range(3))], tmp_path / "report", detector=DETECTOR)
+    expected = []
+    for index in range(3):
+        squared = (
+            cdist(*(xyz(c).astype(float) for c in (clean_cloud(index), hide_first_car(clean_cloud(index)))))
+            ** 2
+        )
+        expected.append(squared.min(axis=1).mean() + squared.min(axis=0).mean())
+    assert rows(tmp_path / "report")[0]["chamfer_distance_m2"] == pytest.approx(np.mean(expected), rel=1e-6)
+
+
+@pytest.mark.parametrize("provenance", [{}, {"slice": "4:12:2"}])
+def test_some_frames_only(clean, attacked, tmp_path, provenance):
+    part = attacked(hide_first_car, frames=range(4, 12, 2), **provenance)
+    evaluate(clean, [part], tmp_path / "report", detector=DETECTOR)
+    (row,) = rows(tmp_path / "report")
+    assert row["frames"] == 4
+    assert row["boxes_car"] == 12
+    # no class has 50 boxes: all that have any count, and the report says so
+    assert row["classes_in_map"] == ["car", "pedestrian"]
+    assert any("No class has 50" in note for note in row["notes"])
+    assert row["map_ratio_percent"] == pytest.approx(100 * (26 / 40 + 1) / 2)
+    assert row["map_ratio_ci95"] is None  # 4 s are less than two blocks
+    assert any("no confidence interval" in note for note in row["notes"])
+    document = json.loads((tmp_path / "report" / "report.json").read_text())
+    assert document["provenance"]["compared"][0]["frames"] == [4, 6, 8, 10]
+
+
+def test_moved_and_added_points(clean, attacked, tmp_path):
+    def shift(cloud):
+        cloud["x"][:60] += np.float32(6.0)  # the first car's points leave it
+        return cloud
+
+    def double(cloud):
+        return np.concatenate([cloud, cloud[:5]])
+
+    evaluate(
+        clean,
+        [attacked(shift, "shift", range(2), recipe="a"), attacked(double, "double", range(2), recipe="b")],
+        tmp_path / "report",
+        detector=DETECTOR,
+    )
+    moved, added = rows(tmp_path / "report")
+    assert (moved["points_moved"], moved["points_removed"], moved["points_added"]) == (120, 0, 0)
+    assert moved["baseline_points_moved"] == 120
+    assert moved["max_displacement_m"] == pytest.approx(6.0, abs=1e-5)
+    assert moved["lost_objects"] == 2
+    assert moved["objects_below_min_points"] == 2
+    assert (added["points_moved"], added["points_removed"], added["points_added"]) == (0, 0, 10)
+    assert added["baseline_points_added"] == 10
+    assert added["map_ratio_percent"] == 100.0
+
+
+def test_random_recipe_is_given_no_baseline(clean, attacked, tmp_path):
+    bag = attacked(hide_first_car, frames=range(2), recipe="random")
+    evaluate(clean, [bag], tmp_path / "report", detector=DETECTOR)
+    (row,) = rows(tmp_path / "report")
+    assert row["map_adv"] is not None
+    assert row["baseline_map_adv"] is None
+    assert row["map_ratio_minus_baseline"] is None
+
+
+def test_clean_bag_alone(clean, tmp_path, capsys):
+    report = evaluate(clean, [], tmp_path / "report", detector=DETECTOR)
+    (row,) = rows(tmp_path / "report")
+    assert (row["attack"], row["frames"], row["map_clean"]) == ("none", FRAMES, 1.0)
+    assert row["map_adv"] is row["map_ratio_percent"] is row["chamfer_distance_m2"] is None
+    assert len(list((tmp_path / "report" / "figures").glob("*.png"))) == 3
+    print_report(report)
+    assert "clean" in capsys.readouterr().out
+
+
+def test_detector_that_finds_nothing(clean, attacked, tmp_path):
+    bag = attacked(hide_first_car, frames=range(2))
+    evaluate(clean, [bag], tmp_path / "report", detector=f"{__name__}:BlindDetector")
+    (row,) = rows(tmp_path / "report")
+    assert row["map_clean"] == row["map_adv"] == 0.0
+    assert row["map_ratio_percent"] is None
+    assert any("ratio is undefined" in note for note in row["notes"])
+
+
+def test_folder_holds_the_whole_report(clean, attacked, tmp_path):
+    out = tmp_path / "reports" / "first"
+    evaluate(clean, [attacked(hide_first_car, frames=range(6))], out, detector=DETECTOR)
+    assert sorted(p.name for p in out.iterdir()) == [
+        "figures",
+        "report.html",
+        "report.json",
+        "results.parquet",
+    ]
+    table = pq.read_table(str(out / "results.parquet")).to_pylist()
+    assert [line["frame"] for line in table] == list(range(6))
+    assert all(line["lost_objects_adv"] == 1 and line["lost_objects_baseline"] == 0 for line in table)
+    assert all(line["found_objects_clean"] == 4 and line["points_removed_adv"] == 45 for line in table)
+
+    page = (out / "report.html").read_text()
+    assert not re.search(r"""(src|href)\s*=\s*["'](?!data:)""", page)  # needs no other file, no network
+    assert page.count("data:image/png;base64,") == len(list((out / "figures").glob("*.png")))
+    assert "82.50" in page  # (26/40 + 1) / 2: car and pedestrian
+
+
+def test_same_input_same_bytes(clean, attacked, tmp_path):
+    bag = attacked(hide_first_car, frames=range(6))
+    for name in ("a", "b"):
+        evaluate(clean, [bag], tmp_path / name, detector=DETECTOR, seed=3)
+    files = [p.relative_to(tmp_path / "a") for p in sorted((tmp_path / "a").rglob("*")) if p.is_file()]
+    assert len(files) > 4
+    for file in files:
+        assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes(), file
+
+
+def test_existing_report_is_kept(clean, tmp_path):
+    (tmp_path / "report").mkdir()
+    (tmp_path / "report" / "report.json").write_text("mine")
+    with pytest.raises(OutputExistsError):
+        evaluate(clean, [], tmp_path / "report", detector=DETECTOR)
+    assert (tmp_path / "report" / "report.json").read_text() == "mine"
+    evaluate(clean, [], tmp_path / "report", detector=DETECTOR, overwrite=True)
+    assert rows(tmp_path / "report")[0]["map_clean"] == 1.0
+
+
+def refused(tmp_path, match, *args, **kwargs):
+    with pytest.raises(AdvpipeError, match=match) as caught:
+        evaluate(*args, tmp_path / "report", **({"detector": DETECTOR} | kwargs))
+    assert "\n" not in str(caught.value)
+    assert not [p for p in tmp_path.iterdir() if "report" in p.name]
+
+
+def test_bag_without_clouds_is_refused(tmp_path):
+    with BagWriter(tmp_path / "no_clouds", provenance={}) as bag:
+        bag.write(CLOCK, messages.clock(1), 1)
+    refused(tmp_path, "holds no LiDAR clouds", tmp_path / "no_clouds", [])
+
+
+def test_bag_without_ground_truth_is_refused(tmp_path):
+    bag = write_bag(tmp_path / "no_truth", {}, {0: clean_cloud(0)}, truth=False)
+    refused(tmp_path, "has no ground truth", bag, [])
+
+
+def test_bag_without_an_object_to_evaluate_is_refused(tmp_path):
+    bag = write_bag(tmp_path / "hollow", {}, {0: clean_cloud(0)[300:]})
+    refused(tmp_path, "no object of a class that the detector finds", bag, [])
+
+
+def test_adversarial_bag_of_another_parent_is_refused(clean, attacked, tmp_path):
+    other = attacked(hide_first_car, frames=range(2), parent_sha256="0" * 64)
+    refused(tmp_path, "made from another bag", clean, [other])
+
+
+def test_adversarial_frames_that_the_clean_bag_lacks_are_refused(clean, tmp_path):
+    foreign = write_bag(tmp_path / "foreign", {}, {FRAMES + 3: clean_cloud(0)})
+    refused(tmp_path, "give the clean bag that was attacked", clean, [foreign])
+
+
+def test_unknown_detector_is_refused(clean, tmp_path):
+    refused(tmp_path, "unknown detector 'huge'", clean, [], detector="huge")
+
+
+def test_missing_bag_is_refused(clean, tmp_path):
+    refused(tmp_path, "does not exist", clean, [tmp_path / "nowhere"])
