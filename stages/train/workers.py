@@ -83,18 +83,21 @@ def take(row: Tensor, net: SecondNet) -> Tensor:
 def gradients(net: SecondNet, examples: Examples, workers: int) -> Iterator[Gradients]:
     """The gradients of `net` on its examples, computed by so many processes; one works in this one."""
     batch = examples.config.batch_size
-    torch.set_num_threads(1)
     rows = torch.zeros(batch, row_length(net))
     rows.share_memory_()  # type: ignore[no-untyped-call]
     if workers <= 1:
-        replica = Replica(net, examples)
+        replica, threads = Replica(net, examples), torch.get_num_threads()
 
         def here(step: int) -> Tensor:
             for b in range(batch):
                 rows[b] = replica.result(step * batch + b)
             return take(rows.mean(0), net)
 
-        yield here
+        torch.set_num_threads(1)
+        try:
+            yield here
+        finally:
+            torch.set_num_threads(threads)
         return
 
     net.share_memory()

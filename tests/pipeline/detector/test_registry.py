@@ -14,6 +14,12 @@ from advpipe.pipeline.detector.second.presets import SMALL
 from advpipe.pipeline.errors import AdvpipeError
 
 
+def test_the_shipped_one():
+    detector = load_detector("small")
+    assert detector.preset == SMALL
+    assert int(detector.provenance["frames"]) > 0
+
+
 def test_a_path(tmp_path):
     path = tmp_path / "mine.safetensors"
     save_checkpoint(SecondNet(SMALL), path, {})
