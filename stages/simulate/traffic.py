@@ -59,7 +59,7 @@ class Traffic:
             raise AdvpipeError(f"SUMO cannot start on {self._network.sumo_file}: {error}") from None
         try:
             for name, vehicle in self._scenario.vehicles.items():
-                self._add(name, f"{vehicle.body}.0", self._random_edge())
+                self._add(name, f"{vehicle.body}.0", self._random_wide_edge())
             self._fill_up(near_is_fine=True)
             self._warm_up()
         except BaseException:
@@ -145,6 +145,12 @@ class Traffic:
             ):
                 self._added += 1
                 self._add(f"{body}.{self._added}", variant, edge)
+
+    def _random_wide_edge(self) -> Edge:
+        """One of the roads with the most lanes, where there is most to see."""
+        lanes = [len(edge.lanes) for edge in self._edges]
+        shares = self._shares * (np.array(lanes) == max(lanes))
+        return self._edges[int(self._rng.choice(len(shares), p=shares / shares.sum()))]
 
     def _random_edge(self) -> Edge:
         return self._edges[int(self._rng.choice(len(self._edges), p=self._shares))]
