@@ -12,7 +12,9 @@ from advpipe.stages.simulate.world.materials import MATERIALS
 from advpipe.stages.simulate.world.mesh import box, merge, surface
 from advpipe.stages.simulate.world.world import Scene
 
-PLANE = surface([[-200, -200, 0], [200, -200, 0], [200, 200, 0], [-200, 200, 0]], [[0, 1, 2], [0, 2, 3]], "asphalt")
+PLANE = surface(
+    [[-200, -200, 0], [200, -200, 0], [200, 200, 0], [-200, 200, 0]], [[0, 1, 2], [0, 2, 3]], "asphalt"
+)
 QUIET = {"noise_stddev": 0.0, "dropoff_general_rate": 0.0, "dropoff_intensity_limit": 0.0}
 
 
@@ -23,7 +25,12 @@ def sweep(sensor: LidarSensor, scene: Scene, yaw_rad: float = 0.0) -> np.ndarray
 
 def test_a_plane_is_as_far_as_the_angle_says() -> None:
     sensor = LidarSensor(
-        channels=3, lower_fov=-45, upper_fov=-15, points_per_second=3 * 8 * 10, atmosphere_attenuation_rate=0, **QUIET
+        channels=3,
+        lower_fov=-45,
+        upper_fov=-15,
+        points_per_second=3 * 8 * 10,
+        atmosphere_attenuation_rate=0,
+        **QUIET,
     )
     cloud = sweep(sensor, Scene(PLANE))
     assert len(cloud) == 3 * 8
@@ -52,7 +59,8 @@ def test_intensity_fades_by_the_attenuation_rate() -> None:
         channels=1, lower_fov=0, upper_fov=1, points_per_second=40, atmosphere_attenuation_rate=0.02, **QUIET
     )
     near, far = (
-        sweep(sensor, Scene(box((2.0, 9.0, 9.0), "steel").moved(x, 0, 0)))["intensity"][0] for x in (11.0, 51.0)
+        sweep(sensor, Scene(box((2.0, 9.0, 9.0), "steel").moved(x, 0, 0)))["intensity"][0]
+        for x in (11.0, 51.0)
     )
     assert far / near == pytest.approx(np.exp(-0.02 * 40.0), rel=1e-4)
 

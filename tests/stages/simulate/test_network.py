@@ -13,6 +13,7 @@ from advpipe.pipeline.scenario.models import Map
 from advpipe.stages.simulate.network import load_network
 
 BOULEVARD = load_scenario("boulevard").map
+TOWN06 = Path(__file__).parents[3].parent / "shared" / "maps" / "Town06.xodr"
 
 NOT_A_NET = {
     "empty": b"",
@@ -71,3 +72,15 @@ def test_boulevard_has_the_lanes_of_its_plan(tmp_path: Path) -> None:
     assert np.all(first[:, 1].max() < last[:, 1].min() + 6.0)
     assert first[0, 1] < last[0, 1]
     assert abs(last[0, 1] - first[0, 1]) == pytest.approx(2 * 3.4, abs=0.1)
+
+
+@pytest.mark.skipif(not TOWN06.is_file(), reason="CARLA's Town06.xodr is not here")
+def test_town06_has_the_roads_that_are_known_of_it(tmp_path: Path) -> None:
+    """93 edges, 20 lane-kilometres, flat; the offset that netconvert adds is taken off again."""
+    network = load_network(Map(opendrive=str(TOWN06)), tmp_path)
+    assert len(network.edges) == 93
+    lane_m = sum(edge.length_m * len(edge.lanes) for edge in network.edges.values())
+    assert lane_m == pytest.approx(20_092, abs=10)
+    points = np.concatenate([lane.centre_m for edge in network.edges.values() for lane in edge.lanes])
+    assert np.ptp(points[:, 2]) == 0
+    assert points[:, 0].min() == pytest.approx(-358, abs=15)

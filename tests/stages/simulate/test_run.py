@@ -24,7 +24,12 @@ from advpipe.pipeline.scenario import load_scenario
 from advpipe.stages.simulate.run import simulate
 
 SMOKE = "from advpipe.pipeline.cli import app; app()"
-DENSE = ["traffic.vehicles=120", "traffic.parked_per_km=60", "traffic.pedestrians=150", "simulation.warmup_s=10"]
+DENSE = [
+    "traffic.vehicles=120",
+    "traffic.parked_per_km=60",
+    "traffic.pedestrians=150",
+    "simulation.warmup_s=10",
+]
 
 
 def run_smoke(out: Path, hash_seed: str = "0", *more: str) -> subprocess.Popen[str]:
@@ -126,7 +131,9 @@ def test_an_existing_output_stays(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
-def test_a_run_that_is_stopped_leaves_nothing_under_the_final_name(tmp_path: Path, how: signal.Signals) -> None:
+def test_a_run_that_is_stopped_leaves_nothing_under_the_final_name(
+    tmp_path: Path, how: signal.Signals
+) -> None:
     out = tmp_path / "stopped"
     process = run_smoke(out, "0", "--set", "simulation.duration_s=600")
     deadline = time.monotonic() + 60

@@ -1,0 +1,119 @@
+"""Traffic: smooth, repeatable, kept at its number, and the ego stays on the road to the end."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.geometry.transforms import invert, transform_points
+from advpipe.pipeline.scenario import Scenario, load_scenario
+from advpipe.stages.simulate.network import load_network, sumo_program
+from advpipe.stages.simulate.road_users import RoadUser
+from advpipe.stages.simulate.traffic import SPAWN_DISTANCE_M, Traffic
+from advpipe.stages.simulate.world.bodies import draw_variants
+
+BUSY = ["traffic.vehicles=150", "simulation.warmup_s=20"]
+
+
+def drive(scenario: Scenario, scratch: Path, steps: int) -> list[dict[str, RoadUser]]:
+    network = load_network(scenario.map, scratch)
+    variants = draw_variants(np.random.default_rng(0))
+    states = []
+    with Traffic(scenario, network, variants, scratch) as traffic:
+        for _ in range(steps):
+            traffic.step()
+            states.append(traffic.road_users())
+    return states
+
+
+@pytest.fixture(scope="module")
+def busy(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, RoadUser]]:
+    return drive(load_scenario("smoke", BUSY), tmp_path_factory.mktemp("scratch"), 200)
+
+
+def front_step_m(before: RoadUser, after: RoadUser) -> np.ndarray:
+    """How the front bumper, which SUMO leads, moved from one step to the next, seen from the vehicle."""
+    bumper = [before.variant.length_m / 2, 0, 0]
+    return transform_points(invert(before.map_SE3_base) @ after.map_SE3_base, bumper) - bumper
+
+
+def test_nobody_jumps_sideways(busy: list[dict[str, RoadUser]]) -> None:
+    """A lane is 3.4 m wide: a lane change in one step would show."""
+    moved = 0
+    for before, after in zip(busy[:-1], busy[1:], strict=True):
+        for name in before.keys() & after.keys():
+            step_m = front_step_m(before[name], after[name])
+            assert abs(step_m[1]) < 1.0
+            assert -1.0 < step_m[0] < 3.0  # cyclists cut corners inside a junction
+            moved += step_m[0] > 0.3
+    assert moved > 1000
+
+
+def test_some_do_change_lanes(busy: list[dict[str, RoadUser]]) -> None:
+    names = set(busy[0]) & set(busy[-1])
+    drift = {name: 0.0 for name in names}
+    for before, after in zip(busy[:-1], busy[1:], strict=True):
+        for name in names:
+            drift[name] += abs(front_step_m(before[name], after[name])[1])
+    assert max(drift.values()) > 2.0
+
+
+def test_displacement_agrees_with_speed(busy: list[dict[str, RoadUser]]) -> None:
+    errors = [
+        np.linalg.norm(after["ego"].position_m - before["ego"].position_m) / 0.1
+        - np.linalg.norm(after["ego"].velocity_mps)
+        for before, after in zip(busy[:-1], busy[1:], strict=True)
+    ]
+    assert np.median(np.abs(errors)) < 0.2
+
+
+def test_the_number_is_kept_and_newcomers_appear_out_of_sight(busy: list[dict[str, RoadUser]]) -> None:
+    assert all("ego" in state for state in busy)
+    assert len(busy[-1]) > 120
+    for before, after in zip(busy[:-1], busy[1:], strict=True):
+        for name in after.keys() - before.keys():
+            distance_m = np.linalg.norm(after[name].position_m - after["ego"].position_m)
+            assert distance_m > SPAWN_DISTANCE_M - 30
+
+
+def test_same_seed_same_traffic(busy: list[dict[str, RoadUser]], tmp_path: Path) -> None:
+    again = drive(load_scenario("smoke", BUSY), tmp_path, 50)
+    for first, second in zip(busy[:50], again, strict=True):
+        assert first.keys() == second.keys()
+        assert all(np.array_equal(first[name].map_SE3_base, second[name].map_SE3_base) for name in first)
+
+
+def one_road(folder: Path, length_m: float) -> str:
+    """A network of a single one-way road."""
+    (folder / "n.nod.xml").write_text(
+        f'<nodes><node id="a" x="0" y="0"/><node id="b" x="{length_m}" y="0"/></nodes>'
+    )
+    (folder / "n.edg.xml").write_text(
+        '<edges><edge id="ab" from="a" to="b" numLanes="1" speed="13.9"/></edges>'
+    )
+    out = folder / "one.net.xml"
+    command = [sumo_program("netconvert"), "-n", str(folder / "n.nod.xml"), "-e", str(folder / "n.edg.xml")]
+    subprocess.run([*command, "-o", str(out)], check=True, capture_output=True)
+    return str(out)
+
+
+def test_the_ego_outlives_its_road(tmp_path: Path) -> None:
+    """A road of 150 m is driven in 15 s; after 60 s the ego still stands at its end."""
+    settings = [f"map.sumo_net={one_road(tmp_path, 150)}", "traffic.vehicles=2", "simulation.warmup_s=1"]
+    states = drive(load_scenario("smoke", settings), tmp_path, 600)
+    assert all("ego" in state for state in states)
+    end = states[-1]["ego"]
+    assert end.position_m[0] + end.variant.length_m / 2 == pytest.approx(149, abs=1.5)
+    assert np.linalg.norm(end.velocity_mps) < 0.1
+
+
+def test_a_network_without_room_is_said(tmp_path: Path) -> None:
+    """Two egos need more than the five metres that this road has."""
+    settings = [f"map.sumo_net={one_road(tmp_path, 5)}", "traffic.vehicles=0", "simulation.warmup_s=0"]
+    settings += ["vehicles={ego: {}, other: {}}"]
+    with pytest.raises(AdvpipeError, match="no room on the network for ego, other"):
+        drive(load_scenario("smoke", settings), tmp_path, 1)
