@@ -88,5 +88,5 @@ def test_files_that_are_no_scenario(tmp_path: Path, content: bytes, message: str
 
 
 def test_an_unknown_name_lists_the_shipped_ones() -> None:
-    with pytest.raises(AdvpipeError, match="boulevard.*did you mean 'boulevard'"):
+    with pytest.raises(AdvpipeError, match=r"boulevard.*did you mean 'boulevard'"):
         load_scenario("boulevrd")

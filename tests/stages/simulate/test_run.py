@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import os
 import signal
 import subprocess
@@ -88,7 +89,7 @@ def test_every_kind_of_road_user_is_there(frames: list[Frame]) -> None:
 
 
 def test_road_users_move_as_fast_as_recorded_and_never_jump(frames: list[Frame]) -> None:
-    for before, after in zip(frames[:-1], frames[1:], strict=True):
+    for before, after in itertools.pairwise(frames):
         for index, name in enumerate(after.boxes.ids):
             if name in before.boxes.ids and not name.startswith("parked"):
                 speed = np.linalg.norm(after.boxes.velocity_mps[index])

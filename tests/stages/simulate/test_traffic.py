@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import subprocess
 from pathlib import Path
 
@@ -44,7 +45,7 @@ def front_step_m(before: RoadUser, after: RoadUser) -> np.ndarray:
 def test_nobody_jumps_sideways(busy: list[dict[str, RoadUser]]) -> None:
     """A lane is 3.4 m wide: a lane change in one step would show."""
     moved = 0
-    for before, after in zip(busy[:-1], busy[1:], strict=True):
+    for before, after in itertools.pairwise(busy):
         for name in before.keys() & after.keys():
             step_m = front_step_m(before[name], after[name])
             assert abs(step_m[1]) < 1.0
@@ -55,8 +56,8 @@ def test_nobody_jumps_sideways(busy: list[dict[str, RoadUser]]) -> None:
 
 def test_some_do_change_lanes(busy: list[dict[str, RoadUser]]) -> None:
     names = set(busy[0]) & set(busy[-1])
-    drift = {name: 0.0 for name in names}
-    for before, after in zip(busy[:-1], busy[1:], strict=True):
+    drift = dict.fromkeys(names, 0.0)
+    for before, after in itertools.pairwise(busy):
         for name in names:
             drift[name] += abs(front_step_m(before[name], after[name])[1])
     assert max(drift.values()) > 2.0
@@ -66,7 +67,7 @@ def test_displacement_agrees_with_speed(busy: list[dict[str, RoadUser]]) -> None
     errors = [
         np.linalg.norm(after["ego"].position_m - before["ego"].position_m) / 0.1
         - np.linalg.norm(after["ego"].velocity_mps)
-        for before, after in zip(busy[:-1], busy[1:], strict=True)
+        for before, after in itertools.pairwise(busy)
     ]
     assert np.median(np.abs(errors)) < 0.2
 
@@ -74,7 +75,7 @@ def test_displacement_agrees_with_speed(busy: list[dict[str, RoadUser]]) -> None
 def test_the_number_is_kept_and_newcomers_appear_out_of_sight(busy: list[dict[str, RoadUser]]) -> None:
     assert all("ego" in state for state in busy)
     assert len(busy[-1]) > 120
-    for before, after in zip(busy[:-1], busy[1:], strict=True):
+    for before, after in itertools.pairwise(busy):
         for name in after.keys() - before.keys():
             distance_m = np.linalg.norm(after[name].position_m - after["ego"].position_m)
             assert distance_m > SPAWN_DISTANCE_M - 30
