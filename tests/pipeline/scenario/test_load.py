@@ -47,7 +47,7 @@ BAD = {
     "simulation:\n  duration_s: .nan\n": r"simulation\.duration_s \(line 5\): .*finite",
     "sensors:\n  lidar:\n    channels: 0\n": r"sensors\.lidar\.channels \(line 6\)",
     "sensors:\n  lidar:\n    rotation_frequency: 7\n": r"make them equal",
-    "sensors:\n  lidar:\n    vehicle: bob\n": r"sensors\.lidar\.vehicle 'bob' is none of the vehicles \(ego\)",
+    "sensors:\n  lidar:\n    vehicle: bob\n": r"lidar\.vehicle 'bob' is none of the vehicles \(ego\)",
     "vehicles: {}\n": r"vehicles is empty",
     "traffic:\n  mix: {tank: 1}\n": r"traffic\.mix\.tank \(line 5\)",
     "traffic:\n  mix: {sedan: 0}\n": r"at least one share above zero",
