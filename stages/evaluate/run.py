@@ -2,27 +2,36 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+
+import torch
 
 from advpipe.pipeline.bag.frames import has_ground_truth
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.files import staged_folder
-from advpipe.pipeline.versions import installed
-from advpipe.stages.evaluate.detection.comparison import Comparison, bag_name, compare, look_at_clean
+from advpipe.stages.evaluate.detection.comparison import bag_name, compare, look_at_clean
 from advpipe.stages.evaluate.detection.scoring import Eye
-from advpipe.stages.evaluate.detection.summary import Row, Summary, summarise
+from advpipe.stages.evaluate.detection.summary import summarise
+from advpipe.stages.evaluate.provenance import (
+    checkpoint_sha256,
+    describe_bags,
+    describe_detector,
+    transfer_remark,
+)
 from advpipe.stages.evaluate.report.html import write_html
 from advpipe.stages.evaluate.report.pictures import draw_pictures
 from advpipe.stages.evaluate.report.report import FORMULAS, Report, write_results
 from advpipe.stages.evaluate.report.table import print_report
 
 __all__ = ["Report", "evaluate", "print_report"]
+
+TORCH_THREADS = 1
+"""Sums depend on the number of threads, and figures must not; on a busy machine one is the fastest too."""
 
 
 def evaluate(
@@ -45,17 +54,25 @@ def evaluate(
     """
     parent = _checked_clean(clean)
     provenances = [_checked_adversarial(bag, clean, parent) for bag in adversarial]
+    _refuse_equal_names(adversarial)
     model = load_detector(detector)
     with staged_folder(out, overwrite) as folder:
         eye = Eye(model)
-        comparisons = [
-            compare(clean, bag, provenance, eye, seed, baseline)
-            for bag, provenance in zip(adversarial, provenances, strict=True)
-        ] or [look_at_clean(clean, eye)]
-        summaries = [summarise(each, eye.classes, bootstrap_draws, seed) for each in comparisons]
-        origin = _provenance(clean, parent, summaries, detector, model) | {
-            "seed": seed,
+        with _torch_threads(TORCH_THREADS):
+            comparisons = [
+                compare(clean, bag, provenance, eye, seed, baseline)
+                for bag, provenance in zip(adversarial, provenances, strict=True)
+            ] or [look_at_clean(clean, eye)]
+        weights = checkpoint_sha256(detector)
+        summaries = [
+            summarise(each, eye.classes, bootstrap_draws, seed, transfer_remark(each, weights))
+            for each in comparisons
+        ]
+        origin = {
             "bootstrap_draws": bootstrap_draws,
+            "seed": seed,
+            "detector": describe_detector(detector, model, weights),
+            **describe_bags(clean, parent, comparisons),
         }
         report = Report(tuple(summary.row for summary in summaries), origin, FORMULAS)
         (folder / "report.json").write_text(report.to_json(), encoding="utf-8")
@@ -86,38 +103,20 @@ def _checked_adversarial(bag: Path, clean: Path, clean_sha256: str) -> dict[str,
     return provenance
 
 
-def _provenance(
-    clean: Path, clean_sha256: str, summaries: Sequence[Summary], detector: str, model: Detector
-) -> Row:
-    """Where the figures come from: enough to compute them again."""
-    scenario = BagReader(clean).provenance
-    return {
-        "advpipe": installed("advpipe"),
-        "clean": {"bag": bag_name(clean), "sha256": clean_sha256, "scenario": scenario.get("scenario_name")},
-        "compared": [_compared(summary.comparison) for summary in summaries],
-        "detector": {
-            "name": Path(detector).name,
-            "classes": list(model.classes),
-            "checkpoint_sha256": _checkpoint_sha256(detector),
-            "range_m": vars(model.range_m),
-        },
-    }
+def _refuse_equal_names(bags: Sequence[Path]) -> None:
+    names = [bag_name(bag) for bag in bags]
+    for name in names:
+        if names.count(name) > 1:
+            raise AdvpipeError(
+                f"two adversarial bags are named {name}; rename one, the report tells them by name"
+            )
 
 
-def _compared(comparison: Comparison) -> Row:
-    """A bag and the frames of it that were scored, counted in the clean bag."""
-    own = {key: value for key, value in comparison.provenance.items() if key != "scenario"}
-    return {
-        "bag": comparison.name,
-        "sha256": parent_sha256(comparison.bag) if comparison.bag else None,
-        "provenance": own,
-        "frames": [frame.index for frame in comparison.frames],
-    }
-
-
-def _checkpoint_sha256(detector: str) -> str | None:
-    """The SHA-256 of the weights' file; None for a detector given as `module:Class`."""
-    from advpipe.pipeline.detector.second.checkpoint import SHIPPED
-
-    path = SHIPPED.get(detector, Path(detector))
-    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
+@contextmanager
+def _torch_threads(count: int) -> Iterator[None]:
+    before = torch.get_num_threads()
+    torch.set_num_threads(count)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)

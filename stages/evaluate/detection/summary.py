@@ -56,10 +56,12 @@ class _Arm:
         return mean_average_precision([self.ranked[criterion, name] for name in self.in_map])
 
 
-def summarise(comparison: Comparison, classes: tuple[str, ...], draws: int, seed: int) -> Summary:
+def summarise(
+    comparison: Comparison, classes: tuple[str, ...], draws: int, seed: int, remarks: Sequence[str] = ()
+) -> Summary:
     """The figures of a comparison for a detector of these classes.
 
-    Raises AdvpipeError if not one object can be evaluated.
+    remarks: what the reader must know besides. Raises AdvpipeError if not one object can be evaluated.
     """
     frames = comparison.frames
     boxes = count_boxes(frames, classes)
@@ -106,7 +108,9 @@ def summarise(comparison: Comparison, classes: tuple[str, ...], draws: int, seed
         figures = _figures(arms.get(word, clean), clean, per_frame, word)
         row |= {prefix + name: value if word in arms else None for name, value in figures.items()}
     row |= _difference_to_baseline(arms)
-    row["notes"] = notes
+    if hidden := row["objects_below_min_points"]:
+        notes.append(f"{hidden} of the objects have fewer than {MIN_POINTS} points left; they still count.")
+    row["notes"] = [*notes, *remarks]
     return Summary(comparison, row, per_frame, min_score)
 
 

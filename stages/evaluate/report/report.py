@@ -15,7 +15,7 @@ from advpipe.stages.evaluate.detection.summary import Row, Summary
 
 FORMULAS: Mapping[str, str] = {
     "ap": "AP = (1/40) * sum over r in {1/40, ..., 1} of max precision at recall >= r",
-    "map": "mAP = mean AP over the classes with at least 50 evaluated boxes in the clean bag",
+    "map": "mAP = mean AP over the classes with at least 50 evaluated boxes in the scored clean frames",
     "map_ratio": "mAP ratio = 100 % * mAP(adversarial clouds) / mAP(clean clouds), on the same frames",
     "iou": "strict 3D IoU: car and truck 0.7, cyclist and pedestrian 0.5; loose: 0.5 and 0.25",
     "ignored": "no object counts with fewer than 5 points in the clean cloud or out of the detector's range",

@@ -319,3 +319,8 @@ def test_unknown_detector_is_refused(clean, tmp_path):
 
 def test_missing_bag_is_refused(clean, tmp_path):
     refused(tmp_path, "does not exist", clean, [tmp_path / "nowhere"])
+
+
+def test_two_bags_of_one_name_are_refused(clean, attacked, tmp_path):
+    bag = attacked(hide_first_car, frames=range(2))
+    refused(tmp_path, "two adversarial bags are named attacked", clean, [bag, bag])
