@@ -17,11 +17,11 @@ import yaml
 from mcap.writer import CompressionType, Writer
 
 from advpipe.pipeline.bag.files import METADATA_NAME
-from advpipe.pipeline.bag.partial import PartialFolder
 from advpipe.pipeline.bag.provenance import RECORD_NAME, seal
 from advpipe.pipeline.bag.topics import RawMessage, Topic, qos_to_yaml
 from advpipe.pipeline.bag.types import schema_text, serialise, type_hash
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
+from advpipe.pipeline.partial import PartialFolder
 
 COMPRESSIONS = {"zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": CompressionType.NONE}
 

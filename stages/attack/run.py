@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-import torch
 import yaml
 
 from advpipe.pipeline.bag.cloud import StampedCloud, cloud_from_cdr, cloud_to_cdr
@@ -21,6 +18,7 @@ from advpipe.pipeline.bag.topics import RawMessage
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.detector.second.checkpoint import SHIPPED
+from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.progress import track
 from advpipe.pipeline.seeding import named_generator
@@ -32,10 +30,6 @@ from advpipe.stages.attack.summary import AttackSummary
 from advpipe.stages.attack.tables import AttackTables
 
 __all__ = ["AttackRequest", "AttackSummary", "attack", "attack_id"]
-
-TORCH_THREADS = 1
-"""Sums depend on the number of threads, so it is fixed: the same bytes on a machine of any size. More
-gain little on networks this small, and lose much where another program takes a core."""
 
 
 def attack(clean: Path, out: Path, request: AttackRequest, *, overwrite: bool = False) -> AttackSummary:
@@ -59,7 +53,7 @@ def attack(clean: Path, out: Path, request: AttackRequest, *, overwrite: bool = 
     writer = BagWriter(out, provenance=provenance, overwrite=overwrite)  # refuses a bad output at once
     resolved = _resolved(provenance)
     job = Job(out, resolved)
-    with _fixed_threads():
+    with fixed_torch_threads():
         for frame in track(frames, f"attacking with {attack_id(request)}", len(_chosen(reader, request))):
             if job.load(frame.index) is None:
                 rng = named_generator(request.seed, "attack", request.type, request.recipe, frame.index)
@@ -112,13 +106,3 @@ def _resolved(provenance: dict[str, str]) -> str:
     for key in ("parameters", "versions"):
         plain[key] = json.loads(plain[key])
     return yaml.safe_dump(plain, sort_keys=True)
-
-
-@contextmanager
-def _fixed_threads() -> Iterator[None]:
-    before = torch.get_num_threads()
-    torch.set_num_threads(TORCH_THREADS)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)

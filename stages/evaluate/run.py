@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-
-import torch
 
 from advpipe.pipeline.bag.frames import has_ground_truth
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.detector.registry import load_detector
+from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.files import staged_folder
+from advpipe.pipeline.partial import staged_folder
 from advpipe.stages.evaluate.detection.comparison import bag_name, compare, look_at_clean
 from advpipe.stages.evaluate.detection.scoring import Eye
 from advpipe.stages.evaluate.detection.summary import summarise
@@ -29,9 +27,6 @@ from advpipe.stages.evaluate.report.report import FORMULAS, Report, write_result
 from advpipe.stages.evaluate.report.table import print_report
 
 __all__ = ["Report", "evaluate", "print_report"]
-
-TORCH_THREADS = 1
-"""Sums depend on the number of threads, and figures must not; on a busy machine one is the fastest too."""
 
 
 def evaluate(
@@ -58,7 +53,7 @@ def evaluate(
     model = load_detector(detector)
     with staged_folder(out, overwrite) as folder:
         eye = Eye(model)
-        with _torch_threads(TORCH_THREADS):
+        with fixed_torch_threads():
             comparisons = [
                 compare(clean, bag, provenance, eye, seed, baseline)
                 for bag, provenance in zip(adversarial, provenances, strict=True)
@@ -110,13 +105,3 @@ def _refuse_equal_names(bags: Sequence[Path]) -> None:
             raise AdvpipeError(
                 f"two adversarial bags are named {name}; rename one, the report tells them by name"
             )
-
-
-@contextmanager
-def _torch_threads(count: int) -> Iterator[None]:
-    before = torch.get_num_threads()
-    torch.set_num_threads(count)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.files import staged_folder
+from advpipe.pipeline.partial import staged_folder
 from advpipe.pipeline.progress import track
 from advpipe.pipeline.scenario import Scenario, dump_scenario
 from advpipe.pipeline.seeding import named_generator

@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from advpipe.pipeline.bag.partial import PartialFolder
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.partial import PartialFolder
 
 
 def never(path: Path) -> bool:
