@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import defaultdict
 from dataclasses import asdict, dataclass, field
+from datetime import datetime, timezone
 from pathlib import Path
 
 from rosbags.interfaces import Qos, QosDurability
@@ -71,13 +72,12 @@ class BagDescription:
         facts = Table.grid(padding=(0, 2))
         for name, value in self._facts():
             facts.add_row(name, value)
-        topics = Table(
-            Column("topic", overflow="fold"), Column("type", overflow="fold"), "messages", "rate", "QoS"
-        )
+        topics = Table("topic", "type", Column("messages", justify="right"), "rate", "QoS", box=None)
         for topic in self.topics:
             rate = f"{topic.rate_hz:.1f} Hz" if topic.rate_hz else ""
             topics.add_row(topic.name, topic.type.replace("/msg/", "/"), str(topic.count), rate, topic.qos)
         console = Console(highlight=False)
+        console.width = max(console.width, 110)  # a long line that a terminal wraps beats a folded name
         console.print(facts)
         console.print(topics)
 
@@ -85,7 +85,7 @@ class BagDescription:
         facts = [
             ("bag", self.path),
             ("files", f"{', '.join(self.files)} ({self.bytes / 1e6:.1f} MB)"),
-            ("duration", f"{self.duration_s:.1f} s from {self.start_ns} ns"),
+            ("duration", f"{self.duration_s:.1f} s from {_date(self.start_ns)}"),
             ("messages", str(self.messages)),
         ]
         if self.clouds:
@@ -95,6 +95,11 @@ class BagDescription:
             facts.append((item.class_name, f"{item.road_users} road users, {item.boxes} boxes"))
         facts += [(key, value) for key, value in self.provenance.items() if key not in _LONG]
         return [*facts, ("checksums", str(self.checksums))]
+
+
+def _date(stamp_ns: int) -> str:
+    seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
+    return f"{datetime.fromtimestamp(seconds, timezone.utc):%Y-%m-%dT%H:%M:%S}.{nanoseconds // 1_000_000:03}Z"
 
 
 @dataclass
