@@ -77,6 +77,7 @@ def attack(
     frames: Annotated[str, typer.Option(help="start:stop:step; the bag then holds only these.")] = "::",
     detector: DetectorName = "small",
     seed: Annotated[int, typer.Option(help="Seed of the attack's own draws.")] = 0,
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes [default: one a core].")] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Adversarial bag [default: beside the clean one].")
     ] = None,
@@ -97,8 +98,8 @@ def attack(
         frames=FrameSlice.parse(frames),
         seed=seed,
     )
-    summary = run(clean, out or clean.parent / attack_id(request), request, overwrite=overwrite)
-    print(summary)
+    target = out or clean.parent / attack_id(request)
+    print(run(clean, target, request, overwrite=overwrite, workers=workers))
 
 
 @app.command()

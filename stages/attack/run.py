@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import yaml
 
 from advpipe.pipeline.bag.cloud import StampedCloud, cloud_from_cdr, cloud_to_cdr
-from advpipe.pipeline.bag.frames import find_lidar_topic, read_frames
+from advpipe.pipeline.bag.frames import FrameSlice, find_lidar_topic, read_frames
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.provenance import attack_provenance
 from advpipe.pipeline.bag.reader import BagReader
@@ -20,7 +22,7 @@ from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.detector.second.checkpoint import SHIPPED
 from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.progress import track
+from advpipe.pipeline.jobs import run_jobs
 from advpipe.pipeline.seeding import named_generator
 from advpipe.stages.attack.job import Job
 from advpipe.stages.attack.lidar.base import LidarResult
@@ -32,36 +34,43 @@ from advpipe.stages.attack.tables import AttackTables
 __all__ = ["AttackRequest", "AttackSummary", "attack", "attack_id"]
 
 
-def attack(clean: Path, out: Path, request: AttackRequest, *, overwrite: bool = False) -> AttackSummary:
+def attack(
+    clean: Path,
+    out: Path,
+    request: AttackRequest,
+    *,
+    overwrite: bool = False,
+    workers: int | None = None,
+) -> AttackSummary:
     """Craft the adversarial version of each chosen cloud of a bag, and write the bag that holds them.
 
     Every message that is no attacked cloud is copied byte for byte. Beside them in the folder `out` lie
     attack.yaml (the resolved request), labels.parquet and frames.parquet (see `tables`). A run that was
-    interrupted goes on where it stopped, and ends with the same bytes.
+    interrupted goes on where it stopped. The bytes are the same for any number of worker processes
+    (default: one for each core), and whether it ran in one go or in pieces.
 
     Raises AdvpipeError for an unknown attack, a bad parameter, a bag that is none or holds no clouds,
     frames that it does not have, and an output that exists.
     """
-    attacker = request.build()
+    request.build()  # refuses a bad request at once
     reader = BagReader(resolve_bag(clean))
+    chosen = request.frames.indices(reader.topics[find_lidar_topic(reader)].count)
     source = reader.path.resolve()
     if out.resolve() in (source, *source.parents):
         raise AdvpipeError(f"{out} is or holds the clean bag; choose another output")
-    detector = load_detector(request.detector)
-    frames = read_frames(reader.path, request.frames)
+    load_detector(request.detector)
     provenance = _provenance(reader, request)
     writer = BagWriter(out, provenance=provenance, overwrite=overwrite)  # refuses a bad output at once
     resolved = _resolved(provenance)
     job = Job(out, resolved)
-    with fixed_torch_threads():
-        for frame in track(frames, f"attacking with {attack_id(request)}", len(_chosen(reader, request))):
-            if job.load(frame.index) is None:
-                rng = named_generator(request.seed, "attack", request.type, request.recipe, frame.index)
-                job.store(frame.index, attacker(frame.cloud, frame.boxes, detector, rng))
+    todo = [index for index in chosen if job.load(index) is None]
+    run_jobs(
+        partial(_frame_attacker, reader.path, request, job), todo, f"attacking: {attack_id(request)}", workers
+    )
     summary = AttackSummary(out)
     with writer as bag, AttackTables(bag.folder) as tables:
         (bag.folder / "attack.yaml").write_text(resolved, encoding="utf-8")
-        for index, message in messages_of_frames(reader, find_lidar_topic(reader), _chosen(reader, request)):
+        for index, message in messages_of_frames(reader, find_lidar_topic(reader), chosen):
             if index is None:
                 bag.copy(message)
                 continue
@@ -73,8 +82,17 @@ def attack(clean: Path, out: Path, request: AttackRequest, *, overwrite: bool = 
     return summary
 
 
-def _chosen(reader: BagReader, request: AttackRequest) -> range:
-    return request.frames.indices(reader.topics[find_lidar_topic(reader)].count)
+def _frame_attacker(clean: Path, request: AttackRequest, job: Job) -> Callable[[int], None]:
+    """What one process does: the attack on one frame of the clean bag, kept in the job's folder."""
+    attacker, detector = request.build(), load_detector(request.detector)
+
+    def attack_frame(index: int) -> None:
+        (frame,) = read_frames(clean, FrameSlice(index, index + 1, 1))
+        rng = named_generator(request.seed, "attack", request.type, request.recipe, index)
+        with fixed_torch_threads():
+            job.store(index, attacker(frame.cloud, frame.boxes, detector, rng))
+
+    return attack_frame
 
 
 def _with_result(message: RawMessage, clean: StampedCloud, result: LidarResult) -> RawMessage:
@@ -97,7 +115,7 @@ def _provenance(reader: BagReader, request: AttackRequest) -> dict[str, str]:
     )
     checkpoint = SHIPPED.get(request.detector, Path(request.detector))
     digest = hashlib.sha256(checkpoint.read_bytes()).hexdigest() if checkpoint.is_file() else ""
-    return {**record, "detector": request.detector, "detector_sha256": digest}
+    return {**record, "detector": Path(request.detector).name, "detector_sha256": digest}
 
 
 def _resolved(provenance: dict[str, str]) -> str:

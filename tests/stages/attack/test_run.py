@@ -126,6 +126,13 @@ def test_same_request_same_bytes(clean_bag, tmp_path):
     assert labels[0] != labels[1]
 
 
+def test_same_bytes_on_one_worker_and_on_two(clean_bag, tmp_path, monkeypatch):
+    monkeypatch.setattr("advpipe.pipeline.jobs.JOBS_WORTH_A_WORKER", 1)
+    attack(clean_bag, tmp_path / "one" / "adv", request(), workers=1)
+    attack(clean_bag, tmp_path / "two" / "adv", request(), workers=2)
+    assert files_of(tmp_path / "one" / "adv") == files_of(tmp_path / "two" / "adv")
+
+
 def test_frame_is_attacked_alike_alone_and_among_others(clean_bag, tmp_path):
     attack(clean_bag, tmp_path / "all", request(recipe="random"))
     attack(clean_bag, tmp_path / "one", request(recipe="random", frames=FrameSlice.parse("3")))
