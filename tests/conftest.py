@@ -7,6 +7,9 @@ from collections.abc import Callable
 
 import pytest
 
+# Tests run side by side: threads of theirs would only be in each other's way.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 
 @pytest.fixture
 def missing_oracle() -> Callable[[str], None]:

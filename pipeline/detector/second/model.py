@@ -81,7 +81,10 @@ class Second:
         predictions = self.net(voxels)
         empty = torch.bincount(voxels.sites.bzyx()[0], minlength=len(clouds)) == 0
         none = Detections(np.zeros((0, 7)), np.zeros(0), np.zeros(0, np.int64))
-        return [none if empty[b] else detections(predictions, b, self._grid) for b in range(len(clouds))]
+        return [
+            none if empty[b] else detections(predictions, b, self._grid, self.preset.vote_iou)
+            for b in range(len(clouds))
+        ]
 
     def loss(self, points: Tensor, boxes: Tensor, labels: Tensor) -> Tensor:
         """The training loss of one cloud, as `Detector.loss`; all boxes in range count.

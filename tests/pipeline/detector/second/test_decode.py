@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from advpipe.pipeline.detector.second.anchors import AnchorGrid, encode
-from advpipe.pipeline.detector.second.decode import detections, suppress
+from advpipe.pipeline.detector.second.decode import detections, suppress, vote
 from advpipe.pipeline.detector.second.head import Predictions
 from advpipe.pipeline.detector.second.loss import direction_bin
 from advpipe.pipeline.detector.second.presets import SMALL
@@ -60,3 +60,20 @@ def test_suppression_is_greedy():
     boxes = np.array([[x, 0, 0, 4, 2, 2, 0] for x in (0.0, 2.0, 4.1)])
     assert suppress(boxes, 0.1).tolist() == [0, 2]
     assert suppress(np.zeros((0, 7)), 0.1).tolist() == []
+
+
+def test_votes_are_weighted_by_squared_score_within_the_class():
+    """Scores 0.8 and 0.4 weigh 4 : 1; the box of another class and the far one have no say."""
+    boxes = np.array(
+        [
+            [0.0, 0.0, 0.0, 4.0, 2.0, 1.5, 3.1],
+            [0.5, 0.0, 0.1, 4.5, 2.0, 1.5, -3.1],  # turned by 0.083 beyond pi, not by -6.2
+            [0.2, 0.0, 0.9, 4.0, 2.0, 9.0, 3.1],
+            [9.0, 9.0, 0.0, 4.0, 2.0, 1.5, 0.0],
+        ]
+    )
+    scores, labels = np.array([0.8, 0.4, 0.7, 0.6]), np.array([0, 0, 1, 0])
+    (first, last) = vote(boxes, scores, labels, np.array([0, 3]), 0.5)
+    np.testing.assert_allclose(first[:6], [0.1, 0.0, 0.02, 4.1, 2.0, 1.5])
+    assert first[6] == pytest.approx(3.1 + 0.2 * (2 * np.pi - 6.2))
+    np.testing.assert_allclose(last, boxes[3])
