@@ -23,6 +23,7 @@ class Lane:
 
     centre_m: Float64
     width_m: float
+    for_cars: bool
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,11 @@ class Edge:
     successors: tuple[str, ...]
 
     @property
+    def car_lane(self) -> int:
+        """Index of the outermost lane that cars may use: pavements and cycle lanes lie outside of it."""
+        return [lane.for_cars for lane in self.lanes].index(True)
+
+    @property
     def width_m(self) -> float:
         return sum(lane.width_m for lane in self.lanes)
 
@@ -45,7 +51,9 @@ class Edge:
 class RoadNetwork:
     """The file that SUMO drives on, and its geometry in the map's frame.
 
-    The map's frame is the network's own with its offset removed: map = network - `offset_m`.
+    The map's frame is that of the road map which the network was made from: map = network -
+    `offset_m`. A geo-referenced network keeps its own frame (a zero offset): without its offset it
+    would lie thousands of kilometres from its origin, where float32 has steps of half a metre.
     """
 
     sumo_file: Path
@@ -133,11 +141,15 @@ def _read(sumo_file: Path, origin: Path) -> RoadNetwork:
 
     try:
         net = sumolib.net.readNet(str(sumo_file), withInternal=False)
-        offset = np.array([*net.getLocationOffset(), 0.0], dtype=np.float64)
+        offset = np.array([*net.getLocationOffset(), 0.0], dtype=np.float64) * (not net.hasGeoProj())
         edges = {}
         for edge in net.getEdges(withInternal=False):
             lanes = tuple(
-                Lane(np.array(lane.getShape3D(), dtype=np.float64) - offset, float(lane.getWidth()))
+                Lane(
+                    np.array(lane.getShape3D(), dtype=np.float64) - offset,
+                    float(lane.getWidth()),
+                    bool(lane.allows(CAR)),
+                )
                 for lane in edge.getLanes()
             )
             successors = [next_edge for next_edge in edge.getAllowedOutgoing(CAR) if next_edge.allows(CAR)]

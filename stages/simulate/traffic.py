@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from xml.sax.saxutils import quoteattr
@@ -53,15 +55,14 @@ class Traffic:
         command += ["--seed", str(simulation.seed % 2**31), "--step-length", str(simulation.step_s)]
         command += ["--lateral-resolution", "0.8", "--time-to-teleport", "-1", "--collision.action", "none"]
         command += ["--no-step-log", "--no-warnings", "--default.speeddev", "0.1", "--max-depart-delay", "60"]
-        try:
+        with _sumo_errors():
             libsumo.start(command)
-        except libsumo.TraCIException as error:
-            raise AdvpipeError(f"SUMO cannot start on {self._network.sumo_file}: {error}") from None
         try:
-            for name, vehicle in self._scenario.vehicles.items():
-                self._add(name, f"{vehicle.body}.0", self._random_wide_edge())
-            self._fill_up(near_is_fine=True)
-            self._warm_up()
+            with _sumo_errors():
+                for name, vehicle in self._scenario.vehicles.items():
+                    self._add(name, f"{vehicle.body}.0", self._random_wide_edge())
+                self._fill_up(near_is_fine=True)
+                self._warm_up()
         except BaseException:
             libsumo.close()
             raise
@@ -78,8 +79,9 @@ class Traffic:
         """Advances SUMO by one step and replaces vehicles whose road has ended."""
         import libsumo
 
-        libsumo.simulationStep()
-        self._fill_up(near_is_fine=False)
+        with _sumo_errors():
+            libsumo.simulationStep()
+            self._fill_up(near_is_fine=False)
 
     def road_users(self) -> dict[str, RoadUser]:
         """Every vehicle that is on the road now, by id."""
@@ -159,7 +161,8 @@ class Traffic:
         import libsumo
 
         simulation = self._scenario.simulation
-        enough_m = 1.2 * start.speed_mps * (simulation.warmup_s + simulation.duration_s) + 500.0
+        fastest_mps = max(edge.speed_mps for edge in self._edges)
+        enough_m = 1.2 * fastest_mps * (simulation.warmup_s + simulation.duration_s) + 500.0
         route = self._random_walk(start, enough_m)
         libsumo.route.add(f"route.{name}", route)
         libsumo.vehicle.add(
@@ -173,7 +176,8 @@ class Traffic:
         if name in self._scenario.vehicles:
             last = self._network.edges[route[-1]]
             stop_m = max(last.length_m - 1.0, 0.5 * last.length_m)
-            libsumo.vehicle.setStop(name, last.id, pos=stop_m, duration=1e6)  # it outlives its road
+            # It outlives its road.
+            libsumo.vehicle.setStop(name, last.id, pos=stop_m, laneIndex=last.car_lane, duration=1e6)
 
     def _random_walk(self, start: Edge, length_m: float) -> list[str]:
         """Edges from `start` on until they are long enough or end; turns back only where it must."""
@@ -192,6 +196,17 @@ class Traffic:
     def _returns(here: Edge, there: Edge) -> bool:
         start, end = here.lanes[0].centre_m[0, :2], there.lanes[0].centre_m[-1, :2]
         return bool(np.linalg.norm(start - end) < 2 * here.width_m + 6.0)
+
+
+@contextmanager
+def _sumo_errors() -> Iterator[None]:
+    """What SUMO refuses, in one line of ours."""
+    import libsumo
+
+    try:
+        yield
+    except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
+        raise AdvpipeError(f"SUMO cannot go on with this network or traffic: {error}") from None
 
 
 def _vehicle_types(variants: dict[str, Variant]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 
 from advpipe.pipeline.geometry.transforms import Float64, se3_from_yaw
 from advpipe.pipeline.scenario.models import Scenario
@@ -14,6 +15,7 @@ from advpipe.stages.simulate.world.bodies import Variant
 from advpipe.stages.simulate.world.roads import KERB_M, Roads, offset_right
 from advpipe.stages.simulate.world.scenery import WALKWAY_OFFSET_M
 
+STRAY_M = 0.6
 NEAR_ROUTE_M = 30.0
 NEAR_ROUTE_SHARE = 0.5
 """This share of the people walks within sight of the instrumented vehicles' routes."""
@@ -52,7 +54,9 @@ def draw_walkers(
     """
     rng = named_generator(scenario.simulation.seed, "walkers")
     bodies = [variant for variant in variants.values() if variant.body.label == "pedestrian"]
-    paths = [path for kerb in roads.kerbs_m for path in _pieces(kerb)]
+    paths = [path for kerb in roads.kerbs_m for path in _pieces(kerb) if _has_room(path, roads)]
+    if not paths:
+        return []
     lengths = np.array([np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths])
     middles = np.array([path[len(path) // 2, :2] for path in paths])
     route = np.concatenate(routes_m)[:, :2]
@@ -63,7 +67,7 @@ def draw_walkers(
     for index in range(scenario.traffic.pedestrians):
         weights = near if rng.random() < NEAR_ROUTE_SHARE else lengths
         path = paths[int(rng.choice(len(paths), p=weights / weights.sum()))]
-        side_m = WALKWAY_OFFSET_M + rng.uniform(-0.6, 0.6)
+        side_m = WALKWAY_OFFSET_M + rng.uniform(-STRAY_M, STRAY_M)
         walkers.append(
             Walker(
                 f"pedestrian.{index}",
@@ -74,6 +78,13 @@ def draw_walkers(
             )
         )
     return walkers
+
+
+def _has_room(kerb_m: Float64, roads: Roads) -> bool:
+    """Whether there is a walkway beside this kerb, and not the next road, as on a narrow median."""
+    offsets_m = (WALKWAY_OFFSET_M - STRAY_M, WALKWAY_OFFSET_M + STRAY_M)
+    lines = [shapely.LineString(offset_right(kerb_m, offset_m)[:, :2]) for offset_m in offsets_m]
+    return not any(roads.area.intersects(line.buffer(0.4)) for line in lines)
 
 
 def _pieces(kerb_m: Float64, points: int = 20) -> list[Float64]:

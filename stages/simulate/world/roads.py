@@ -20,7 +20,7 @@ KERB_M = 0.12
 PAVEMENT_M = 5.0
 MARKING_WIDTH_M = 0.14
 MARKING_HEIGHT_M = 0.004
-GROUND_CELL_M = 6.0
+GROUND_CELL_M = 6.5
 GROUND_MARGIN_M = 130.0
 
 
@@ -140,14 +140,17 @@ def _dashes(centre_m: Float64) -> list[Mesh]:
 
 
 def _ground(roads: Roads, rng: np.random.Generator) -> Mesh:
-    """Uneven grass, a little below the roads."""
-    x_min, y_min, x_max, y_max = roads.area.bounds
-    x = np.arange(x_min - GROUND_MARGIN_M, x_max + GROUND_MARGIN_M, GROUND_CELL_M)
-    y = np.arange(y_min - GROUND_MARGIN_M, y_max + GROUND_MARGIN_M, GROUND_CELL_M)
-    grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
-    z = roads.height_at(grid) - 0.03 - 0.09 * rng.random(grid.shape[:2])
-    vertices = np.concatenate([grid, z[..., None]], axis=-1).reshape(-1, 3)
-    i, j = np.meshgrid(np.arange(len(x) - 1), np.arange(len(y) - 1), indexing="ij")
-    a = (i * len(y) + j).ravel()
-    b, c, d = a + 1, a + len(y), a + len(y) + 1
-    return surface(vertices, np.stack([a, c, b, b, c, d], axis=-1).reshape(-1, 3), "grass")
+    """Uneven grass, a little below the roads, as far as `GROUND_MARGIN_M` or twice that from them."""
+    per_block = round(GROUND_MARGIN_M / GROUND_CELL_M)
+    blocks = np.unique(np.floor(roads.tree.data / GROUND_MARGIN_M).astype(np.int64), axis=0)
+    around = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1], indexing="ij"), axis=-1).reshape(-1, 2)
+    blocks = np.unique((blocks[:, None] + around).reshape(-1, 2), axis=0)
+    within = np.stack(np.meshgrid(*[np.arange(per_block)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    cells = (blocks[:, None] * per_block + within).reshape(-1, 2)
+    corners = (cells[:, None] + np.array([[0, 0], [1, 0], [1, 1], [0, 1]])).reshape(-1, 2)
+    nodes, node_of_corner = np.unique(corners, axis=0, return_inverse=True)
+    xy_m = nodes * GROUND_CELL_M
+    z_m = roads.height_at(xy_m) - 0.03 - 0.09 * rng.random(len(nodes))
+    quads = node_of_corner.reshape(-1, 4)
+    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    return surface(np.column_stack([xy_m, z_m]), triangles, "grass")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +16,7 @@ from advpipe.pipeline.scenario.models import Map
 from advpipe.stages.simulate.network import load_network
 
 BOULEVARD = load_scenario("boulevard").map
-TOWN06 = Path(__file__).parents[3].parent / "shared" / "maps" / "Town06.xodr"
+TOWN06 = Path(os.environ.get("ADVPIPE_TOWN06", "Town06.xodr"))
 
 NOT_A_NET = {
     "empty": b"",
@@ -74,7 +77,7 @@ def test_boulevard_has_the_lanes_of_its_plan(tmp_path: Path) -> None:
     assert abs(last[0, 1] - first[0, 1]) == pytest.approx(2 * 3.4, abs=0.1)
 
 
-@pytest.mark.skipif(not TOWN06.is_file(), reason="CARLA's Town06.xodr is not here")
+@pytest.mark.skipif(not TOWN06.is_file(), reason="set ADVPIPE_TOWN06 to CARLA's Town06.xodr")
 def test_town06_has_the_roads_that_are_known_of_it(tmp_path: Path) -> None:
     """93 edges, 20 lane-kilometres, flat; the offset that netconvert adds is taken off again."""
     network = load_network(Map(opendrive=str(TOWN06)), tmp_path)
@@ -84,3 +87,27 @@ def test_town06_has_the_roads_that_are_known_of_it(tmp_path: Path) -> None:
     points = np.concatenate([lane.centre_m for edge in network.edges.values() for lane in edge.lanes])
     assert np.ptp(points[:, 2]) == 0
     assert points[:, 0].min() == pytest.approx(-358, abs=15)
+
+
+def test_a_geo_referenced_network_keeps_its_own_frame(tmp_path: Path) -> None:
+    """Without its offset it would lie at its UTM coordinates, thousands of kilometres away."""
+    assert BOULEVARD.sumo_net is not None
+    text = Path(BOULEVARD.sumo_net).read_text()
+    utm = re.sub(r'netOffset="[^"]*"', 'netOffset="-691000.00,-5334000.00"', text)
+    utm = utm.replace(
+        'projParameter="!"', 'projParameter="+proj=utm +zone=32 +ellps=WGS84 +datum=WGS84 +units=m"'
+    )
+    assert utm.count("+proj=utm") == 1
+    path = tmp_path / "utm.net.xml"
+    path.write_text(utm)
+    network = load_network(Map(sumo_net=str(path)), tmp_path)
+    assert np.all(network.offset_m == 0)
+    assert np.abs(network.edges["a_b"].lanes[0].centre_m).max() < 2000
+
+
+def test_lanes_know_who_may_use_them(tmp_path: Path, grid: Callable[..., Path]) -> None:
+    """With pavements, a road's first lane is for people on foot and its second for cars."""
+    path = grid("--grid.number", "3", "--sidewalks.guess.from-permissions")
+    edge = load_network(Map(sumo_net=str(path)), tmp_path).drivable[0]
+    assert [lane.for_cars for lane in edge.lanes] == [False, True]
+    assert edge.car_lane == 1
