@@ -7,6 +7,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
@@ -28,15 +29,20 @@ class PartialFolder:
 
     def __init__(self, final: Path) -> None:
         self.final = final
-        final.parent.mkdir(parents=True, exist_ok=True)
         self._prefix = f".{final.name}.partial-"
-        with _one_at_a_time(final.parent):
-            self._remove_leftovers()
-            self.path = Path(tempfile.mkdtemp(prefix=self._prefix, dir=final.parent))
-            self.path.chmod(0o755)  # mkdtemp's 0700 would hide the bag from everybody else
-            self._lock = (self.path / _LOCK_NAME).open("w")
-            if fcntl is not None:
-                fcntl.flock(self._lock, fcntl.LOCK_EX)
+        self._new_parents = [parent for parent in final.parents if not parent.exists()]
+        try:
+            final.parent.mkdir(parents=True, exist_ok=True)
+            with _one_at_a_time(final.parent):
+                self._remove_leftovers()
+                self.path = Path(tempfile.mkdtemp(prefix=self._prefix, dir=final.parent))
+                self.path.chmod(0o755)  # mkdtemp's 0700 would hide the bag from everybody else
+                self._lock = (self.path / _LOCK_NAME).open("w")
+                if fcntl is not None:
+                    fcntl.flock(self._lock, fcntl.LOCK_EX)
+        except OSError:
+            self._remove_new_parents()
+            raise
 
     def commit(self, may_replace: Callable[[Path], bool]) -> None:
         """Give the folder its final name; what lies there is replaced if `may_replace` says so."""
@@ -49,13 +55,26 @@ class PartialFolder:
                 self.path.rename(self.final)
                 return
             old = Path(tempfile.mkdtemp(prefix=self._prefix, dir=self.final.parent)) / "replaced"
-            self.final.rename(old)
-            self.path.rename(self.final)
-            shutil.rmtree(old.parent, ignore_errors=True)
+            try:
+                self.final.rename(old)
+                self.path.rename(self.final)
+            except BaseException:
+                if old.exists() and not self.final.exists():
+                    old.rename(self.final)
+                raise
+            finally:
+                shutil.rmtree(old.parent, ignore_errors=True)
 
     def discard(self) -> None:
+        """Remove the folder, and the folders above it that were made for it and hold nothing else."""
         self._lock.close()
         shutil.rmtree(self.path, ignore_errors=True)
+        self._remove_new_parents()
+
+    def _remove_new_parents(self) -> None:
+        with suppress(OSError):  # the first one that is not empty, or was never made
+            for parent in self._new_parents:
+                parent.rmdir()
 
     def _remove_leftovers(self) -> None:
         if fcntl is None:
@@ -71,20 +90,48 @@ class PartialFolder:
                 continue
 
 
+@dataclass(frozen=True)
+class FolderKind:
+    """What a stage's folder is made of, so that nobody else's folder is replaced.
+
+    items: the names that the stage makes. marks: files that every finished folder of the kind holds.
+    """
+
+    name: str
+    items: tuple[str, ...]
+    marks: tuple[str, ...]
+
+    def refuse_foreign(self, folder: Path) -> None:
+        """Raises AdvpipeError where items would be replaced in a folder that is not of this kind."""
+        taken = [name for name in self.items if (folder / name).exists()]
+        lacking = [mark for mark in self.marks if not (folder / mark).is_file()]
+        if taken and lacking:
+            raise AdvpipeError(
+                f"{folder} holds {taken[0]} but no {lacking[0]}, so it is no {self.name}; not replacing it, "
+                "choose another name"
+            )
+
+
 @contextmanager
-def staged_folder(final: Path, overwrite: bool) -> Iterator[Path]:
+def staged_folder(final: Path, overwrite: bool, kind: FolderKind) -> Iterator[Path]:
     """A folder to fill; what is in it moves to `final` when the block ends without an error.
 
     With `overwrite`, an old `final` stays as it is until then, and items of it that are not made anew
     stay for good: attacks and reports of a data set whose drive is recorded again.
     """
-    if final.exists() and not overwrite:
-        raise OutputExistsError(final)
-    if final.exists() and not final.is_dir():
-        raise AdvpipeError(f"{final} is no folder, not replacing it; choose another name")
+
+    def refuse() -> None:
+        if final.exists() and not overwrite:
+            raise OutputExistsError(final)
+        if final.exists() and not final.is_dir():
+            raise AdvpipeError(f"{final} is no folder, not replacing it; choose another name")
+        kind.refuse_foreign(final)
+
+    refuse()
     partial = PartialFolder(final)
     try:
         yield partial.path
+        refuse()  # again: it may have appeared meanwhile
         if final.is_dir():
             _replace_items(partial.path, final)
             partial.discard()
@@ -96,15 +143,24 @@ def staged_folder(final: Path, overwrite: bool) -> Iterator[Path]:
 
 
 def _replace_items(new: Path, final: Path) -> None:
-    for item in sorted(new.iterdir()):
-        if item.name.startswith("."):
-            continue
-        target, old = final / item.name, new / f".old.{item.name}"
-        if target.exists():
-            target.rename(old)
-        item.rename(target)
-        if old.is_dir():
-            shutil.rmtree(old)
+    """All items move, or none; the old ones stay in `new`, hidden, and go with it."""
+    places = [
+        (item, final / item.name, new / f".old.{item.name}")
+        for item in sorted(new.iterdir())
+        if not item.name.startswith(".")
+    ]
+    try:
+        for item, target, old in places:
+            if target.exists():
+                target.rename(old)
+            item.rename(target)
+    except BaseException:
+        for item, target, old in places:
+            if not item.exists():
+                target.rename(item)
+            if old.exists():
+                old.rename(target)
+        raise
 
 
 @contextmanager

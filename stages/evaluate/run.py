@@ -11,7 +11,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.partial import staged_folder
+from advpipe.pipeline.partial import FolderKind, staged_folder
 from advpipe.stages.evaluate.detection.comparison import bag_name, compare, look_at_clean
 from advpipe.stages.evaluate.detection.scoring import Eye
 from advpipe.stages.evaluate.detection.summary import summarise
@@ -27,6 +27,8 @@ from advpipe.stages.evaluate.report.report import FORMULAS, Report, write_result
 from advpipe.stages.evaluate.report.table import print_report
 
 __all__ = ["Report", "evaluate", "print_report"]
+
+REPORT = FolderKind("report", ("report.json", "results.parquet", "figures", "report.html"), ("report.json",))
 
 
 def evaluate(
@@ -51,7 +53,7 @@ def evaluate(
     provenances = [_checked_adversarial(bag, clean, parent) for bag in adversarial]
     _refuse_equal_names(adversarial)
     model = load_detector(detector)
-    with staged_folder(out, overwrite) as folder:
+    with staged_folder(out, overwrite, REPORT) as folder:
         eye = Eye(model)
         with fixed_torch_threads():
             comparisons = [

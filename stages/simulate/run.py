@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.partial import staged_folder
+from advpipe.pipeline.partial import FolderKind, staged_folder
 from advpipe.pipeline.progress import track
 from advpipe.pipeline.scenario import Scenario, dump_scenario
 from advpipe.pipeline.seeding import named_generator
@@ -24,6 +24,8 @@ from advpipe.stages.simulate.traffic import Traffic
 from advpipe.stages.simulate.walkers import draw_walkers
 from advpipe.stages.simulate.world.bodies import draw_variants
 from advpipe.stages.simulate.world.world import World
+
+DATA_SET = FolderKind("data set", ("scenario.yaml", "clean"), ("scenario.yaml", "clean/metadata.yaml"))
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
     clock, seed = scenario.simulation, scenario.simulation.seed
     carrier_name = scenario.sensors.lidar.vehicle
     points, seen = 0, set[str]()
-    with staged_folder(out, overwrite) as folder, tempfile.TemporaryDirectory() as scratch:
+    with staged_folder(out, overwrite, DATA_SET) as folder, tempfile.TemporaryDirectory() as scratch:
         (folder / "scenario.yaml").write_text(dump_scenario(scenario), encoding="utf-8")
         network = load_network(scenario.map, Path(scratch))
         variants = draw_variants(named_generator(seed, "bodies"))
