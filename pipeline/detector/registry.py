@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib
+import inspect
+import os
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 from advpipe.pipeline.detector.protocol import Detector
@@ -29,9 +34,42 @@ def load_detector(name_or_path: str) -> Detector:
     )
 
 
+def detector_sha256(name_or_path: str) -> str:
+    """What a detector is told apart by: SHA-256 of its checkpoint, or of the source file of its class.
+
+    "" for a class without a source file.
+    """
+    from advpipe.pipeline.detector.second.checkpoint import SHIPPED
+
+    file: Path | None = SHIPPED.get(name_or_path, Path(name_or_path))
+    if file is not None and not file.is_file():
+        file = _source_file(name_or_path)
+    return hashlib.sha256(file.read_bytes()).hexdigest() if file else ""
+
+
+def _source_file(name: str) -> Path | None:
+    module, _, attribute = name.partition(":")
+    try:
+        source = inspect.getsourcefile(_find_class(module, attribute))
+    except (TypeError, OSError):  # made by a program or in another language
+        return None
+    return Path(source) if source else None
+
+
+def _find_class(module: str, attribute: str) -> Callable[[], object]:
+    # A program that was installed does not look into the working directory, where the user's file lies.
+    if os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())
+    try:
+        found: Callable[[], object] = getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise AdvpipeError(f"cannot load detector {module}:{attribute}: {error}") from None
+    return found
+
+
 def _load_class(module: str, attribute: str) -> Detector:
     try:
-        made = getattr(importlib.import_module(module), attribute)()
+        made = _find_class(module, attribute)()
     except (ImportError, AttributeError, TypeError, ValueError) as error:
         raise AdvpipeError(f"cannot load detector {module}:{attribute}: {error}") from None
     if not isinstance(made, Detector):

@@ -1,14 +1,18 @@
 from __future__ import annotations
 
+import hashlib
+import subprocess
 import sys
 import types
+from pathlib import Path
 
 import pytest
 import torch
 
 from advpipe.pipeline.detector.protocol import Range
-from advpipe.pipeline.detector.registry import load_detector
-from advpipe.pipeline.detector.second.checkpoint import save_checkpoint
+from advpipe.pipeline.detector.registry import detector_sha256, load_detector
+from advpipe.pipeline.detector.second import model
+from advpipe.pipeline.detector.second.checkpoint import SHIPPED, save_checkpoint
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import SMALL
 from advpipe.pipeline.errors import AdvpipeError
@@ -50,6 +54,42 @@ def module(monkeypatch):
 
 def test_a_class_of_the_users(module):
     assert isinstance(load_detector("my_detectors:Mine"), Mine)
+
+
+def test_a_class_in_the_working_directory(tmp_path):
+    (tmp_path / "my.py").write_text(
+        "class D:\n"
+        "    classes, range_m = ('car',), None\n"
+        "    def detect(self, cloud): ...\n"
+        "    def loss(self, points, boxes, labels): ...\n"
+    )
+    # `-P` keeps the working directory off the path, as it is for an installed program.
+    code = (
+        "import sys; before = list(sys.path)\n"
+        "from advpipe.pipeline.detector.registry import load_detector\n"
+        "load_detector('small'); assert sys.path == before\n"
+        "print(load_detector('my:D').classes)"
+    )
+    command = [sys.executable, "-P", "-c", code]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.stdout == "('car',)\n", done.stderr
+
+
+def sha256(path):
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+
+
+def test_checksum_of_a_checkpoint(tmp_path):
+    (tmp_path / "mine.safetensors").write_bytes(b"weights")
+    assert detector_sha256(str(tmp_path / "mine.safetensors")) == hashlib.sha256(b"weights").hexdigest()
+    assert detector_sha256("small") == sha256(SHIPPED["small"])
+
+
+def test_checksum_of_a_class_is_that_of_its_source_file(module):
+    assert detector_sha256("advpipe.pipeline.detector.second.model:Second") == sha256(model.__file__)
+    assert detector_sha256("builtins:int") == ""
+    with pytest.raises(AdvpipeError, match="cannot load detector"):
+        detector_sha256("my_detectors:Missing")
 
 
 @pytest.mark.parametrize(
