@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -46,10 +47,14 @@ class RunFolder:
     def frames(self) -> Path:
         return self.path / "frames"
 
-    def open(self, config: TrainConfig, overwrite: bool) -> None:
-        """Make the folder, or accept the unfinished run of the same configuration in it."""
+    def open(self, config: TrainConfig, origin: Mapping[str, str], overwrite: bool) -> None:
+        """Make the folder, or accept the unfinished run of the same configuration in it.
+
+        origin: checksums of the files that the configuration names, which may change under their names.
+        """
         # The number of processes changes no result, so a run may go on with another.
-        wanted = json.dumps({**asdict(config), "workers": None}, default=str, indent=2, sort_keys=True) + "\n"
+        about = {**asdict(config), "workers": None, "origin": dict(origin)}
+        wanted = json.dumps(about, default=str, indent=2, sort_keys=True) + "\n"
         if self.path.exists() and not self.path.is_dir():
             raise AdvpipeError(f"{self.path} is a file; name a folder for the training run")
         if self.path.exists() and not self.config.is_file() and any(self.path.iterdir()):
@@ -61,7 +66,7 @@ class RunFolder:
             raise OutputExistsError(self.checkpoint)
         elif self.config.is_file() and self.config.read_text(encoding="utf-8") != wanted:
             raise AdvpipeError(
-                f"{self.path} holds an unfinished run with another configuration; "
+                f"{self.path} holds an unfinished run with another configuration or other bags; "
                 "pass --overwrite to start anew, or choose another folder"
             )
         self.path.mkdir(parents=True, exist_ok=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import signal
@@ -19,6 +18,7 @@ import torch
 from advpipe.pipeline.bag.frames import Frame, FrameSlice, count_frames, has_ground_truth, read_frames
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.provenance import parent_sha256
+from advpipe.pipeline.detector.registry import detector_sha256
 from advpipe.pipeline.detector.second.checkpoint import load_checkpoint, save_checkpoint
 from advpipe.pipeline.detector.second.model import SecondNet
 from advpipe.pipeline.detector.second.presets import preset_named
@@ -58,13 +58,14 @@ def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
     to_validate = validation_frames(config)
     torch.manual_seed(config.seed)
     net = new_net(config)
-    folder.open(config, overwrite)
     digests = {bag: parent_sha256(bag) for bag in bags}
+    origin = origin_of(config, digests)
+    folder.open(config, origin, overwrite)
     store = store_frames(digests, folder, config)
     examples = Examples(store, config)
     steps = config.steps or max(1, round(config.epochs * len(store) / config.batch_size))
     workers = min(config.batch_size, config.workers or os.cpu_count() or 1)
-    provenance = provenance_of(config, digests, len(store), steps)
+    provenance = provenance_of(config, origin, len(store), steps)
 
     state = TrainState.new(net, config.learning_rate, config.weight_decay)
     if folder.state.is_file():
@@ -139,10 +140,18 @@ def validation_frames(config: TrainConfig) -> Iterator[Frame]:
     return track(read_frames(bag, chosen), "validate", total=count)
 
 
-def provenance_of(config: TrainConfig, digests: dict[Path, str], frames: int, steps: int) -> dict[str, str]:
-    """What the checkpoint says about how it was trained."""
+def origin_of(config: TrainConfig, digests: dict[Path, str]) -> dict[str, str]:
+    """Checksums of what a run learns from: its bags, and the checkpoint that it starts from."""
     return {
         "bags_sha256": json.dumps(list(digests.values())),
+        "start": detector_sha256(str(config.start)) if config.start else "",
+    }
+
+
+def provenance_of(config: TrainConfig, origin: dict[str, str], frames: int, steps: int) -> dict[str, str]:
+    """What the checkpoint says about how it was trained."""
+    return {
+        **origin,
         "frames": str(frames),
         "steps": str(steps),
         "batch_size": str(config.batch_size),
@@ -150,14 +159,9 @@ def provenance_of(config: TrainConfig, digests: dict[Path, str], frames: int, st
         "weight_decay": str(config.weight_decay),
         "bf16": str(config.bf16),
         "seed": str(config.seed),
-        "start": file_sha256(config.start) if config.start else "",
         "augmentation": json.dumps(asdict(config.augmentation)),
         "torch": torch.__version__,
     }
-
-
-def file_sha256(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def learning_rate(step: int, steps: int, config: TrainConfig) -> float:

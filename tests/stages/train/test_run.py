@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import multiprocessing
 import os
+import shutil
 import signal
 from pathlib import Path
 
@@ -144,6 +145,27 @@ def test_an_unfinished_run_goes_on_only_with_its_own_configuration(drive, tiny, 
     with pytest.raises(AdvpipeError, match="another configuration"):
         run.train(configured(drive, tmp_path / "run", seed=3))
     run.train(configured(drive, tmp_path / "run", seed=3, steps=1), overwrite=True)
+
+
+def test_an_unfinished_run_does_not_go_on_with_another_bag_of_the_same_name(
+    record, tiny, tmp_path, monkeypatch
+):
+    drive = record(tmp_path / "bag", frames=2, seed=1)
+    unfinished(configured(drive, tmp_path / "run"), monkeypatch)
+    shutil.rmtree(drive)
+    record(drive, frames=2, seed=2)
+    with pytest.raises(AdvpipeError, match="another configuration or other bags"):
+        run.train(configured(drive, tmp_path / "run"))
+
+
+def test_an_unfinished_run_does_not_go_on_from_another_start(drive, tiny, tmp_path, monkeypatch):
+    first, second = (
+        run.train(configured(drive, tmp_path / str(seed), steps=1, seed=seed)).checkpoint for seed in (0, 1)
+    )
+    unfinished(configured(drive, tmp_path / "run", start=first), monkeypatch)
+    first.write_bytes(second.read_bytes())
+    with pytest.raises(AdvpipeError, match="another configuration"):
+        run.train(configured(drive, tmp_path / "run", start=first))
 
 
 def test_a_damaged_state_is_named(drive, tiny, tmp_path, monkeypatch):
