@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,13 +17,12 @@ from advpipe.pipeline.bag.provenance import attack_provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import RawMessage
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.detector.registry import load_detector
-from advpipe.pipeline.detector.second.checkpoint import SHIPPED
+from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.jobs import run_jobs
 from advpipe.pipeline.seeding import named_generator
-from advpipe.stages.attack.job import Job
+from advpipe.stages.attack.job import Job, open_job
 from advpipe.stages.attack.lidar.base import LidarResult
 from advpipe.stages.attack.request import AttackRequest, attack_id
 from advpipe.stages.attack.selected import messages_of_frames
@@ -50,7 +48,7 @@ def attack(
     (default: one for each core), and whether it ran in one go or in pieces.
 
     Raises AdvpipeError for an unknown attack, a bad parameter, a bag that is none or holds no clouds,
-    frames that it does not have, and an output that exists.
+    frames that it does not have, an output that exists, and while the same attack runs elsewhere.
     """
     request.build()  # refuses a bad request at once
     reader = BagReader(resolve_bag(clean))
@@ -62,23 +60,21 @@ def attack(
     provenance = _provenance(reader, request)
     writer = BagWriter(out, provenance=provenance, overwrite=overwrite)  # refuses a bad output at once
     resolved = _resolved(provenance)
-    job = Job(out, resolved)
-    todo = [index for index in chosen if job.load(index) is None]
-    run_jobs(
-        partial(_frame_attacker, reader.path, request, job), todo, f"attacking: {attack_id(request)}", workers
-    )
     summary = AttackSummary(out)
-    with writer as bag, AttackTables(bag.folder) as tables:
-        (bag.folder / "attack.yaml").write_text(resolved, encoding="utf-8")
-        for index, message in messages_of_frames(reader, find_lidar_topic(reader), chosen):
-            if index is None:
-                bag.copy(message)
-                continue
-            stamped, result = cloud_from_cdr(message.cdr), job.require(index)
-            bag.copy(_with_result(message, stamped, result))
-            tables.add(index, stamped.stamp_ns, len(stamped.cloud), result)
-            summary.add(len(stamped.cloud), result)
-    job.remove()
+    with open_job(out, resolved) as job:
+        todo = [index for index in chosen if job.load(index) is None]
+        attacker = partial(_frame_attacker, reader.path, request, job)
+        run_jobs(attacker, todo, f"attacking: {attack_id(request)}", workers)
+        with writer as bag, AttackTables(bag.folder) as tables:
+            (bag.folder / "attack.yaml").write_text(resolved, encoding="utf-8")
+            for index, message in messages_of_frames(reader, find_lidar_topic(reader), chosen):
+                if index is None:
+                    bag.copy(message)
+                    continue
+                stamped, result = cloud_from_cdr(message.cdr), job.require(index)
+                bag.copy(_with_result(message, stamped, result))
+                tables.add(index, stamped.stamp_ns, len(stamped.cloud), result)
+                summary.add(len(stamped.cloud), result)
     return summary
 
 
@@ -113,9 +109,11 @@ def _provenance(reader: BagReader, request: AttackRequest) -> dict[str, str]:
         seed=request.seed,
         frames=str(request.frames),
     )
-    checkpoint = SHIPPED.get(request.detector, Path(request.detector))
-    digest = hashlib.sha256(checkpoint.read_bytes()).hexdigest() if checkpoint.is_file() else ""
-    return {**record, "detector": Path(request.detector).name, "detector_sha256": digest}
+    detector = {
+        "detector": Path(request.detector).name,
+        "detector_sha256": detector_sha256(request.detector),
+    }
+    return {**record, **detector}
 
 
 def _resolved(provenance: dict[str, str]) -> str:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import importlib
 import os
 import subprocess
 import sys
@@ -192,6 +193,52 @@ def test_another_request_does_not_take_over_the_frames(clean_bag, tmp_path):
     linear_detector.Shipped.gradients = 0
     attack(clean_bag, tmp_path / "adv", request(parameters={"ratio": 0.2}))
     assert linear_detector.Shipped.gradients == 50
+    assert not list(tmp_path.glob(".*"))  # what the first one left is gone too
+
+
+def test_same_request_twice_at_a_time_is_refused(clean_bag, tmp_path, monkeypatch):
+    find = linear_detector.Shipped.occupancy_loss
+
+    def meanwhile(self, *targets):
+        with pytest.raises(AdvpipeError, match="another run is at it"):
+            attack(clean_bag, tmp_path / "adv", request())
+        return find(self, *targets)
+
+    monkeypatch.setattr(linear_detector.Shipped, "occupancy_loss", meanwhile)
+    attack(clean_bag, tmp_path / "adv", request())
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_two_requests_for_one_output_leave_each_other_alone(clean_bag, tmp_path, monkeypatch):
+    other = request(parameters={"ratio": 0.2})
+    find = linear_detector.Shipped.occupancy_loss
+
+    def meanwhile(self, *targets):
+        monkeypatch.setattr(linear_detector.Shipped, "occupancy_loss", find)
+        attack(clean_bag, tmp_path / "adv", other)
+        return find(self, *targets)
+
+    monkeypatch.setattr(linear_detector.Shipped, "occupancy_loss", meanwhile)
+    with pytest.raises(AdvpipeError, match="exists"):
+        attack(clean_bag, tmp_path / "adv", request())
+    assert yaml.safe_load((tmp_path / "adv" / "attack.yaml").read_text())["parameters"]["ratio"] == 0.2
+
+
+def test_frames_of_a_detector_whose_code_changed_are_done_anew(clean_bag, tmp_path, monkeypatch):
+    source = tmp_path / "code" / "changing_detector.py"
+    source.parent.mkdir()
+    source.write_text("from linear_detector import Interrupted\nclass Mine(Interrupted): pass\n")
+    monkeypatch.syspath_prepend(str(source.parent))
+    mine = request(detector="changing_detector:Mine")
+    with pytest.raises(KeyboardInterrupt):
+        attack(clean_bag, tmp_path / "adv", mine)
+    source.write_text("from linear_detector import Shipped\nclass Mine(Shipped): pass\n")
+    monkeypatch.delitem(sys.modules, "changing_detector")
+    importlib.invalidate_caches()
+    linear_detector.Shipped.gradients = 0
+    attack(clean_bag, tmp_path / "adv", mine)
+    assert linear_detector.Shipped.gradients == 50
+    assert BagReader(tmp_path / "adv").provenance["detector_sha256"] == parent_sha256(source)
 
 
 def test_failed_writing_leaves_nothing(clean_bag, tmp_path, monkeypatch):
