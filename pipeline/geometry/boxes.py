@@ -15,6 +15,9 @@ CLASSES = ("car", "truck", "cyclist", "pedestrian")
 BOX_COLUMNS = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
 """Columns of a box array (M, 7); x, y, z is the centre, yaw is counted from +x to +y."""
 
+MIN_POINTS = 5
+"""An object with fewer points in the clean cloud is not learned from, attacked nor evaluated."""
+
 
 def no_boxes() -> Float64:
     return np.zeros((0, len(BOX_COLUMNS)))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from advpipe.pipeline.detector.second.presets import preset_named
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.geometry.boxes import MIN_POINTS
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ class TrainConfig:
     seed: int = 0
     workers: int | None = None
     bf16: bool = False
-    min_points: int = 5
+    min_points: int = MIN_POINTS
     checkpoint_every: int = 200
     validation: Path | None = None
     validation_frames: str = "::1"

@@ -10,10 +10,7 @@ from torch import Tensor
 
 from advpipe.pipeline.bag.cloud import Cloud, xyz, xyzi
 from advpipe.pipeline.detector.protocol import Detector
-from advpipe.pipeline.geometry.boxes import CLASSES, Boxes, count_points
-
-MIN_POINTS = 5
-"""Objects with fewer points in the clean cloud are not evaluated, so no budget is spent on them."""
+from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS, Boxes, count_points
 
 
 @dataclass(frozen=True)

@@ -12,15 +12,12 @@ import numpy.typing as npt
 from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.bag.frames import Frame
 from advpipe.pipeline.detector.protocol import Detections, Detector, Range
-from advpipe.pipeline.geometry.boxes import CLASSES, Boxes, count_points
+from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS, Boxes, count_points
 from advpipe.pipeline.geometry.iou import iou_3d, iou_bev
 from advpipe.pipeline.metrics.average_precision import LOOSE_IOU, STRICT_IOU, FrameMatches, match_frame
 
 Bool = npt.NDArray[np.bool_]
 Float64 = npt.NDArray[np.float64]
-
-MIN_POINTS = 5
-"""An object with fewer points in the clean cloud is ignored."""
 
 
 @dataclass(frozen=True)
