@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.detector.protocol import Detector
-from advpipe.pipeline.detector.second.checkpoint import SHIPPED
 from advpipe.pipeline.versions import installed
 from advpipe.stages.evaluate.detection.comparison import Comparison, bag_name
 from advpipe.stages.evaluate.detection.summary import Row
@@ -33,25 +31,19 @@ def describe_bags(clean: Path, clean_sha256: str, comparisons: Sequence[Comparis
     }
 
 
-def describe_detector(name: str, detector: Detector, weights_sha256: str | None) -> Row:
-    """The detector by name, weights, classes and range."""
+def describe_detector(name: str, detector: Detector, sha256: str) -> Row:
+    """The detector by name, checksum (see `detector_sha256`), classes and range."""
     return {
         "name": Path(name).name,
-        "checkpoint_sha256": weights_sha256,
+        "sha256": sha256,
         "classes": list(detector.classes),
         "range_m": vars(detector.range_m),
     }
 
 
-def checkpoint_sha256(name: str) -> str | None:
-    """The SHA-256 of a detector's weights; None for one that is given as `module:Class`."""
-    path = SHIPPED.get(name, Path(name))
-    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
-
-
-def transfer_remark(comparison: Comparison, weights_sha256: str | None) -> list[str]:
-    """A remark if the attack was made against other weights than those that are scored."""
+def transfer_remark(comparison: Comparison, sha256: str) -> list[str]:
+    """A remark if the attack was made against another detector than the one that is scored."""
     attacked = comparison.provenance.get("detector_sha256")
-    if not attacked or not weights_sha256 or attacked == weights_sha256:
+    if not attacked or not sha256 or attacked == sha256:
         return []
     return ["The attack was made against another detector: this is a transfer attack."]

@@ -8,7 +8,7 @@ from pathlib import Path
 from advpipe.pipeline.bag.frames import has_ground_truth
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.detector.registry import load_detector
+from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.partial import FolderKind, staged_folder
@@ -16,7 +16,6 @@ from advpipe.stages.evaluate.detection.comparison import bag_name, compare, look
 from advpipe.stages.evaluate.detection.scoring import Eye
 from advpipe.stages.evaluate.detection.summary import summarise
 from advpipe.stages.evaluate.provenance import (
-    checkpoint_sha256,
     describe_bags,
     describe_detector,
     transfer_remark,
@@ -60,15 +59,15 @@ def evaluate(
                 compare(clean, bag, provenance, eye, seed, baseline)
                 for bag, provenance in zip(adversarial, provenances, strict=True)
             ] or [look_at_clean(clean, eye)]
-        weights = checkpoint_sha256(detector)
+        digest = detector_sha256(detector)
         summaries = [
-            summarise(each, eye.classes, bootstrap_draws, seed, transfer_remark(each, weights))
+            summarise(each, eye.classes, bootstrap_draws, seed, transfer_remark(each, digest))
             for each in comparisons
         ]
         origin = {
             "bootstrap_draws": bootstrap_draws,
             "seed": seed,
-            "detector": describe_detector(detector, model, weights),
+            "detector": describe_detector(detector, model, digest),
             **describe_bags(clean, parent, comparisons),
         }
         report = Report(tuple(summary.row for summary in summaries), origin, FORMULAS)
@@ -81,6 +80,10 @@ def evaluate(
 
 def _checked_clean(clean: Path) -> str:
     """The SHA-256 of a clean bag that can be evaluated."""
+    if BagReader(clean).provenance.get("kind") == "attack":
+        raise AdvpipeError(
+            f"{clean} is an adversarial bag; give the clean bag that it was made from first, then this one"
+        )
     if not has_ground_truth(clean):
         raise AdvpipeError(
             f"{clean} has no ground truth (no vision_msgs/msg/Detection3DArray topic); "
@@ -95,7 +98,9 @@ def _checked_adversarial(bag: Path, clean: Path, clean_sha256: str) -> dict[str,
     if provenance.get("parent_sha256", clean_sha256) != clean_sha256:
         raise AdvpipeError(
             f"{bag} was made from another bag than {clean} (parent SHA-256 "
-            f"{provenance['parent_sha256'][:12]}…, not {clean_sha256[:12]}…); give the bag that was attacked"
+            f"{provenance['parent_sha256'][:12]}…, not {clean_sha256[:12]}…); "
+            "give the bag that was attacked; if that was recorded anew since, "
+            "attack again with --overwrite or remove that folder"
         )
     return provenance
 

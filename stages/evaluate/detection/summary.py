@@ -10,12 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.geometry.boxes import MIN_POINTS
 from advpipe.pipeline.metrics.average_precision import RankedMatches, mean_average_precision
 from advpipe.pipeline.metrics.bootstrap import MIN_BLOCK_S, BlockBootstrap, percentile_interval
 from advpipe.pipeline.seeding import named_generator
 from advpipe.stages.evaluate.detection.comparison import Comparison, FrameResult
 from advpipe.stages.evaluate.detection.frame_row import frame_row
-from advpipe.stages.evaluate.detection.scoring import CRITERIA, MIN_POINTS
+from advpipe.stages.evaluate.detection.scoring import CRITERIA
 
 Row = dict[str, object]
 Float64 = npt.NDArray[np.float64]
@@ -187,9 +188,9 @@ def _precisions(arm: _Arm, word: str) -> Row:
 
 
 def _attack(provenance: Mapping[str, str]) -> Row:
-    """Attack, recipe, and its budget: the first of the attack's parameters."""
+    """Attack, recipe, and its budget: the parameter that the attack names, else its first."""
     parameters = json.loads(provenance.get("parameters", "{}"))
-    parameter = next(iter(parameters), None)
+    parameter = provenance.get("budget", next(iter(parameters), None))
     return {
         "attack": provenance.get("attack", "none" if not provenance else "unknown"),
         "recipe": provenance.get("recipe"),

@@ -308,6 +308,24 @@ def test_adversarial_bag_of_another_parent_is_refused(clean, attacked, tmp_path)
     refused(tmp_path, "made from another bag", clean, [other])
 
 
+def test_adversarial_bag_of_a_drive_that_was_recorded_anew_is_refused(clean, attacked, tmp_path):
+    old = attacked(hide_first_car, frames=range(2), parent_sha256="0" * 64)
+    refused(tmp_path, "attack again with --overwrite or remove that folder", clean, [old])
+
+
+def test_adversarial_bag_in_place_of_the_clean_one_is_refused(attacked, tmp_path):
+    bag = attacked(hide_first_car, frames=range(2))
+    refused(tmp_path, "is an adversarial bag; give the clean bag that it was made from first", bag, [])
+
+
+def test_budget_is_the_parameter_that_the_attack_names(clean, attacked, tmp_path):
+    parameters = json.dumps({"depth": 2, "ratio": 0.014})
+    bag = attacked(hide_first_car, frames=range(2), parameters=parameters, budget="ratio")
+    evaluate(clean, [bag], tmp_path / "report", detector=DETECTOR)
+    (row,) = rows(tmp_path / "report")
+    assert (row["parameter"], row["value"]) == ("ratio", 0.014)
+
+
 def test_adversarial_frames_that_the_clean_bag_lacks_are_refused(clean, tmp_path):
     foreign = write_bag(tmp_path / "foreign", {}, {FRAMES + 3: clean_cloud(0)})
     refused(tmp_path, "give the clean bag that was attacked", clean, [foreign])
