@@ -1,7 +1,8 @@
 """Where a bag comes from: one MCAP metadata record of strings, protected by a checksum.
 
-Keys: `kind` ("clean" or "attack"), `scenario` (YAML), `scenario_name`, `seed`, `versions` (JSON); an
-attack adds `parent_sha256`, `attack`, `recipe`, `parameters` (JSON) and `frames`.
+Keys: `kind` ("clean" or "attack"), `scenario` (YAML), `scenario_name`, `seed`, `versions` (JSON). A
+simulated drive adds `map_sha256`; an attack `parent_sha256`, `attack`, `recipe`, `parameters` (JSON),
+`budget` (the parameter that bounds the attack) and `frames`.
 """
 
 from __future__ import annotations
@@ -19,17 +20,20 @@ from advpipe.pipeline.versions import installed
 RECORD_NAME = "advpipe"
 _CHECKSUM = "crc32"  # MCAP lays no checksum over a single metadata record
 
-_PACKAGES = ("advpipe", "libsumo", "mcap", "numpy", "open3d", "open3d-cpu", "rosbags", "torch", "zstandard")
+_EVERYWHERE = ("advpipe", "mcap", "numpy", "rosbags", "scipy", "zstandard")
+_SIMULATION = ("eclipse-sumo", "libsumo", "open3d", "open3d-cpu", "shapely")
+_ATTACK = ("torch",)
 
 
-def clean_provenance(scenario_name: str, scenario: str, seed: int) -> dict[str, str]:
-    """The record of a simulated drive; `scenario` is the resolved scenario file (YAML)."""
+def clean_provenance(scenario_name: str, scenario_yaml: str, seed: int, map_sha256: str) -> dict[str, str]:
+    """The record of a simulated drive: the resolved scenario file, and the map's file by its checksum."""
     return {
         "kind": "clean",
         "scenario_name": scenario_name,
-        "scenario": scenario,
+        "scenario": scenario_yaml,
         "seed": str(seed),
-        "versions": versions_json(),
+        "map_sha256": map_sha256,
+        "versions": _versions_json(_EVERYWHERE + _SIMULATION),
     }
 
 
@@ -45,7 +49,7 @@ def attack_provenance(
 ) -> dict[str, str]:
     """The record of an adversarial bag made from the bag `parent`, another tool's bag included.
 
-    It keeps the parent's scenario; `seed` is the attack's own.
+    It keeps the parent's scenario; `seed` is the attack's own; the first parameter is its budget.
     """
     inherited = {
         key: parent_provenance[key] for key in ("scenario_name", "scenario") if key in parent_provenance
@@ -57,15 +61,16 @@ def attack_provenance(
         "attack": attack,
         "recipe": recipe,
         "parameters": json.dumps(parameters, sort_keys=True),
+        "budget": next(iter(parameters), ""),
         "seed": str(seed),
         "frames": frames,
-        "versions": versions_json(),
+        "versions": _versions_json(_EVERYWHERE + _ATTACK),
     }
 
 
-def versions_json() -> str:
-    """The installed versions that a bag's bytes depend on, as JSON."""
-    versions = {package: installed(package) for package in _PACKAGES}
+def _versions_json(packages: tuple[str, ...]) -> str:
+    """The versions of those of the packages that are installed, as JSON."""
+    versions = {package: installed(package) for package in packages}
     return json.dumps({package: number for package, number in versions.items() if number}, sort_keys=True)
 
 

@@ -81,7 +81,7 @@ def write_drive(path, frames=FRAMES):
     ego = VehicleTopics("ego")
     base_SE3_lidar = se3_from_yaw([0.5, 0.0, 1.8], 0.2)
     draw = np.random.default_rng(11)
-    with BagWriter(path, provenance=clean_provenance("test", "simulation: {}\n", 7)) as bag:
+    with BagWriter(path, provenance=clean_provenance("test", "simulation: {}\n", 7, "0" * 64)) as bag:
         static = [(ego.base_frame, ego.lidar_frame, base_SE3_lidar)]
         bag.write(TF_STATIC, messages.transforms(EPOCH_NS, static), EPOCH_NS)
         bag.write(SCENARIO_INFO, messages.string("{}"), EPOCH_NS)

@@ -115,6 +115,7 @@ def test_provenance_and_resolved_request(clean_bag, tmp_path):
     resolved = yaml.safe_load((tmp_path / "adv" / "attack.yaml").read_text())
     assert resolved["attack"] == "detach"
     assert resolved["parameters"] == {"ratio": 0.1, "rounds": 10}
+    assert resolved["budget"] == "ratio"
     assert resolved["detector"] == DETECTOR
 
 
