@@ -67,10 +67,6 @@ class VehicleTopics:
         return f"{self.vehicle}/lidar"
 
     @property
-    def gnss_frame(self) -> str:
-        return f"{self.vehicle}/gnss"
-
-    @property
     def lidar_points(self) -> Topic:
         return Topic(f"/{self.vehicle}/lidar/points", "sensor_msgs/msg/PointCloud2", _keep_last(5))
 

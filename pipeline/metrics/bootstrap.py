@@ -68,12 +68,6 @@ class BlockBootstrap:
         """The statistic (draws,), a function of the frames' weights (F,), in every draw."""
         return np.array([statistic(weights) for weights in self.weights], dtype=np.float64)
 
-    def interval(
-        self, statistic: Callable[[Int64], float], level: float = 0.95
-    ) -> tuple[float, float] | None:
-        """Percentile interval of a statistic; None if there are fewer than two blocks."""
-        return percentile_interval(self.samples(statistic), level)
-
 
 def percentile_interval(samples: Float64, level: float = 0.95) -> tuple[float, float] | None:
     """The central interval of the samples that are defined; None if none is."""

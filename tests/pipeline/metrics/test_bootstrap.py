@@ -40,7 +40,7 @@ def test_a_gap_in_time_ends_a_block():
 def test_fewer_than_two_blocks_give_no_interval():
     few = BlockBootstrap.of(stamps(30), 100, np.random.default_rng(0))
     assert few.n_blocks == 1
-    assert few.interval(lambda weights: float(weights.sum())) is None
+    assert percentile_interval(few.samples(lambda weights: float(weights.sum()))) is None
 
 
 def test_whole_blocks_are_drawn_together():
@@ -64,7 +64,7 @@ def test_pairing_cancels_what_frames_have_in_common():
     clean = rng.normal(size=500)  # varies wildly from frame to frame
     attacked = clean - 0.3  # but the attack always costs the same
     drawn = BlockBootstrap.of(stamps(500), 300, rng)
-    low, high = drawn.interval(lambda w: float((w @ attacked - w @ clean) / w.sum()))
+    low, high = percentile_interval(drawn.samples(lambda w: float((w @ attacked - w @ clean) / w.sum())))
     assert low == pytest.approx(-0.3)
     assert high == pytest.approx(-0.3)
 
@@ -75,9 +75,8 @@ def test_covers_the_true_mean_about_as_often_as_it_says():
     for _ in range(200):
         per_block = rng.normal(size=40)
         values = np.repeat(per_block, 5)  # frames of a block are copies: worst case of dependence
-        low, high = BlockBootstrap.of(stamps(200, 1.0), 200, rng).interval(
-            lambda w, v=values: float(w @ v / w.sum())
-        )
+        drawn = BlockBootstrap.of(stamps(200, 1.0), 200, rng)
+        low, high = percentile_interval(drawn.samples(lambda w, v=values: float(w @ v / w.sum())))
         covered += low <= 0 <= high
     assert 0.88 <= covered / 200 <= 0.99
 
