@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from advpipe.pipeline.bag.provenance import clean_provenance
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.partial import FolderKind, staged_folder
 from advpipe.pipeline.progress import track
 from advpipe.pipeline.scenario import Scenario, dump_scenario
 from advpipe.pipeline.seeding import named_generator
-from advpipe.pipeline.versions import installed
 from advpipe.stages.simulate.lidar import Lidar
 from advpipe.stages.simulate.network import load_network
 from advpipe.stages.simulate.recorder import Recorder, Snapshot
@@ -88,17 +87,9 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
 
 
 def _provenance(scenario: Scenario) -> dict[str, str]:
-    packages = ("advpipe", "libsumo", "open3d-cpu", "open3d", "numpy", "scipy", "shapely")
-    versions = {name: installed(name) for name in packages if installed(name)}
     map_file = scenario.map.opendrive or scenario.map.sumo_net or ""
-    return {
-        "kind": "clean",
-        "scenario": dump_scenario(scenario),
-        "scenario_name": scenario.name,
-        "seed": str(scenario.simulation.seed),
-        "map_sha256": hashlib.sha256(Path(map_file).read_bytes()).hexdigest(),
-        "versions": json.dumps(versions, sort_keys=True),
-    }
+    digest = hashlib.sha256(Path(map_file).read_bytes()).hexdigest()
+    return clean_provenance(scenario.name, dump_scenario(scenario), scenario.simulation.seed, digest)
 
 
 def _within(users: list[RoadUser], carrier: RoadUser, range_m: float) -> list[RoadUser]:
