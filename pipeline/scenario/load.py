@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import difflib
+import os
+import reprlib
 import typing
 from collections.abc import Sequence
 from importlib.resources import files
@@ -17,6 +19,32 @@ from advpipe.pipeline.scenario.models import Scenario
 
 MAX_FILE_BYTES = 4_000_000
 MAP_KEYS = ("opendrive", "sumo_net")
+NOT_LOADED = (yaml.YAMLError, ValueError, RecursionError)
+"""What PyYAML raises on text that is no document of plain values."""
+
+
+class _Loader(yaml.SafeLoader):
+    """Plain values only; a key given twice and a value that does not exist are errors with a place."""
+
+    def compose_mapping_node(self, anchor: str | None) -> yaml.MappingNode:
+        node = super().compose_mapping_node(anchor)
+        seen: set[str] = set()
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode):
+                if key.value in seen:
+                    raise _at(key, f"{_shown(key.value)} is given twice")
+                seen.add(key.value)
+        return node
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        try:
+            return super().construct_object(node, deep)
+        except ValueError as error:  # the 30th of February, a number of 5000 digits
+            raise _at(node, str(error).partition(";")[0]) from None
+
+
+def _at(node: yaml.Node, problem: str) -> yaml.MarkedYAMLError:
+    return yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
 
 
 def shipped_scenarios() -> dict[str, Path]:
@@ -39,12 +67,11 @@ def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> Scenario:
     path = _find(name_or_path)
     tree = _read(path)
     _make_paths_absolute(tree, path.parent)
-    for override in overrides:
-        _apply(tree, override)
+    overridden = [_apply(tree, override) for override in overrides]
     try:
         return Scenario.model_validate(tree)
     except ValidationError as error:
-        raise AdvpipeError(f"{path}: {_explain(error, tree, _lines(path))}") from None
+        raise AdvpipeError(_explain(error, path, overridden)) from None
 
 
 def dump_scenario(scenario: Scenario) -> str:
@@ -70,29 +97,36 @@ def _find(name_or_path: str) -> Path:
     if name_or_path in shipped:
         return shipped[name_or_path]
     path = Path(name_or_path)
-    if path.is_file():
+    if os.path.isfile(path):  # unlike Path.is_file, no error for a name that is too long
         return path
-    if path.is_dir():
+    if os.path.isdir(path):
         raise AdvpipeError(f"{path} is a folder; give a scenario file")
     hint = _nearest(name_or_path, list(shipped), otherwise="")
-    raise AdvpipeError(f"no scenario {name_or_path!r}: neither a file nor one of {', '.join(shipped)}{hint}")
+    raise AdvpipeError(
+        f"no scenario {_shown(name_or_path)}: neither a file nor one of {', '.join(shipped)}{hint}"
+    )
 
 
 def _read(path: Path) -> dict[str, Any]:
     if path.stat().st_size > MAX_FILE_BYTES:
         raise AdvpipeError(f"{path} is over {MAX_FILE_BYTES // 1_000_000} MB; that is no scenario file")
     try:
-        tree = yaml.safe_load(path.read_text(encoding="utf-8"))
+        tree = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
     except (UnicodeDecodeError, OSError) as error:
         raise AdvpipeError(f"{path} cannot be read as text: {error}") from None
-    except yaml.YAMLError as error:
+    except NOT_LOADED as error:
         mark = getattr(error, "problem_mark", None)
         where = f" line {mark.line + 1}" if mark else ""
-        problem = getattr(error, "problem", None) or "not YAML"
-        raise AdvpipeError(f"{path}{where}: {problem}") from None
+        raise AdvpipeError(f"{path}{where}: {_problem(error)}") from None
     if not isinstance(tree, dict):
         raise AdvpipeError(f"{path} holds no scenario: expected `name:`, `map:`, ... at the top level")
     return tree
+
+
+def _problem(error: Exception) -> str:
+    if isinstance(error, RecursionError):
+        return "is nested too deeply"
+    return getattr(error, "problem", None) or "not YAML"
 
 
 def _make_paths_absolute(tree: dict[str, Any], folder: Path) -> None:
@@ -101,31 +135,38 @@ def _make_paths_absolute(tree: dict[str, Any], folder: Path) -> None:
         for key in MAP_KEYS:
             if isinstance(section.get(key), str):
                 path, shipped = folder / section[key], shipped_folder() / "networks" / section[key]
-                section[key] = str((shipped if shipped.is_file() and not path.exists() else path).resolve())
+                if os.path.exists(path):
+                    section[key] = str(path.resolve())
+                elif os.path.isfile(shipped):
+                    section[key] = str(shipped.resolve())
+                elif folder != shipped_folder():  # the map that a shipped scenario lacks is the user's
+                    section[key] = str(path.absolute())
 
 
-def _apply(tree: dict[str, Any], override: str) -> None:
+def _apply(tree: dict[str, Any], override: str) -> tuple[str, ...]:
+    """Sets one key, and returns its place."""
     place, equals, text = override.partition("=")
     keys = place.strip().split(".")
     if not equals or not all(keys):
-        raise AdvpipeError(f"--set {override!r}: write section.key=value")
+        raise AdvpipeError(f"--set {_shown(override)}: write section.key=value")
     try:
-        value = yaml.safe_load(text)
-    except yaml.YAMLError:
-        raise AdvpipeError(f"--set {override!r}: the value is not YAML") from None
+        value = yaml.load(text, Loader=_Loader)
+    except NOT_LOADED as error:
+        raise AdvpipeError(f"--set {_shown(override)}: the value is not YAML: {_problem(error)}") from None
     section = tree
     for key in keys[:-1]:
         section = section.setdefault(key, {})
         if not isinstance(section, dict):
-            raise AdvpipeError(f"--set {override!r}: {key} is a value, not a section")
+            raise AdvpipeError(f"--set {_shown(override)}: {key} is a value, not a section")
     if keys[:-1] == ["map"] and keys[-1] in MAP_KEYS and isinstance(value, str):
         value = str(Path(value).resolve())
         section.pop({"opendrive": "sumo_net", "sumo_net": "opendrive"}[keys[-1]], None)
     section[keys[-1]] = value
+    return tuple(keys)
 
 
-def _explain(error: ValidationError, tree: dict[str, Any], lines: dict[tuple[str, ...], int]) -> str:
-    """The first problem in one line: place, line of the file, what is wrong, nearest key."""
+def _explain(error: ValidationError, path: Path, overridden: Sequence[tuple[str, ...]]) -> str:
+    """The first problem in one line: file and line or `--set`, place, what is wrong, nearest key."""
     first = error.errors()[0]
     place = tuple(str(part) for part in first["loc"] if part != "[key]")
     message = first["msg"].removeprefix("Value error, ")
@@ -134,11 +175,25 @@ def _explain(error: ValidationError, tree: dict[str, Any], lines: dict[tuple[str
     elif first["type"] == "missing":
         message = "is missing"
     elif not isinstance(first["input"], dict):
-        message = f"{message}, not {first['input']!r}"
-    line = f" (line {lines[place]})" if place in lines else ""
-    where = ".".join(place) + line + ": " if place else ""
+        message = f"{message}, not {_shown(first['input'])}"
+    where = ".".join(place) + ": " if place else ""
+    if place and any(all(map(str.__eq__, keys, place)) for keys in overridden):
+        where = f"--set {where}"
+    else:
+        line = _lines(path).get(place)
+        where = f"{path}: " + (f"{where[:-2]} (line {line}): " if line else where)
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
     return " ".join(f"{where}{message}{more}".split())
+
+
+def _shown(value: object) -> str:
+    """A value as it was written, cut where it is long."""
+    short = reprlib.Repr()
+    short.maxstring = short.maxother = 100
+    try:
+        return short.repr(value)
+    except ValueError:  # Python writes no number of more than 4300 digits
+        return "a number of thousands of digits"
 
 
 def _keys_at(place: tuple[str, ...]) -> list[str]:
@@ -159,17 +214,17 @@ def _nearest(word: str, known: list[str], otherwise: str | None = None) -> str:
 
 
 def _lines(path: Path) -> dict[tuple[str, ...], int]:
-    """The line of the file that each key stands in."""
+    """The line of the file that each key stands in; what an alias repeats counts once."""
     found: dict[tuple[str, ...], int] = {}
+    visited: set[int] = set()
 
-    def visit(node: yaml.Node, place: tuple[str, ...]) -> None:
-        if isinstance(node, yaml.MappingNode):
+    def visit(node: yaml.Node | None, place: tuple[str, ...]) -> None:
+        if isinstance(node, yaml.MappingNode) and id(node) not in visited:
+            visited.add(id(node))
             for key, value in node.value:
                 here = (*place, str(key.value))
                 found[here] = key.start_mark.line + 1
                 visit(value, here)
 
-    root = yaml.compose(path.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)
-    if root is not None:
-        visit(root, ())
+    visit(yaml.compose(path.read_text(encoding="utf-8"), Loader=_Loader), ())
     return found

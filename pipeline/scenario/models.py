@@ -7,25 +7,25 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Probability = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Probability = Annotated[float, Field(ge=0, le=1)]
 
 BodyName = Literal["sedan", "hatchback", "suv", "pickup", "van", "box_truck", "bus", "motorcycle", "bicycle"]
 """Bodies that drive on the road; people on foot are counted by `traffic.pedestrians`."""
 
 
 class Section(BaseModel):
-    """Frozen; a key that is not known is an error."""
+    """Frozen; a key that is not known is an error, and so is a number that is not finite."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class Simulation(Section):
     """Clock and chance."""
 
-    seed: int = Field(1, ge=0, description="every random draw of the drive derives from it")
-    duration_s: Positive = Field(20.0, description="recorded time")
+    seed: int = Field(1, ge=0, lt=2**63, description="every random draw of the drive derives from it")
+    duration_s: Positive = Field(20.0, le=1e6, description="recorded time")
     step_s: Positive = Field(0.1, le=1.0, description="step of traffic and sensors")
     warmup_s: NotNegative = Field(15.0, description="simulated before the recording starts")
     start: datetime = Field(
@@ -33,11 +33,18 @@ class Simulation(Section):
     )
 
     @model_validator(mode="after")
-    def _at_least_one_step(self) -> Simulation:
+    def _clock(self) -> Simulation:
+        step_ms = self.step_s * 1000
+        if round(step_ms) < 1 or abs(step_ms - round(step_ms)) > 1e-6:
+            raise ValueError(
+                f"step_s {self.step_s:g} is no whole number of milliseconds, to which SUMO would round it"
+            )
         if self.duration_s < self.step_s:
             raise ValueError(f"duration_s {self.duration_s:g} is shorter than one step_s {self.step_s:g}")
         if self.start.tzinfo is None:
             raise ValueError("start has no time zone; write it like 2026-01-01T12:00:00Z")
+        if not 2000 <= self.start.year <= 2037:  # a ROS time stamp ends in January 2038
+            raise ValueError(f"start is in {self.start.year}; it has to be in the years 2000 to 2037")
         return self
 
     @property
@@ -81,7 +88,7 @@ class Traffic(Section):
     """Who is on the road besides the instrumented vehicles; SUMO drives them."""
 
     vehicles: int = Field(80, ge=0, le=5000, description="kept on the network all the time")
-    mix: dict[BodyName, NotNegative] = Field(
+    mix: dict[BodyName, Annotated[float, Field(ge=0, le=1e6)]] = Field(
         {
             "sedan": 0.28,
             "hatchback": 0.2,
@@ -119,8 +126,12 @@ class LidarSensor(Section):
     z_m: Positive = Field(1.8, description="mounting height above the road")
     channels: int = Field(64, ge=1, le=256)
     range: Positive = Field(100.0, le=500, description="metres")
-    points_per_second: int = Field(1_152_000, ge=1, description="rays of all channels together")
-    rotation_frequency: Positive = Field(10.0, description="turns a second; one turn is one cloud")
+    points_per_second: int = Field(
+        1_152_000, ge=1, le=20_000_000, description="rays of all channels together"
+    )
+    rotation_frequency: float = Field(
+        10.0, ge=1, le=1000, description="turns a second; one turn is one cloud"
+    )
     upper_fov: float = Field(2.0, ge=-90, le=90, description="degrees")
     lower_fov: float = Field(-24.8, ge=-90, le=90, description="degrees")
     atmosphere_attenuation_rate: NotNegative = Field(

@@ -51,10 +51,28 @@ BAD = {
     "vehicles: {}\n": r"vehicles is empty",
     "traffic:\n  mix: {tank: 1}\n": r"traffic\.mix\.tank \(line 5\)",
     "traffic:\n  mix: {sedan: 0}\n": r"at least one share above zero",
+    "traffic:\n  mix: {sedan: 1.0e+300}\n": r"traffic\.mix\.sedan \(line 5\): .*less than or equal to 1000000",
+    "simulation:\n  start: 1999-12-31T23:00:00Z\n": r"start is in 1999; .* 2000 to 2037",
+    "simulation:\n  start: 2038-01-01T00:00:00Z\n": r"start is in 2038; .* 2000 to 2037",
+    "simulation:\n  step_s: 0.0625\nsensors: {lidar: {rotation_frequency: 16}}\n": r"0\.0625 is no whole number",
+    "simulation:\n  step_s: 0.0000001\n": r"whole number of milliseconds",
+    "sensors:\n  lidar:\n    x_m: .nan\n": r"x_m \(line 6\): .*finite",
+    "sensors:\n  lidar:\n    x_m: -.inf\n": r"x_m \(line 6\): .*finite",
+    "sensors:\n  lidar:\n    points_per_second: 20000001\n": r"less than or equal to 20000000",
+    "sensors:\n  lidar:\n    rotation_frequency: 1.0e-320\n": r"greater than or equal to 1,",
+    "simulation:\n  seed: 1\n  seed: 2\n": r"mine\.yaml line 6: 'seed' is given twice",
+    "name: again\n": r"line 4: 'name' is given twice",
+    "simulation:\n  start: 2026-02-30\n": r"mine\.yaml line 5: day is out of range for month",
+    f"simulation:\n  seed: {'9' * 5000}\n": r"mine\.yaml line 5: Exceeds the limit",
+    f"simulation:\n  seed: 0x{'f' * 5000}\n": r"seed \(line 5\): .*thousands of digits",
+    f"traffic: {'[' * 3000}{']' * 3000}\n": r"nested too deeply",
+    f"description: {{a: {'x' * 5000}}}\n": r"description \(line 4\): .{,300}$",
+    f"vehicles: [{'x' * 5000}]\n": r"vehicles \(line 4\): .{,300}$",
+    "traffic: &t {mix: *t}\n": r"traffic",
 }
 
 
-@pytest.mark.parametrize(("text", "message"), BAD.items())
+@pytest.mark.parametrize(("text", "message"), BAD.items(), ids=range(len(BAD)))
 def test_bad_keys_and_values_are_named(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(AdvpipeError, match=message) as caught:
         load_scenario(written(tmp_path, GOOD + text))
@@ -69,7 +87,15 @@ def test_bad_keys_and_values_are_named(tmp_path: Path, text: str, message: str) 
         ("simulation", "write section.key=value"),
         ("name.first=x", "name is a value"),
         ("simulation.seed={", "not YAML"),
+        ("simulation.start=2026-02-30", "day is out of range for month"),
+        (f"simulation.seed={'9' * 5000}", r"^--set .{,200}Exceeds the limit"),
+        (f"traffic={'[' * 3000}", "nested too deeply"),
+        ("simulation.duration_s=-1", r"^--set simulation\.duration_s: Input .*, not -1$"),
+        ("simulation.duration_s=0.01", r"^--set simulation: duration_s 0\.01 is shorter"),
+        ("simulation={duration_s: -1}", r"^--set simulation\.duration_s: "),
+        ("map=&m {origin: *m}", r"^--set map"),
     ],
+    ids=lambda text: text[:40],
 )
 def test_bad_overrides(override: str, message: str) -> None:
     with pytest.raises(AdvpipeError, match=message):
@@ -90,3 +116,25 @@ def test_files_that_are_no_scenario(tmp_path: Path, content: bytes, message: str
 def test_an_unknown_name_lists_the_shipped_ones() -> None:
     with pytest.raises(AdvpipeError, match=r"boulevard.*did you mean 'boulevard'"):
         load_scenario("boulevrd")
+
+
+def test_a_map_in_a_circle_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(AdvpipeError, match=r"map.origin.* \(line 2\)"):
+        load_scenario(written(tmp_path, "name: here\nmap: &m {origin: *m}\n"))
+
+
+def test_an_override_elsewhere_leaves_the_blame_with_the_file(tmp_path: Path) -> None:
+    bad = written(tmp_path, GOOD + "simulation: {seed: -1}\n")
+    with pytest.raises(AdvpipeError, match=r"mine\.yaml: simulation\.seed \(line 4\)"):
+        load_scenario(bad, ["simulation.duration_s=1"])
+
+
+def test_a_name_of_any_length_is_looked_for() -> None:
+    with pytest.raises(AdvpipeError, match=r"^no scenario 'x.{,300}$"):
+        load_scenario("x" * 5000)
+
+
+def test_the_map_that_a_shipped_scenario_lacks_lies_in_no_folder_of_ours(tmp_path: Path) -> None:
+    assert load_scenario("town06").map.opendrive == "Town06.xodr"
+    mine = written(tmp_path, "name: here\nmap: {opendrive: Town06.xodr}\n")
+    assert load_scenario(mine).map.opendrive == str(tmp_path / "Town06.xodr")
