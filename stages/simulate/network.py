@@ -67,6 +67,16 @@ class RoadNetwork:
         return [edge for _, edge in sorted(self.edges.items()) if edge.for_cars]
 
 
+def endless_edges(edges: list[Edge]) -> set[str]:
+    """The edges from which a drive can go on for ever: those that lead to no other such edge drop out."""
+    endless = {edge.id for edge in edges}
+    while True:
+        lasting = {edge.id for edge in edges if edge.id in endless and endless & set(edge.successors)}
+        if lasting == endless:
+            return endless
+        endless = lasting
+
+
 def load_network(source: Map, scratch: Path) -> RoadNetwork:
     """Checks and reads the network of a scenario; converted files go to the `scratch` folder."""
     if source.opendrive is not None:

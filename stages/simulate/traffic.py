@@ -14,7 +14,7 @@ from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64, se3_from_yaw
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.seeding import named_generator
-from advpipe.stages.simulate.network import Edge, RoadNetwork
+from advpipe.stages.simulate.network import Edge, RoadNetwork, endless_edges
 from advpipe.stages.simulate.road_users import RoadUser
 from advpipe.stages.simulate.world.bodies import Variant
 
@@ -43,6 +43,7 @@ class Traffic:
         self._edges = network.drivable
         lengths_m = np.array([edge.length_m * len(edge.lanes) for edge in self._edges])
         self._shares = lengths_m / lengths_m.sum()
+        self._endless = endless_edges(self._edges)
         self._added = 0
 
     def __enter__(self) -> Traffic:
@@ -149,9 +150,10 @@ class Traffic:
                 self._add(f"{body}.{self._added}", variant, edge)
 
     def _random_wide_edge(self) -> Edge:
-        """One of the roads with the most lanes, where there is most to see."""
-        lanes = [len(edge.lanes) for edge in self._edges]
-        shares = self._shares * (np.array(lanes) == max(lanes))
+        """One of the roads with the most lanes, where there is most to see, and no dead end."""
+        lasting = np.array([edge.id in self._endless or not self._endless for edge in self._edges])
+        lanes = np.array([len(edge.lanes) for edge in self._edges])
+        shares = self._shares * lasting * (lanes == lanes[lasting].max())
         return self._edges[int(self._rng.choice(len(shares), p=shares / shares.sum()))]
 
     def _random_edge(self) -> Edge:
@@ -184,8 +186,9 @@ class Traffic:
         route, walked_m = [start.id], start.length_m
         while walked_m < length_m:
             here = self._network.edges[route[-1]]
-            onward = [edge for edge in here.successors if not self._returns(here, self._network.edges[edge])]
-            choices = onward or list(here.successors)
+            lasting = [edge for edge in here.successors if edge in self._endless] or list(here.successors)
+            onward = [edge for edge in lasting if not self._returns(here, self._network.edges[edge])]
+            choices = onward or lasting
             if not choices:
                 break
             route.append(choices[int(self._rng.integers(len(choices)))])
