@@ -26,7 +26,7 @@ NOT_LOADED = (yaml.YAMLError, ValueError, RecursionError)
 class _Loader(yaml.SafeLoader):
     """Plain values only; a key given twice and a value that does not exist are errors with a place."""
 
-    def compose_mapping_node(self, anchor: str | None) -> yaml.MappingNode:
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
         node = super().compose_mapping_node(anchor)
         seen: set[str] = set()
         for key, _ in node.value:
@@ -159,7 +159,7 @@ def _apply(tree: dict[str, Any], override: str) -> tuple[str, ...]:
         if not isinstance(section, dict):
             raise AdvpipeError(f"--set {_shown(override)}: {key} is a value, not a section")
     if keys[:-1] == ["map"] and keys[-1] in MAP_KEYS and isinstance(value, str):
-        value = str(Path(value).resolve())
+        value = str(Path(value).absolute())
         section.pop({"opendrive": "sumo_net", "sumo_net": "opendrive"}[keys[-1]], None)
     section[keys[-1]] = value
     return tuple(keys)
