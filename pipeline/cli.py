@@ -2,28 +2,50 @@
 
 from __future__ import annotations
 
+import math
+import os
+import select
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, TextIO
 
 import typer
 from typer.core import TyperGroup
+
+if TYPE_CHECKING:
+    from advpipe.stages.train.run import TrainSummary
 
 
 class _OneLineErrors(TyperGroup):
     """A user's mistake becomes one line and a non-zero exit code."""
 
     def invoke(self, ctx: typer.Context) -> object:  # type: ignore[override]
-        from advpipe.pipeline.errors import AdvpipeError
+        from advpipe.pipeline.errors import AdvpipeError, os_error_line
 
         try:
-            return super().invoke(ctx)
+            result = super().invoke(ctx)
+            sys.stdout.flush()
+            return result
         except AdvpipeError as error:
             print(f"advpipe: {' '.join(str(error).split())}", file=sys.stderr)
             raise typer.Exit(error.exit_code) from None
+        except OSError as error:
+            if not (isinstance(error, BrokenPipeError) and _is_unread(sys.stdout)):
+                print(f"advpipe: {' '.join(os_error_line(error).split())}", file=sys.stderr)
+            raise typer.Exit(1) from None
         except KeyboardInterrupt:
             print("advpipe: interrupted", file=sys.stderr)
             raise typer.Exit(130) from None
+
+
+def _is_unread(stream: TextIO) -> bool:
+    """Whether the reader is gone, as after `| head`; what is still to be written then goes nowhere."""
+    poll = select.poll()
+    poll.register(stream, 0)  # errors alone are reported
+    if not poll.poll(0):
+        return False
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    return True
 
 
 app = typer.Typer(
@@ -76,7 +98,7 @@ def attack(
     ] = "best",
     frames: Annotated[str, typer.Option(help="start:stop:step; the bag then holds only these.")] = "::",
     detector: DetectorName = "small",
-    seed: Annotated[int, typer.Option(help="Seed of the attack's own draws.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the attack's own draws.")] = 0,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes [default: one a core].")] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Adversarial bag [default: beside the clean one].")
@@ -109,7 +131,7 @@ def evaluate(
         typer.Argument(help="Clean bag, then adversarial ones [default: newest data set, all its attacks]."),
     ] = None,
     detector: DetectorName = "small",
-    seed: Annotated[int, typer.Option(help="Seed of the bootstrap and of the random baseline.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the bootstrap and of the random baseline.")] = 0,
     baseline: Annotated[bool, typer.Option(help="Score the same budget spent at random.")] = True,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Report folder [default: reports/ of the data set].")
@@ -149,14 +171,17 @@ def train(
     learning_rate: Annotated[float, typer.Option(help="Peak rate, after the warm-up.")] = 3e-3,
     validate: Annotated[Path | None, typer.Option("--validate", help="A held-out bag to score.")] = None,
     bf16: Annotated[bool, typer.Option("--bf16", help="Half the time where the processor has it.")] = False,
-    seed: Annotated[int, typer.Option(help="Seed of weights, order and augmentation.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of weights, order and augmentation.")] = 0,
     overwrite: Overwrite = False,
 ) -> None:
     """Train a SECOND detector on clean bags; goes on where an interrupted run stopped."""
     from advpipe.pipeline.bag.locate import resolve_bag
+    from advpipe.pipeline.errors import AdvpipeError
     from advpipe.stages.train.config import TrainConfig
     from advpipe.stages.train.run import train as run
 
+    if not 0 < learning_rate < math.inf:
+        raise AdvpipeError(f"--learning-rate is {learning_rate:g}; it has to be finite and above 0")
     config = TrainConfig(
         bags=tuple(resolve_bag(bag) for bag in bags),
         out=out,
@@ -168,7 +193,19 @@ def train(
         bf16=bf16,
         seed=seed,
     )
-    print(run(config, overwrite=overwrite))
+    print(_trained(run(config, overwrite=overwrite)))
+
+
+def _trained(summary: TrainSummary) -> str:
+    """The checkpoint, what it learnt from, and the average precision of the classes validated."""
+    found = ", ".join(
+        f"{name} {precision.strict_percent:.1f} %"
+        for name, precision in summary.precision.items()
+        if precision.boxes
+    )
+    return f"{summary.checkpoint}: {summary.steps} steps on {summary.frames} frames" + (
+        f"; 3D AP on the held-out bag: {found}" if found else ""
+    )
 
 
 @app.command()

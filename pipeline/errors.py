@@ -17,3 +17,9 @@ class OutputExistsError(AdvpipeError):
 
     def __init__(self, path: object) -> None:
         super().__init__(f"{path} exists already, not overwriting; pass --overwrite to replace it")
+
+
+def os_error_line(error: OSError) -> str:
+    """What the operating system refused, as one line: the file, and why."""
+    reason = error.strerror or str(error) or type(error).__name__
+    return f"{error.filename}: {reason}" if error.filename else reason

@@ -10,7 +10,7 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, os_error_line
 from advpipe.pipeline.progress import track
 
 Work = Callable[[int], None]
@@ -97,3 +97,5 @@ def _serve(pipe: Connection, prepare: Callable[[], Work], jobs: list[int]) -> No
         return
     except AdvpipeError as error:
         pipe.send(AdvpipeError(str(error)))
+    except OSError as error:
+        pipe.send(AdvpipeError(os_error_line(error)))

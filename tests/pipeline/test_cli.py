@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import math
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -42,24 +45,40 @@ MISTAKES = {
     "unknown scenario": (["simulate", "boulevrd"], "did you mean 'boulevard'"),
     "unknown key": (["simulate", "smoke", "--set", "simulation.seeds=1"], "did you mean 'seed'"),
     "negative duration": (["simulate", "smoke", "--set", "simulation.duration_s=-1"], "greater than 0"),
-    "missing map": (["simulate", "town06"], "give its path with --set map.opendrive=FILE"),
+    "missing map": (
+        ["simulate", "town06"],
+        "map.opendrive: Town06.xodr does not exist; give its path with --set map.opendrive=FILE",
+    ),
     "no data set": (["attack"], "datasets"),
     "no data set to score": (["evaluate"], "datasets"),
     "missing bag": (["inspect", "nowhere"], "nowhere"),
     "missing bag to attack": (["attack", "nowhere"], "nowhere"),
-    "unknown attack": (["attack", "empty", "--type", "explode"], "empty"),
+    "no bag in the folder": (["attack", "empty"], "empty is no bag"),
+    "output in /proc": (["simulate", "smoke", "-o", "/proc/foo/x"], "/proc/foo: No such file or directory"),
+    "output below a file": (["simulate", "smoke", "-o", "file/x"], "file"),
+    "output with a long name": (["simulate", "smoke", "-o", "x" * 250], ": File name too long"),
+    "rate of nan": (["train", "empty", "-o", "out", "--learning-rate", "nan"], "--learning-rate is nan"),
+    "rate without end": (["train", "empty", "-o", "out", "--learning-rate", "inf"], "finite and above 0"),
 }
 
 
 @pytest.mark.parametrize(("words", "message"), MISTAKES.values(), ids=MISTAKES.keys())
 def test_a_mistake_costs_one_line(tmp_path: Path, words: list[str], message: str) -> None:
     (tmp_path / "empty").mkdir()
+    (tmp_path / "file").touch()
     done = advpipe(*words, folder=tmp_path)
     assert done.returncode == 1
     assert message in done.stderr
     assert done.stderr.startswith("advpipe: ")
     assert done.stderr.count("\n") == 1
-    assert [path.name for path in tmp_path.iterdir()] == ["empty"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["empty", "file"]
+
+
+@pytest.mark.parametrize("command", ["attack", "evaluate", "train"])
+def test_negative_seeds_are_refused(command: str) -> None:
+    done = advpipe(command, "bag", "--seed", "-1")
+    assert done.returncode == 2
+    assert "--seed" in done.stderr
 
 
 def test_the_three_stages_with_defaults(tmp_path: Path) -> None:
@@ -68,6 +87,17 @@ def test_the_three_stages_with_defaults(tmp_path: Path) -> None:
     again = advpipe("simulate", "smoke", folder=tmp_path)
     assert again.returncode == 1
     assert "--overwrite" in again.stderr
+    unknown = advpipe("attack", "--type", "explode", folder=tmp_path)
+    assert unknown.returncode == 1
+    assert "explode" in unknown.stderr
+    assert "detach" in unknown.stderr
+    assert unknown.stderr.count("\n") == 1
+    (tmp_path / "file").touch()
+    for words in (["attack", "-o", "file/x"], ["train", "datasets/smoke", "-o", "file/y"]):
+        refused = advpipe(*words, folder=tmp_path)
+        assert refused.returncode == 1
+        assert refused.stderr.startswith("advpipe: file")
+        assert refused.stderr.count("\n") == 1
     attacked = advpipe("attack", "--type", "detach", "--frames", "0:4:2", folder=tmp_path)
     assert attacked.returncode == 0, attacked.stderr
     adversarial = tmp_path / "datasets" / "smoke" / "detach-best-0.01"
@@ -83,3 +113,29 @@ def test_the_three_stages_with_defaults(tmp_path: Path) -> None:
     assert "<img" in (report / "report.html").read_text()
     described = advpipe("inspect", str(adversarial), "--json", folder=tmp_path)
     assert json.loads(described.stdout)["provenance"]["attack"] == "detach"
+    assert_quiet_when_nobody_reads(tmp_path / "datasets" / "smoke")
+
+
+def assert_quiet_when_nobody_reads(bag: Path) -> None:
+    command = [sys.executable, "-c", "from advpipe.pipeline.cli import app; app()", "inspect", str(bag)]
+    pipe = subprocess.PIPE
+    for more, unbuffered in itertools.product(([], ["--json"]), ("", "1")):
+        environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
+        with subprocess.Popen([*command, *more], stdout=pipe, stderr=pipe, env=environment) as process:
+            assert process.stdout is not None
+            assert process.stderr is not None
+            process.stdout.close()
+            assert process.stderr.read() == b""
+        assert process.returncode == 1
+
+
+def test_training_is_summed_up_in_one_line(tmp_path: Path) -> None:
+    from advpipe.pipeline.cli import _trained
+    from advpipe.stages.train.run import TrainSummary
+    from advpipe.stages.train.validate import ClassPrecision
+
+    precision = {"car": ClassPrecision(9, 61.25, 70.0), "truck": ClassPrecision(0, math.nan, math.nan)}
+    summary = TrainSummary(Path("run/a.safetensors"), Path("l"), Path("p"), 3, 40, precision)
+    assert _trained(summary) == (
+        "run/a.safetensors: 3 steps on 40 frames; 3D AP on the held-out bag: car 61.2 %"
+    )

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -27,6 +28,8 @@ def prepare(folder, fault):
             raise AdvpipeError("job 5 is bad")
         if job == fault == 6:
             os._exit(1)
+        if job == fault == 8:
+            open(folder / "nowhere" / "a")
         if fault == 7:
             time.sleep(0.2)
         with (folder / f"{job}.txt").open("a") as file:
@@ -74,6 +77,11 @@ def test_a_users_mistake_comes_back_as_itself(prepare: partial[Work], workers: i
         run_jobs(partial(prepare, 5), range(10), "squares", workers)
 
 
+def test_what_the_system_refuses_a_worker_is_one_line(prepare: partial[Work]) -> None:
+    with pytest.raises(AdvpipeError, match=r"nowhere/a: No such file or directory$"):
+        run_jobs(partial(prepare, 8), range(10), "squares", 2)
+
+
 def test_a_worker_that_dies_is_said(prepare: partial[Work]) -> None:
     with pytest.raises(AdvpipeError, match="a worker process died"):
         run_jobs(partial(prepare, 6), range(10), "squares", 2)
@@ -92,16 +100,20 @@ def test_workers_end_with_a_parent_that_is_killed(prepare: partial[Work], tmp_pa
     script.write_text(code)
     parent = subprocess.Popen([sys.executable, str(script)], cwd=tmp_path)
     out = tmp_path / "out"
-    deadline = time.monotonic() + 60
-    while len(list(out.glob("*.txt"))) < 2 and time.monotonic() < deadline:
-        time.sleep(0.05)
+    wait_until(lambda: len(list(out.glob("*.txt"))) >= 2)
     workers = [int(path.name.split("-")[1]) for path in out.glob("process-*")]
     assert len(workers) == 2
     parent.send_signal(signal.SIGKILL)
     parent.wait()
-    while any(map(is_alive, workers)) and time.monotonic() < deadline:
-        time.sleep(0.05)
+    wait_until(lambda: not any(map(is_alive, workers)))
     assert not any(map(is_alive, workers))
+
+
+def wait_until(reached: Callable[[], bool], patience_s: float = 60) -> None:
+    """Returns when it is so, or when patience is at an end: the caller asserts."""
+    deadline = time.monotonic() + patience_s
+    while not reached() and time.monotonic() < deadline:
+        time.sleep(0.05)
 
 
 def is_alive(pid: int) -> bool:
