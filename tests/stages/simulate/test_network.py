@@ -13,7 +13,7 @@ import pytest
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.models import Map
-from advpipe.stages.simulate.network import load_network
+from advpipe.stages.simulate.network import Edge, endless_edges, load_network
 
 BOULEVARD = load_scenario("boulevard").map
 TOWN06 = Path(os.environ.get("ADVPIPE_TOWN06", "Town06.xodr"))
@@ -111,3 +111,14 @@ def test_lanes_know_who_may_use_them(tmp_path: Path, grid: Callable[..., Path]) 
     edge = load_network(Map(sumo_net=str(path)), tmp_path).drivable[0]
     assert [lane.for_cars for lane in edge.lanes] == [False, True]
     assert edge.car_lane == 1
+
+
+def test_edges_that_lead_only_to_dead_ends_are_not_endless() -> None:
+    """a and b form a loop, c leads into it; d leads to e, and e leads nowhere."""
+
+    def edge(name: str, *successors: str) -> Edge:
+        return Edge(name, (), 100.0, 10.0, True, successors)
+
+    edges = [edge("a", "b", "d"), edge("b", "a"), edge("c", "a"), edge("d", "e"), edge("e")]
+    assert endless_edges(edges) == {"a", "b", "c"}
+    assert endless_edges(edges[3:]) == set()

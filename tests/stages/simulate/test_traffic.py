@@ -79,6 +79,12 @@ def test_the_number_is_kept(busy: list[dict[str, RoadUser]]) -> None:
     assert len(busy[-1]) > 120
 
 
+def test_the_ego_drives_on(busy: list[dict[str, RoadUser]]) -> None:
+    """In 20 s of town traffic it comes some way, and its route goes on beyond."""
+    steps_m = [np.linalg.norm(b["ego"].position_m - a["ego"].position_m) for a, b in pairwise(busy)]
+    assert sum(steps_m) > 40
+
+
 def test_newcomers_replace_those_whose_road_ends_and_appear_out_of_sight(
     tmp_path: Path, grid: Callable[..., Path]
 ) -> None:
