@@ -67,7 +67,7 @@ DetectorName = Annotated[
 def simulate(
     scenario: Annotated[str, typer.Argument(help="A scenario file or a shipped name.")] = "boulevard",
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Data set folder [default: datasets/<name>].")
+        Path | None, typer.Option("--out", "-o", help="Data set folder.", show_default="datasets/<name>")
     ] = None,
     settings: Annotated[
         list[str] | None, typer.Option("--set", help="Override one key: section.key=value.")
@@ -89,7 +89,7 @@ def simulate(
 @app.command()
 def attack(
     bag: Annotated[
-        Path | None, typer.Argument(help="Data set, rosbag2 folder or .mcap [default: newest data set].")
+        Path | None, typer.Argument(help="Data set, rosbag2 folder or .mcap.", show_default="newest data set")
     ] = None,
     kind: Annotated[str, typer.Option("--type", help="Which attack: detach.")] = "detach",
     ratio: Annotated[float, typer.Option(help="Share of the points to remove (detach).")] = 0.01,
@@ -99,9 +99,9 @@ def attack(
     frames: Annotated[str, typer.Option(help="start:stop:step; the bag then holds only these.")] = "::",
     detector: DetectorName = "small",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the attack's own draws.")] = 0,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes [default: one a core].")] = None,
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes.", show_default="one a core")] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Adversarial bag [default: beside the clean one].")
+        Path | None, typer.Option("--out", "-o", help="Adversarial bag.", show_default="beside the clean one")
     ] = None,
     overwrite: Overwrite = False,
 ) -> None:
@@ -128,13 +128,16 @@ def attack(
 def evaluate(
     bags: Annotated[
         list[Path] | None,
-        typer.Argument(help="Clean bag, then adversarial ones [default: newest data set, all its attacks]."),
+        typer.Argument(
+            help="Clean bag, then adversarial ones.", show_default="newest data set, all its attacks"
+        ),
     ] = None,
     detector: DetectorName = "small",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the bootstrap and of the random baseline.")] = 0,
     baseline: Annotated[bool, typer.Option(help="Score the same budget spent at random.")] = True,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Report folder [default: reports/ of the data set].")
+        Path | None,
+        typer.Option("--out", "-o", help="Report folder.", show_default="reports/ of the data set"),
     ] = None,
     overwrite: Overwrite = False,
 ) -> None:
