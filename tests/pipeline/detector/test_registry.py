@@ -70,7 +70,7 @@ def test_a_class_in_the_working_directory(tmp_path):
         "load_detector('small'); assert sys.path == before\n"
         "print(load_detector('my:D').classes)"
     )
-    command = [sys.executable, "-P", "-c", code]
+    command = [sys.executable, "-I", "-c", code]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.stdout == "('car',)\n", done.stderr
 
