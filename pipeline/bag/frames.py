@@ -107,4 +107,4 @@ def _frames(reader: BagReader, topic: str, indices: range) -> Iterator[Frame]:
 
 def _vehicle_topics(lidar_topic: str) -> VehicleTopics:
     """The topics of the vehicle under whose name the LiDAR lies: `/ego/lidar/points` is ego's."""
-    return VehicleTopics(lidar_topic.strip("/").split("/")[0])
+    return VehicleTopics(*lidar_topic.strip("/").split("/")[:2])

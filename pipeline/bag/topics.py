@@ -50,13 +50,14 @@ SCENARIO_INFO = Topic("/scenario/info", "std_msgs/msg/String", _keep_last(1, lat
 
 @dataclass(frozen=True)
 class VehicleTopics:
-    """The topics and frames of one instrumented vehicle, under its own namespace.
+    """The topics and frames of one instrumented vehicle and one of its LiDARs, under its own namespace.
 
     >>> VehicleTopics("ego").lidar_points.name
     '/ego/lidar/points'
     """
 
     vehicle: str = "ego"
+    lidar: str = "lidar"
 
     @property
     def base_frame(self) -> str:
@@ -64,11 +65,11 @@ class VehicleTopics:
 
     @property
     def lidar_frame(self) -> str:
-        return f"{self.vehicle}/lidar"
+        return f"{self.vehicle}/{self.lidar}"
 
     @property
     def lidar_points(self) -> Topic:
-        return Topic(f"/{self.vehicle}/lidar/points", "sensor_msgs/msg/PointCloud2", _keep_last(5))
+        return Topic(f"/{self.vehicle}/{self.lidar}/points", "sensor_msgs/msg/PointCloud2", _keep_last(5))
 
     @property
     def objects(self) -> Topic:
@@ -81,6 +82,19 @@ class VehicleTopics:
     @property
     def true_odometry(self) -> Topic:
         return Topic(f"/{self.vehicle}/ground_truth/odometry", "nav_msgs/msg/Odometry")
+
+    @property
+    def odometry(self) -> Topic:
+        """The on-board estimate."""
+        return Topic(f"/{self.vehicle}/odometry", "nav_msgs/msg/Odometry")
+
+    @property
+    def wheel_odometry(self) -> Topic:
+        return Topic(f"/{self.vehicle}/wheel/odometry", "nav_msgs/msg/Odometry")
+
+    @property
+    def imu(self) -> Topic:
+        return Topic(f"/{self.vehicle}/imu", "sensor_msgs/msg/Imu", _keep_last(100))
 
     @property
     def gnss_fix(self) -> Topic:

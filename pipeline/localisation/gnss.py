@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.pipeline.scenario.models import GnssSensor
+from advpipe.pipeline.scenario.sensors import GnssSensor
 
 HEIGHT_FACTOR = 2.0
 """Heights err by twice as much as horizontal axes."""

@@ -9,16 +9,17 @@ import typing
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import yaml
 from pydantic import BaseModel, ValidationError
 
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.scenario.base import IsFile
+from advpipe.pipeline.scenario.map import MAP_SOURCES
 from advpipe.pipeline.scenario.models import Scenario
 
 MAX_FILE_BYTES = 4_000_000
-MAP_KEYS = ("opendrive", "sumo_net")
 NOT_LOADED = (yaml.YAMLError, ValueError, RecursionError)
 """What PyYAML raises on text that is no document of plain values."""
 
@@ -77,18 +78,17 @@ def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> Scenario:
 def dump_scenario(scenario: Scenario) -> str:
     """The resolved scenario as YAML: every key, defaults included.
 
-    Of the map's path only the file name stays: a data set tells nobody how its maker's disk is laid out.
+    Of a path only the file name stays: a data set tells nobody how its maker's disk is laid out.
     """
     tree = scenario_tree(scenario)
     return yaml.safe_dump(tree, sort_keys=False, allow_unicode=True, width=100)
 
 
 def scenario_tree(scenario: Scenario) -> dict[str, Any]:
-    """The resolved scenario as plain values, the map by its file name."""
-    tree = scenario.model_dump(mode="json")
-    for key in MAP_KEYS:
-        if tree["map"][key] is not None:
-            tree["map"][key] = Path(tree["map"][key]).name
+    """The resolved scenario as plain values, files by their names."""
+    tree: dict[str, Any] = scenario.model_dump(mode="json")
+    for section, key in _files(tree):
+        section[key] = Path(section[key]).name
     return tree
 
 
@@ -129,18 +129,58 @@ def _problem(error: Exception) -> str:
     return getattr(error, "problem", None) or "not YAML"
 
 
+def _files(tree: dict[str, Any]) -> list[tuple[dict[str, Any], str]]:
+    """Every key of the tree that holds a path: its section and its name."""
+    return [
+        (section, place[-1])
+        for place in FILE_PLACES
+        for section in _sections(tree, place[:-1])
+        if isinstance(section.get(place[-1]), str)
+    ]
+
+
+def _sections(tree: Any, place: tuple[str, ...]) -> list[dict[str, Any]]:
+    if not place:
+        return [tree] if isinstance(tree, dict) else []
+    if place[0] == "*":
+        parts = list(tree.values()) if isinstance(tree, dict) else tree if isinstance(tree, list) else []
+    else:
+        parts = [tree[place[0]]] if isinstance(tree, dict) and place[0] in tree else []
+    return [section for part in parts for section in _sections(part, place[1:])]
+
+
+def _file_places(model: type[BaseModel]) -> list[tuple[str, ...]]:
+    """Where the model has keys that hold a path; `*` stands for every key of a mapping or item of a list."""
+    places: list[tuple[str, ...]] = []
+    for name, field in model.model_fields.items():
+        parts, is_many = [field.annotation], False
+        while parts:
+            part: Any = parts.pop()
+            origin = typing.get_origin(part)
+            is_many |= origin in (dict, tuple)
+            if isinstance(part, type) and issubclass(part, BaseModel):
+                places += [(name, *(("*",) if is_many else ()), *place) for place in _file_places(part)]
+            elif origin is Annotated and any(isinstance(mark, IsFile) for mark in part.__metadata__):
+                places.append((name,))
+            else:
+                parts += typing.get_args(part)
+        if any(isinstance(mark, IsFile) for mark in field.metadata):
+            places.append((name,))
+    return places
+
+
+FILE_PLACES = _file_places(Scenario)
+
+
 def _make_paths_absolute(tree: dict[str, Any], folder: Path) -> None:
-    section = tree.get("map")
-    if isinstance(section, dict):
-        for key in MAP_KEYS:
-            if isinstance(section.get(key), str):
-                path, shipped = folder / section[key], shipped_folder() / "networks" / section[key]
-                if os.path.exists(path):
-                    section[key] = str(path.resolve())
-                elif os.path.isfile(shipped):
-                    section[key] = str(shipped.resolve())
-                elif folder != shipped_folder():  # the map that a shipped scenario lacks is the user's
-                    section[key] = str(path.absolute())
+    for section, key in _files(tree):
+        path, shipped = folder / section[key], shipped_folder() / "networks" / section[key]
+        if os.path.exists(path):
+            section[key] = str(path.resolve())
+        elif os.path.isfile(shipped):
+            section[key] = str(shipped.resolve())
+        elif folder != shipped_folder():  # the map that a shipped scenario lacks is the user's
+            section[key] = str(path.absolute())
 
 
 def _apply(tree: dict[str, Any], override: str) -> tuple[str, ...]:
@@ -158,10 +198,14 @@ def _apply(tree: dict[str, Any], override: str) -> tuple[str, ...]:
         section = section.setdefault(key, {})
         if not isinstance(section, dict):
             raise AdvpipeError(f"--set {_shown(override)}: {key} is a value, not a section")
-    if keys[:-1] == ["map"] and keys[-1] in MAP_KEYS and isinstance(value, str):
-        value = str(Path(value).absolute())
-        section.pop({"opendrive": "sumo_net", "sumo_net": "opendrive"}[keys[-1]], None)
+    if keys[:-1] == ["map"] and keys[-1] in MAP_SOURCES:
+        for other in MAP_SOURCES:
+            section.pop(other, None)
     section[keys[-1]] = value
+    if isinstance(value, str):
+        for holder, key in _files(tree):
+            if holder is section and key == keys[-1]:
+                section[key] = str(Path(value).absolute())
     return tuple(keys)
 
 

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from advpipe.pipeline.bag.cloud import POINT_DTYPE, Cloud
 from advpipe.pipeline.geometry.transforms import Float64, se3
-from advpipe.pipeline.scenario.models import LidarSensor
+from advpipe.pipeline.scenario.sensors import LidarSensor
 from advpipe.stages.simulate.world.materials import REFLECTIVITY
 from advpipe.stages.simulate.world.world import Hits
 

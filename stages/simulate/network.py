@@ -12,7 +12,7 @@ import numpy as np
 
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.pipeline.scenario.models import Map
+from advpipe.pipeline.scenario.map import Map
 
 CAR = "passenger"
 

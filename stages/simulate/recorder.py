@@ -50,13 +50,14 @@ class Recorder:
         origin = scenario.map.origin
         self._geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
         gnss = scenario.sensors.gnss
-        rng = named_generator(scenario.simulation.seed, "gnss", gnss.vehicle)
+        self._carrier = scenario.sensors.lidars["lidar"].vehicle
+        rng = named_generator(scenario.simulation.seed, "gnss", self._carrier)
         self._receiver = GnssReceiver(gnss, self._step_s, rng)
         self._last_yaw_rad: dict[str, float] = {}
 
     def start(self, stamp_ns: int, base_SE3_lidar: Float64) -> None:
         """The latched topics: where the sensors sit, and what this drive is."""
-        topic = VehicleTopics(self._scenario.sensors.lidar.vehicle)
+        topic = VehicleTopics(self._carrier)
         static = messages.transforms(stamp_ns, [(topic.base_frame, topic.lidar_frame, base_SE3_lidar)])
         self._writer.write(topics.TF_STATIC, static, stamp_ns)
         info = json.dumps(scenario_tree(self._scenario), sort_keys=True)
@@ -92,7 +93,7 @@ class Recorder:
         self._writer.write(topic.true_odometry, odometry, stamp_ns)
 
     def _record_fix(self, snapshot: Snapshot) -> None:
-        name = self._scenario.sensors.gnss.vehicle
+        name = self._carrier
         topic = VehicleTopics(name)
         fix_m = self._receiver.fix(snapshot.carriers[name].position_m)
         std_m = np.sqrt(np.diag(self._receiver.covariance_m2))
@@ -105,7 +106,7 @@ class Recorder:
         self._writer.write(topic.gnss_fix, fix, snapshot.stamp_ns)
 
     def _record_lidar(self, snapshot: Snapshot) -> None:
-        name = self._scenario.sensors.lidar.vehicle
+        name = self._carrier
         topic, stamp_ns = VehicleTopics(name), snapshot.stamp_ns
         cdr = cloud_to_cdr(snapshot.cloud, stamp_ns, topic.lidar_frame)
         self._writer.write_cdr(topic.lidar_points, cdr, stamp_ns)

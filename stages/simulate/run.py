@@ -43,14 +43,15 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
     Raises AdvpipeError for a map that is none, a network without room, or an output that exists.
     """
     clock, seed = scenario.simulation, scenario.simulation.seed
-    carrier_name = scenario.sensors.lidar.vehicle
+    lidar_sensor = scenario.sensors.lidars["lidar"]
+    carrier_name = lidar_sensor.vehicle
     points, seen = 0, set[str]()
     with staged_folder(out, overwrite, DATA_SET) as folder, tempfile.TemporaryDirectory() as scratch:
         (folder / "scenario.yaml").write_text(dump_scenario(scenario), encoding="utf-8")
         network = load_network(scenario.map, Path(scratch))
         variants = draw_variants(named_generator(seed, "bodies"))
         world = World(scenario, network, variants)
-        lidar = Lidar(scenario.sensors.lidar)
+        lidar = Lidar(lidar_sensor)
         provenance = _provenance(scenario)
         with (
             Traffic(scenario, network, variants, Path(scratch)) as traffic,
@@ -73,10 +74,10 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
                     *vehicles.values(),
                     *(walker.at(frame * clock.step_s) for walker in walkers),
                 ]
-                moving = _within(moving, carrier, scenario.sensors.lidar.range)
+                moving = _within(moving, carrier, lidar_sensor.range)
                 hits = world.cast(lidar.rays(carrier.map_SE3_base), moving)
                 cloud = lidar.measure(hits, named_generator(seed, "lidar", carrier_name, frame))
-                parked = _within(world.parked, carrier, scenario.sensors.lidar.range)
+                parked = _within(world.parked, carrier, lidar_sensor.range)
                 everyone = [*moving, *parked]
                 recorder.record(
                     Snapshot(clock.stamp_ns(frame), carriers, everyone, cloud, lidar.base_SE3_lidar)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.localisation.gnss import GnssReceiver
-from advpipe.pipeline.scenario.models import GnssSensor
+from advpipe.pipeline.scenario.sensors import GnssSensor
 
 
 def test_errors_have_the_stated_covariance() -> None:

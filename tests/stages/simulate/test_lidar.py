@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.geometry.transforms import se3_from_yaw, transform_points
-from advpipe.pipeline.scenario.models import LidarSensor
+from advpipe.pipeline.scenario.sensors import LidarSensor
 from advpipe.stages.simulate.lidar import Lidar
 from advpipe.stages.simulate.world.materials import MATERIALS
 from advpipe.stages.simulate.world.mesh import box, merge, surface

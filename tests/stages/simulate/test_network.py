@@ -12,7 +12,7 @@ import pytest
 
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.scenario import load_scenario
-from advpipe.pipeline.scenario.models import Map
+from advpipe.pipeline.scenario.map import Map
 from advpipe.stages.simulate.network import Edge, endless_edges, load_network
 
 BOULEVARD = load_scenario("boulevard").map

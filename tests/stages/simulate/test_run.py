@@ -45,7 +45,7 @@ def dense(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A drive through dense traffic with the full sensor, without noise."""
     out = tmp_path_factory.mktemp("data") / "dense"
     lidar = ["channels=64", "points_per_second=1152000", "noise_stddev=0"]
-    simulate(load_scenario("smoke", [*DENSE, *(f"sensors.lidar.{key}" for key in lidar)]), out)
+    simulate(load_scenario("smoke", [*DENSE, *(f"sensors.lidars.lidar.{key}" for key in lidar)]), out)
     return out / "clean"
 
 

@@ -1,0 +1,49 @@
+"""The section `environment`: what stands beside the roads, and the weather."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from advpipe.pipeline.scenario.base import File, NotNegative, Positive, Probability, Section
+
+
+class Weather(Section):
+    """Rain and snow by their rate, fog by the distance that one sees."""
+
+    kind: Literal["clear", "rain", "fog", "snow"] = "clear"
+    rate_mm_per_h: NotNegative = Field(0.0, le=200, description="of rain, or of melted snow")
+    visibility_m: Positive = Field(1e5, le=1e5, description="meteorological optical range in fog")
+
+    @model_validator(mode="after")
+    def _strength(self) -> Weather:
+        if self.kind in ("rain", "snow") and not self.rate_mm_per_h:
+            raise ValueError(f"{self.kind} needs its rate_mm_per_h")
+        if self.kind == "fog" and self.visibility_m > 1000:
+            raise ValueError("fog needs its visibility_m, of at most 1000")
+        return self
+
+
+class UserObject(Section):
+    """A mesh of the user's that stands somewhere in the map's frame."""
+
+    mesh: File = Field(description="path of an .obj, .ply, .stl, .glb or .off file")
+    material: str = "concrete"
+    scale: Positive = Field(1.0, le=1000, description="metres for each unit of the mesh")
+    x_m: float = 0.0
+    y_m: float = 0.0
+    z_m: float = Field(0.0, description="above the ground at that place")
+    yaw_rad: float = 0.0
+
+
+class Environment(Section):
+    """What stands beside the roads, drawn from the seed, and the weather."""
+
+    buildings: Probability = Field(0.6, description="share of the building plots that are built on")
+    trees_per_km: NotNegative = Field(25.0, le=500, description="per kilometre of kerb")
+    poles_per_km: NotNegative = Field(30.0, le=500, description="lamp posts and signs per kilometre of kerb")
+    clutter_per_km: NotNegative = Field(12.0, le=500, description="hedges, containers, cabinets")
+    barriers: Probability = Field(0.3, description="share of the road edges with a guard rail or wall")
+    objects: tuple[UserObject, ...] = Field((), description="meshes of the user's")
+    weather: Weather = Weather()

@@ -1,0 +1,46 @@
+"""The section `map`: the road network and where on the Earth it lies."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from advpipe.pipeline.scenario.base import File, Positive, Section
+
+MAP_SOURCES = ("opendrive", "sumo_net", "generator")
+
+
+class Origin(Section):
+    """Where the map's origin lies on the Earth."""
+
+    latitude_deg: float = Field(48.1351, ge=-85, le=85)
+    longitude_deg: float = Field(11.5820, ge=-180, le=180)
+    altitude_m: float = Field(520.0, ge=-500, le=9000)
+
+
+class Generator(Section):
+    """A network drawn by SUMO's netgenerate, from the scenario's seed."""
+
+    kind: Literal["grid", "spider", "random"] = "grid"
+    size: int = Field(
+        4, ge=2, le=40, description="junctions along a side, arms of a spider, or hundreds of metres"
+    )
+    block_m: Positive = Field(160.0, le=2000, description="distance between junctions")
+    lanes: int = Field(2, ge=1, le=4, description="of each direction")
+    speed_mps: Positive = Field(13.89, le=70)
+
+
+class Map(Section):
+    """The road network: exactly one of `opendrive`, `sumo_net` and `generator`."""
+
+    opendrive: File | None = Field(None, description="path of an OpenDRIVE .xodr file")
+    sumo_net: File | None = Field(None, description="path of a SUMO .net.xml file")
+    generator: Generator | None = Field(None, description="settings of a generated network")
+    origin: Origin = Origin()
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Map:
+        if sum(getattr(self, source) is not None for source in MAP_SOURCES) != 1:
+            raise ValueError("give exactly one of opendrive, sumo_net and generator")
+        return self

@@ -1,0 +1,52 @@
+"""The section `simulation`: clock and chance."""
+
+from __future__ import annotations
+
+from datetime import datetime, timezone
+
+from pydantic import Field, model_validator
+
+from advpipe.pipeline.scenario.base import NotNegative, Positive, Section
+
+
+class Simulation(Section):
+    """Clock and chance."""
+
+    seed: int = Field(1, ge=0, lt=2**63, description="every random draw of the drive derives from it")
+    duration_s: Positive = Field(20.0, le=1e6, description="recorded time")
+    step_s: Positive = Field(
+        0.1, le=1.0, description="step of the V2X clock, which traffic and sensors follow"
+    )
+    warmup_s: NotNegative = Field(15.0, description="simulated before the recording starts")
+    start: datetime = Field(
+        datetime(2026, 1, 1, 12, tzinfo=timezone.utc), description="date that the recording starts at"
+    )
+
+    @model_validator(mode="after")
+    def _clock(self) -> Simulation:
+        step_ms = self.step_s * 1000
+        if round(step_ms) < 1 or abs(step_ms - round(step_ms)) > 1e-6:
+            raise ValueError(
+                f"step_s {self.step_s:g} is no whole number of milliseconds, to which SUMO would round it"
+            )
+        if self.duration_s < self.step_s:
+            raise ValueError(f"duration_s {self.duration_s:g} is shorter than one step_s {self.step_s:g}")
+        if self.start.tzinfo is None:
+            raise ValueError("start has no time zone; write it like 2026-01-01T12:00:00Z")
+        if not 2000 <= self.start.year <= 2037:  # a ROS time stamp ends in January 2038
+            raise ValueError(f"start is in {self.start.year}; it has to be in the years 2000 to 2037")
+        return self
+
+    @property
+    def frames(self) -> int:
+        """Recorded steps."""
+        return round(self.duration_s / self.step_s)
+
+    @property
+    def start_ns(self) -> int:
+        """The start in nanoseconds since 1970."""
+        return int(self.start.timestamp()) * 1_000_000_000 + self.start.microsecond * 1000
+
+    def stamp_ns(self, frame: int) -> int:
+        """The time stamp of a recorded frame, exact to the nanosecond."""
+        return self.start_ns + frame * round(self.step_s * 1e9)

@@ -1,0 +1,90 @@
+"""The sections `traffic`, `trajectories`, `vehicles` and `bodies`: who is on the road, and who drives."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from advpipe.pipeline.scenario.base import File, Name, NotNegative, Positive, Section
+
+BODIES = ("sedan", "hatchback", "suv", "pickup", "van", "box_truck", "bus", "motorcycle", "bicycle")
+"""Bodies that drive on the road and come with advpipe; people on foot are counted by `pedestrians`."""
+
+
+class UserBody(Section):
+    """A body of the user's: a mesh file, x forward, z up; it fits the box that the mesh fills."""
+
+    mesh: File = Field(description="path of an .obj, .ply, .stl, .glb or .off file")
+    label: Literal["car", "truck", "cyclist", "pedestrian"] = Field(
+        "car", description="class in the ground truth"
+    )
+    material: str = Field("paint_silver", description="of the whole mesh")
+    scale: Positive = Field(1.0, le=1000, description="metres for each unit of the mesh")
+    max_speed_mps: Positive = Field(50.0, le=100)
+    acceleration_mps2: Positive = Field(2.6, le=10)
+
+
+class Traffic(Section):
+    """Who is on the road besides the instrumented vehicles; SUMO drives them."""
+
+    vehicles: int = Field(80, ge=0, le=5000, description="kept on the network all the time")
+    mix: dict[str, Annotated[float, Field(ge=0, le=1e6)]] = Field(
+        {
+            "sedan": 0.28,
+            "hatchback": 0.2,
+            "suv": 0.2,
+            "pickup": 0.05,
+            "van": 0.08,
+            "box_truck": 0.05,
+            "bus": 0.03,
+            "motorcycle": 0.04,
+            "bicycle": 0.07,
+        },
+        description="share of each body; normalised to one",
+    )
+    pedestrians: int = Field(40, ge=0, le=5000, description="people on foot beside the roads")
+    parked_per_km: NotNegative = Field(15.0, le=150, description="parked cars per kilometre of kerb")
+    routes: File | None = Field(
+        None, description="a SUMO route file of the user's, which replaces `vehicles` and `mix`"
+    )
+    sumo_config: File | None = Field(
+        None,
+        description="a .sumocfg of the user's: its route and additional files replace `vehicles` and `mix`",
+    )
+
+    @model_validator(mode="after")
+    def _sources(self) -> Traffic:
+        if self.vehicles and not sum(self.mix.values()) > 0:
+            raise ValueError("mix needs at least one share above zero")
+        if self.routes is not None and self.sumo_config is not None:
+            raise ValueError("give at most one of routes and sumo_config")
+        return self
+
+
+class Trajectories(Section):
+    """Vehicles that are moved from outside; SUMO's own traffic reacts to them (world-driven mode)."""
+
+    file: File = Field(
+        description="CSV or Parquet table: id, time_s, x_m, y_m, z_m, yaw_rad (pitch_rad, roll_rad), body"
+    )
+
+
+class Vehicle(Section):
+    """A vehicle that carries sensors.
+
+    `traffic`: SUMO drives it. `trajectory`: the rows of the trajectory file with its id. `controller`: a
+    bicycle model that follows its route with a controller of its own.
+    """
+
+    body: str = "sedan"
+    driver: Literal["traffic", "trajectory", "controller"] = "traffic"
+    route: tuple[str, ...] | None = Field(
+        None, description="edges of the network in order; drawn from the seed if left out"
+    )
+    speed_mps: Positive | None = Field(
+        None, le=70, description="speed wished for; that of the road if left out"
+    )
+
+
+Vehicles = dict[Name, Vehicle]
