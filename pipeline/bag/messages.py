@@ -147,8 +147,13 @@ def detections(stamp_ns: int, frame_id: str, boxes: Boxes) -> Any:
     )
 
 
-def road_users(stamp_ns: int, frame_id: str, boxes: Boxes, lidar_points: npt.ArrayLike) -> Any:
-    """advpipe_msgs/RoadUserArray of boxes in that frame; `lidar_points` (M,) are the returns on each."""
+def road_users(
+    stamp_ns: int, frame_id: str, boxes: Boxes, lidar_points: npt.ArrayLike, occlusion: npt.ArrayLike
+) -> Any:
+    """advpipe_msgs/RoadUserArray of boxes in that frame.
+
+    lidar_points: (M,), the returns on each. occlusion: (M,), the share of each that something hides.
+    """
     RoadUser = message_class("advpipe_msgs/msg/RoadUser")
     return message_class("advpipe_msgs/msg/RoadUserArray")(
         header=header(stamp_ns, frame_id),
@@ -160,13 +165,15 @@ def road_users(stamp_ns: int, frame_id: str, boxes: Boxes, lidar_points: npt.Arr
                 size=vector3(box[3:6]),
                 velocity=vector3(velocity),
                 lidar_points=int(points),
+                occlusion=float(hidden),
             )
-            for box, label, name, velocity, points in zip(
+            for box, label, name, velocity, points, hidden in zip(
                 boxes.geometry,
                 boxes.labels,
                 boxes.ids,
                 boxes.velocity_mps,
                 np.asarray(lidar_points),
+                np.asarray(occlusion),
                 strict=True,
             )
         ],

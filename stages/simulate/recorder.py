@@ -116,6 +116,10 @@ class Recorder:
         points = count_points(xyz(snapshot.cloud), in_lidar.geometry)
         write = self._writer.write
         write(topic.objects, messages.detections(stamp_ns, MAP_FRAME, boxes), stamp_ns)
-        write(topic.road_users, messages.road_users(stamp_ns, MAP_FRAME, boxes, points), stamp_ns)
+        write(
+            topic.road_users,
+            messages.road_users(stamp_ns, MAP_FRAME, boxes, points, np.zeros(len(points))),
+            stamp_ns,
+        )
         if self._scenario.recording.markers:
             write(topic.markers, markers(stamp_ns, MAP_FRAME, boxes), stamp_ns)

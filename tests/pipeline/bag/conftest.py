@@ -61,7 +61,7 @@ def record() -> Callable[..., Path]:
                 cdr = cloud_to_cdr(cloud_of(frame), stamp_ns, EGO.lidar_frame)
                 bag.write_cdr(EGO.lidar_points, cdr, stamp_ns)
                 bag.write(EGO.objects, messages.detections(stamp_ns, "map", CAR), stamp_ns)
-                bag.write(EGO.road_users, messages.road_users(stamp_ns, "map", CAR, [12]), stamp_ns)
+                bag.write(EGO.road_users, messages.road_users(stamp_ns, "map", CAR, [12], [0.5]), stamp_ns)
                 bag.write(EGO.markers, markers(stamp_ns, "map", CAR), stamp_ns)
         return path
 

@@ -17,7 +17,7 @@ EXAMPLES = {
     "sensor_msgs/msg/NavSatFix": messages.nav_sat_fix(1, 50, 8, 100, std_m=(1, 2, 3)),
     "tf2_msgs/msg/TFMessage": messages.transforms(1, [("map", "ego", se3_from_yaw([1, 2, 3], 4))]),
     "vision_msgs/msg/Detection3DArray": messages.detections(1, "map", BOXES),
-    "advpipe_msgs/msg/RoadUserArray": messages.road_users(1, "map", BOXES, [10, 0]),
+    "advpipe_msgs/msg/RoadUserArray": messages.road_users(1, "map", BOXES, [10, 0], [0.25, 0]),
     "rosgraph_msgs/msg/Clock": messages.clock(1),
     "std_msgs/msg/String": messages.string("grüß"),
 }
@@ -53,7 +53,7 @@ def test_detection_fields() -> None:
 
 def test_road_user_fields() -> None:
     bus, _ = EXAMPLES["advpipe_msgs/msg/RoadUserArray"].road_users
-    assert (bus.id, bus.class_id, bus.lidar_points) == ("bus", "truck", 10)
+    assert (bus.id, bus.class_id, bus.lidar_points, bus.occlusion) == ("bus", "truck", 10, 0.25)
     assert (bus.velocity.x, bus.velocity.y, bus.velocity.z) == (7, 8, 9)
 
 

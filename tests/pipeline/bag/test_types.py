@@ -28,6 +28,7 @@ def test_own_messages_have_the_agreed_fields() -> None:
         "size",
         "velocity",
         "lidar_points",
+        "occlusion",
     ]
 
 
