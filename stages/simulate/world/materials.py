@@ -1,32 +1,82 @@
-"""What surfaces send back to a LiDAR at 905 nm: diffuse reflectivity in [0, 1]."""
+"""What surfaces do to a LiDAR's light at 905 nm, and which class a picture shows them as."""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import NamedTuple
 
-MATERIALS = {
-    "asphalt": 0.14,
-    "marking": 0.75,
-    "concrete": 0.35,
-    "grass": 0.42,
-    "masonry": 0.45,
-    "plaster": 0.60,
-    "glass": 0.06,
-    "foliage": 0.50,
-    "bark": 0.30,
-    "steel": 0.40,
-    "sign": 0.95,
-    "rubber": 0.05,
-    "plastic": 0.12,
-    "plate": 0.95,
-    "cloth": 0.40,
-    "skin": 0.50,
-    "paint_black": 0.08,
-    "paint_blue": 0.22,
-    "paint_red": 0.35,
-    "paint_silver": 0.50,
-    "paint_white": 0.70,
+import numpy as np
+import numpy.typing as npt
+
+
+class Material(NamedTuple):
+    """`reflectivity`: diffuse, in [0, 1]. `semantic`: one of `SEMANTIC_CLASSES`.
+
+    `retroreflective`: sends most light back to where it came from. `transmittance`: the share of the
+    light that is left after passing a pane there and back; 0 for what is no glass.
+    """
+
+    reflectivity: float
+    semantic: str
+    retroreflective: bool = False
+    transmittance: float = 0.0
+
+
+SEMANTIC_CLASSES = (
+    "road", "marking", "pavement", "ground", "vegetation", "building", "pole", "sign", "barrier",
+    "vehicle", "person", "other",
+)  # fmt: skip
+
+_MATERIALS = {
+    "asphalt": Material(0.14, "road"),
+    "asphalt_new": Material(0.08, "road"),
+    "asphalt_old": Material(0.21, "road"),
+    "marking": Material(0.75, "marking"),
+    "marking_worn": Material(0.45, "marking"),
+    "concrete": Material(0.35, "pavement"),
+    "paving": Material(0.30, "pavement"),
+    "kerbstone": Material(0.40, "pavement"),
+    "grass": Material(0.42, "ground"),
+    "soil": Material(0.25, "ground"),
+    "foliage": Material(0.50, "vegetation"),
+    "conifer": Material(0.40, "vegetation"),
+    "bark": Material(0.30, "vegetation"),
+    "masonry": Material(0.45, "building"),
+    "plaster": Material(0.60, "building"),
+    "roof_tile": Material(0.38, "building"),
+    "facade_dark": Material(0.20, "building"),
+    "room": Material(0.30, "building"),
+    "pane": Material(0.10, "building", transmittance=0.55),
+    "glass": Material(0.10, "vehicle", transmittance=0.80),
+    "glass_tinted": Material(0.10, "vehicle", transmittance=0.50),
+    "steel": Material(0.40, "pole"),
+    "wood": Material(0.45, "other"),
+    "rail": Material(0.45, "barrier"),
+    "barrier_concrete": Material(0.40, "barrier"),
+    "sign": Material(0.95, "sign", retroreflective=True),
+    "sign_back": Material(0.35, "sign"),
+    "plate": Material(0.85, "vehicle", retroreflective=True),
+    "lamp": Material(0.60, "vehicle", retroreflective=True),
+    "rubber": Material(0.05, "vehicle"),
+    "rim": Material(0.45, "vehicle"),
+    "plastic": Material(0.12, "vehicle"),
+    "interior": Material(0.10, "vehicle"),
+    "frame": Material(0.35, "vehicle"),
+    "tarpaulin": Material(0.55, "vehicle"),
+    "cloth": Material(0.40, "person"),
+    "cloth_dark": Material(0.15, "person"),
+    "skin": Material(0.50, "person"),
+    "bin": Material(0.20, "other"),
+    "paint_black": Material(0.06, "vehicle"),
+    "paint_grey": Material(0.18, "vehicle"),
+    "paint_blue": Material(0.22, "vehicle"),
+    "paint_green": Material(0.28, "vehicle"),
+    "paint_red": Material(0.35, "vehicle"),
+    "paint_silver": Material(0.50, "vehicle"),
+    "paint_yellow": Material(0.60, "vehicle"),
+    "paint_white": Material(0.70, "vehicle"),
 }
+
+MATERIALS = {name: material.reflectivity for name, material in _MATERIALS.items()}
 """Material to reflectivity; common values of published reflectance tables, rounded."""
 
 PAINTS = tuple(name for name in MATERIALS if name.startswith("paint_"))
@@ -35,3 +85,16 @@ MATERIAL_ID = {name: index for index, name in enumerate(MATERIALS)}
 
 REFLECTIVITY = np.array(list(MATERIALS.values()), dtype=np.float32)
 """Reflectivity (number of materials,) by material id."""
+
+RETROREFLECTIVE: npt.NDArray[np.bool_] = np.array([m.retroreflective for m in _MATERIALS.values()])
+"""Whether a material (number of materials,) returns its light whatever the incidence, up to
+`RETROREFLECTIVE_LIMIT_RAD`: plates, signs, lamps."""
+
+RETROREFLECTIVE_LIMIT_RAD = np.deg2rad(40.0)
+"""Sheeting returns strongly up to an entrance angle of some 40 degrees (EN 12899-1 asks for 5 to 40)."""
+
+TRANSMITTANCE = np.array([m.transmittance for m in _MATERIALS.values()], dtype=np.float32)
+"""Two-way share of light (number of materials,) that passes a pane; 0 for what is no glass."""
+
+SEMANTIC = np.array([SEMANTIC_CLASSES.index(m.semantic) for m in _MATERIALS.values()], dtype=np.uint8)
+"""Index into `SEMANTIC_CLASSES` (number of materials,) by material id."""

@@ -25,11 +25,24 @@ class Hits:
 
     range_m: (R,) float32, infinite where a ray met nothing.
     cos_incidence: (R,) float32 in [0, 1]. materials: (R,) uint8.
+    transmission: (R,) float32, the two-way share of light that panes on the way left; 1 without.
+    objects: (R,) int32, index into the moving road users; -1 the static world; -2 - k parked car k.
     """
 
     range_m: npt.NDArray[np.float32]
     cos_incidence: npt.NDArray[np.float32]
     materials: npt.NDArray[np.uint8]
+    transmission: npt.NDArray[np.float32]
+    objects: npt.NDArray[np.int32]
+
+
+def _hits(
+    range_m: npt.NDArray[np.float32],
+    cos_incidence: npt.NDArray[np.float32],
+    materials: npt.NDArray[np.uint8],
+) -> Hits:
+    count = len(range_m)
+    return Hits(range_m, cos_incidence, materials, np.ones(count, np.float32), np.full(count, -1, np.int32))
 
 
 class Scene:
@@ -48,7 +61,7 @@ class Scene:
         """Casts rays (R, 6): origin, unit direction."""
         if not len(self._materials):
             count = len(rays)
-            return Hits(
+            return _hits(
                 np.full(count, np.inf, np.float32), np.zeros(count, np.float32), np.zeros(count, np.uint8)
             )
         answer = self._scene.cast_rays(o3d.core.Tensor(rays))
@@ -57,7 +70,7 @@ class Scene:
         materials = np.zeros(len(rays), np.uint8)
         materials[hit] = self._materials[answer["primitive_ids"].numpy()[hit]]
         normals = answer["primitive_normals"].numpy()
-        return Hits(range_m, np.abs(np.einsum("ij,ij->i", normals, rays[:, 3:])), materials)
+        return _hits(range_m, np.abs(np.einsum("ij,ij->i", normals, rays[:, 3:])), materials)
 
 
 def nearer(a: Hits, b: Hits) -> Hits:
@@ -67,6 +80,8 @@ def nearer(a: Hits, b: Hits) -> Hits:
         np.where(first, a.range_m, b.range_m),
         np.where(first, a.cos_incidence, b.cos_incidence),
         np.where(first, a.materials, b.materials),
+        np.where(first, a.transmission, b.transmission),
+        np.where(first, a.objects, b.objects),
     )
 
 
