@@ -1,20 +1,22 @@
-"""The road network: an OpenDRIVE or SUMO file, checked before SUMO sees it, with its geometry."""
+"""The road network: its edges, lanes and connections, with their geometry in the map's frame."""
 
 from __future__ import annotations
 
-import re
-import subprocess
-import xml.etree.ElementTree as ElementTree
+import hashlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.scenario.map import Map
+from advpipe.stages.simulate.network_file import prepare_network_file
 
 CAR = "passenger"
+WALKER = "pedestrian"
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,22 @@ class Lane:
     centre_m: Float64
     width_m: float
     for_cars: bool
+    is_pavement: bool = False
+
+
+@dataclass(frozen=True)
+class Connection:
+    """A way that cars may take from a lane of one edge over a junction to a lane of the next.
+
+    centre_m: (K, 3), its line within the junction; empty where the two edges meet without one.
+    light: id of the traffic light and index in its state, if it has one.
+    """
+
+    from_lane: int
+    to_edge: str
+    to_lane: int
+    centre_m: Float64
+    light: tuple[str, int] | None
 
 
 @dataclass(frozen=True)
@@ -36,6 +54,7 @@ class Edge:
     speed_mps: float
     for_cars: bool
     successors: tuple[str, ...]
+    connections: tuple[Connection, ...] = ()
 
     @property
     def car_lane(self) -> int:
@@ -54,17 +73,25 @@ class RoadNetwork:
     The map's frame is that of the road map which the network was made from: map = network -
     `offset_m`. A geo-referenced network keeps its own frame (a zero offset): without its offset it
     would lie thousands of kilometres from its origin, where float32 has steps of half a metre.
+    `map_sha256` is the digest of the user's map file, or of the generated network.
     """
 
     sumo_file: Path
     offset_m: Float64
     edges: dict[str, Edge]
     junctions_m: tuple[Float64, ...]
+    map_sha256: str
 
     @property
     def drivable(self) -> list[Edge]:
         """Edges that cars may use, in a fixed order."""
         return [edge for _, edge in sorted(self.edges.items()) if edge.for_cars]
+
+    @property
+    def pavements_m(self) -> list[Float64]:
+        """Centre lines (K, 3) of the lanes for people on foot alone, in a fixed order."""
+        edges = [edge for _, edge in sorted(self.edges.items())]
+        return [lane.centre_m for edge in edges for lane in edge.lanes if lane.is_pavement]
 
 
 def endless_edges(edges: list[Edge]) -> set[str]:
@@ -77,80 +104,23 @@ def endless_edges(edges: list[Edge]) -> set[str]:
         endless = lasting
 
 
-def load_network(source: Map, scratch: Path) -> RoadNetwork:
-    """Checks and reads the network of a scenario; converted files go to the `scratch` folder."""
-    if source.opendrive is not None:
-        sumo_file = _convert_opendrive(Path(source.opendrive), scratch)
-        origin = Path(source.opendrive)
-    else:
-        assert source.sumo_net is not None
-        sumo_file = origin = Path(source.sumo_net)
-        _check_xml(origin, "map.sumo_net", "net", "a SUMO network (.net.xml)")
-    root = ElementTree.parse(sumo_file).getroot()
-    if root.find("location") is None:
-        raise AdvpipeError(
-            f"{origin}: no <location> in it, so it is no complete SUMO network; run netconvert"
-        )
-    if not any(not edge.get("id", ":").startswith(":") for edge in root.iter("edge")):
-        raise AdvpipeError(f"{origin}: the network holds no road")
-    _probe(sumo_file, origin)
-    network = _read(sumo_file, origin)
+def load_network(source: Map, scratch: Path, seed: int = 0) -> RoadNetwork:
+    """Checks and reads the network of a scenario; what is made of it goes to the `scratch` folder.
+
+    `seed` is that of the scenario; a generated network is drawn from it.
+    """
+    prepared = prepare_network_file(source, scratch, seed)
+    network = _read(prepared.sumo_file, prepared.origin, prepared.map_file)
     if not network.drivable:
-        raise AdvpipeError(f"{origin}: the network has no lane that cars may use")
+        raise AdvpipeError(f"{prepared.origin}: the network has no lane that cars may use")
     return network
 
 
-def _check_xml(path: Path, key: str, root_tag: str, kind: str) -> None:
-    if not path.is_file():
-        hint = f"give its path with --set {key}=FILE"
-        raise AdvpipeError(f"{key}: {path} {'is no file' if path.exists() else 'does not exist'}; {hint}")
-    if path.stat().st_size == 0:
-        raise AdvpipeError(f"{key}: {path} is empty")
-    try:
-        tag = ElementTree.parse(path).getroot().tag
-    except (ElementTree.ParseError, ValueError, UnicodeError, LookupError) as error:
-        raise AdvpipeError(f"{key}: {path} is not {kind}, or is cut off: {error}") from None
-    if tag != root_tag:
-        raise AdvpipeError(f"{key}: {path} is not {kind}: its root element is <{tag}>, not <{root_tag}>")
-
-
-def _convert_opendrive(path: Path, scratch: Path) -> Path:
-    _check_xml(path, "map.opendrive", "OpenDRIVE", "an OpenDRIVE map (.xodr)")
-    out = scratch / "network.net.xml"
-    command = ["--opendrive-files", str(path), "--output-file", str(out), "--no-warnings"]
-    done = subprocess.run([sumo_program("netconvert"), *command], capture_output=True, text=True)
-    if done.returncode != 0 or not out.is_file():
-        raise AdvpipeError(f"{path}: netconvert cannot read it: {_last_error(done)}")
-    return out
-
-
-def _probe(sumo_file: Path, origin: Path) -> None:
-    """Lets SUMO load the network in a process of its own: a file that crashes it must not crash us."""
-    command = ["--net-file", str(sumo_file), "--begin", "0", "--end", "0.1", "--no-step-log", "--no-warnings"]
-    done = subprocess.run([sumo_program("sumo"), *command], capture_output=True, text=True)
-    if done.returncode != 0:
-        raise AdvpipeError(f"{origin}: SUMO cannot load the network: {_last_error(done)}")
-
-
-def _last_error(done: subprocess.CompletedProcess[str]) -> str:
-    if done.returncode < 0:
-        return f"it crashed with signal {-done.returncode}"
-    lines = [line.strip() for line in done.stderr.splitlines() if line.strip().startswith("Error")]
-    return re.sub(r"^Error:\s*", "", lines[0]) if lines else f"exit code {done.returncode}"
-
-
-def sumo_program(name: str) -> str:
-    """The path of a SUMO program that came with the eclipse-sumo package."""
-    import sumo
-
-    return str(Path(sumo.SUMO_HOME) / "bin" / name)
-
-
-def _read(sumo_file: Path, origin: Path) -> RoadNetwork:
+def _read(sumo_file: Path, origin: str, map_file: Path) -> RoadNetwork:
     import sumolib
 
     try:
-        net = sumolib.net.readNet(str(sumo_file), withInternal=False)
+        net = sumolib.net.readNet(str(sumo_file), withInternal=True)
         offset = np.array([*net.getLocationOffset(), 0.0], dtype=np.float64) * (not net.hasGeoProj())
         edges = {}
         for edge in net.getEdges(withInternal=False):
@@ -159,6 +129,7 @@ def _read(sumo_file: Path, origin: Path) -> RoadNetwork:
                     np.array(lane.getShape3D(), dtype=np.float64) - offset,
                     float(lane.getWidth()),
                     bool(lane.allows(CAR)),
+                    bool(lane.allows(WALKER) and not lane.allows(CAR)),
                 )
                 for lane in edge.getLanes()
             )
@@ -170,6 +141,7 @@ def _read(sumo_file: Path, origin: Path) -> RoadNetwork:
                 float(edge.getSpeed()),
                 bool(edge.allows(CAR)),
                 tuple(sorted(next_edge.getID() for next_edge in successors)),
+                tuple(_connections(net, edge, offset)),
             )
         junctions = tuple(
             np.array([(*point[:2], point[2] if len(point) > 2 else 0.0) for point in node.getShape3D()])
@@ -181,4 +153,26 @@ def _read(sumo_file: Path, origin: Path) -> RoadNetwork:
         raise AdvpipeError(f"{origin}: the network cannot be read: {error!r}") from None
     if not all(np.isfinite(lane.centre_m).all() for edge in edges.values() for lane in edge.lanes):
         raise AdvpipeError(f"{origin}: the network has coordinates that are not finite")
-    return RoadNetwork(sumo_file, offset, edges, junctions)
+    digest = hashlib.sha256(map_file.read_bytes()).hexdigest()
+    return RoadNetwork(sumo_file, offset, edges, junctions, digest)
+
+
+def _connections(net: Any, edge: Any, offset: Float64) -> Iterator[Connection]:
+    for lane in edge.getLanes():
+        for link in lane.getOutgoing():
+            to_lane = link.getToLane()
+            if not (lane.allows(CAR) and to_lane.allows(CAR)):
+                continue
+            pieces, via = [], link.getViaLaneID()
+            while via:  # a turn that waits inside the junction has two lanes in it
+                inner = net.getLane(via)
+                pieces.append(np.array(inner.getShape3D(), dtype=np.float64) - offset)
+                via = next((onward.getViaLaneID() for onward in inner.getOutgoing()), "")
+            light = (link.getTLSID(), int(link.getTLLinkIndex())) if link.getTLSID() else None
+            yield Connection(
+                int(lane.getIndex()),
+                str(to_lane.getEdge().getID()),
+                int(to_lane.getIndex()),
+                np.concatenate(pieces) if pieces else np.empty((0, 3)),
+                light,
+            )

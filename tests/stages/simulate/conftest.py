@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from advpipe.stages.simulate.network import sumo_program
+from advpipe.stages.simulate.network_file import sumo_program
 
 
 @pytest.fixture

@@ -14,7 +14,8 @@ import pytest
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import invert, transform_points
 from advpipe.pipeline.scenario import Scenario, load_scenario
-from advpipe.stages.simulate.network import load_network, sumo_program
+from advpipe.stages.simulate.network import load_network
+from advpipe.stages.simulate.network_file import sumo_program
 from advpipe.stages.simulate.road_users import RoadUser
 from advpipe.stages.simulate.traffic import SPAWN_DISTANCE_M, Traffic
 from advpipe.stages.simulate.world.bodies import draw_variants
