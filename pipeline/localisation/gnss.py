@@ -12,14 +12,19 @@ HEIGHT_FACTOR = 2.0
 
 
 class GnssReceiver:
-    """Fixes in the map's frame; the wandering offset starts in its stationary distribution."""
+    """Fixes in the map's frame, one every `interval_s`; the offset starts in its stationary distribution.
 
-    def __init__(self, sensor: GnssSensor, step_s: float, rng: np.random.Generator) -> None:
+    The first-order Gauss-Markov process for what orbits, clocks and the atmosphere leave, and white noise
+    for the receiver's own, are the usual pair (Brown and Hwang, "Introduction to random signals and
+    applied Kalman filtering").
+    """
+
+    def __init__(self, sensor: GnssSensor, interval_s: float, rng: np.random.Generator) -> None:
         self._rng = rng
         axes = np.array([1.0, 1.0, HEIGHT_FACTOR])
         self._white_m = sensor.white_stddev_m * axes
         self._drift_m = sensor.drift_stddev_m * axes
-        self._memory = float(np.exp(-step_s / sensor.drift_time_s))
+        self._memory = float(np.exp(-interval_s / sensor.drift_time_s))
         self._offset_m = self._drift_m * rng.standard_normal(3)
 
     @property

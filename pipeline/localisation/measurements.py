@@ -1,0 +1,63 @@
+"""What the sensors of a vehicle say in one step: all that its filter sees."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.geometry.transforms import Float64, se3_from_quaternion
+
+
+@dataclass(frozen=True)
+class ImuSamples:
+    """n samples in the frame base_link.
+
+    stamps_ns: (n,), ascending; each sample is the mean over the time from the stamp before it to its own.
+    specific_force_mps2, angular_rate_radps: (n, 3).
+    """
+
+    stamps_ns: npt.NDArray[np.int64]
+    specific_force_mps2: Float64
+    angular_rate_radps: Float64
+
+
+@dataclass(frozen=True)
+class WheelTwist:
+    """Speed along the x axis and turn rate about the z axis of base_link."""
+
+    speed_mps: float
+    turn_rate_radps: float
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """Everything measured in one step, up to its stamp.
+
+    imu: the samples since the step before. fix: latitude and longitude in degrees and altitude in metres
+    (3,), None without one: between two fixes, or where the receiver is jammed.
+    """
+
+    stamp_ns: int
+    imu: ImuSamples
+    wheel: WheelTwist | None
+    fix: Float64 | None
+
+
+@dataclass(frozen=True)
+class InitialPose:
+    """Where a filter starts, as a driver or the last drive's end tells it.
+
+    position_m: (3,) in the map. xyzw: orientation (4,). covariance: (6, 6) of x, y, z and the rotations
+    about the map's axes.
+    """
+
+    position_m: Float64
+    xyzw: Float64
+    covariance: Float64
+
+    @property
+    def map_SE3_base(self) -> Float64:
+        """The pose (4, 4)."""
+        return se3_from_quaternion(self.xyzw, self.position_m)
