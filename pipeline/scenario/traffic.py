@@ -8,7 +8,21 @@ from pydantic import Field, model_validator
 
 from advpipe.pipeline.scenario.base import File, Name, NotNegative, Positive, Section
 
-BODIES = ("sedan", "hatchback", "suv", "pickup", "van", "box_truck", "bus", "motorcycle", "bicycle")
+BODIES = (
+    "sedan",
+    "hatchback",
+    "estate",
+    "suv",
+    "pickup",
+    "van",
+    "minibus",
+    "box_truck",
+    "semi_trailer",
+    "bus",
+    "motorcycle",
+    "scooter",
+    "bicycle",
+)
 """Bodies that drive on the road and come with advpipe; people on foot are counted by `pedestrians`."""
 
 
@@ -31,15 +45,19 @@ class Traffic(Section):
     vehicles: int = Field(80, ge=0, le=5000, description="kept on the network all the time")
     mix: dict[str, Annotated[float, Field(ge=0, le=1e6)]] = Field(
         {
-            "sedan": 0.28,
-            "hatchback": 0.2,
-            "suv": 0.2,
-            "pickup": 0.05,
-            "van": 0.08,
-            "box_truck": 0.05,
-            "bus": 0.03,
-            "motorcycle": 0.04,
-            "bicycle": 0.07,
+            "sedan": 0.22,
+            "hatchback": 0.18,
+            "estate": 0.09,
+            "suv": 0.19,
+            "pickup": 0.04,
+            "van": 0.07,
+            "minibus": 0.02,
+            "box_truck": 0.04,
+            "semi_trailer": 0.02,
+            "bus": 0.02,
+            "motorcycle": 0.03,
+            "scooter": 0.02,
+            "bicycle": 0.06,
         },
         description="share of each body; normalised to one",
     )
