@@ -76,16 +76,69 @@ def odometry(
     *,
     frame_id: str = "map",
     child_frame_id: str = "ego/base_link",
+    pose_covariance: npt.ArrayLike | None = None,
+    twist_covariance: npt.ArrayLike | None = None,
 ) -> Any:
-    """nav_msgs/Odometry; the velocities (3,) are in the child frame, as REP-105 asks."""
+    """nav_msgs/Odometry; the velocities (3,) are in the child frame, as REP-105 asks.
+
+    The covariances (6, 6) are of x, y, z and rotations about x, y, z: of the pose along the axes of the
+    header's frame, of the twist along those of the child's. Zeros where they are left out.
+    """
     twist = message_class("geometry_msgs/msg/Twist")(
         linear=vector3(base_velocity_mps), angular=vector3(base_turn_rate_radps)
     )
     return message_class("nav_msgs/msg/Odometry")(
         header=header(stamp_ns, frame_id),
         child_frame_id=child_frame_id,
-        pose=_PoseWithCovariance(pose=pose(map_SE3_base), covariance=np.zeros(36)),
-        twist=message_class("geometry_msgs/msg/TwistWithCovariance")(twist=twist, covariance=np.zeros(36)),
+        pose=_PoseWithCovariance(pose=pose(map_SE3_base), covariance=_flat(pose_covariance)),
+        twist=message_class("geometry_msgs/msg/TwistWithCovariance")(
+            twist=twist, covariance=_flat(twist_covariance)
+        ),
+    )
+
+
+def initial_pose(
+    stamp_ns: int,
+    position_m: npt.ArrayLike,
+    xyzw: npt.ArrayLike,
+    covariance: npt.ArrayLike,
+    *,
+    frame_id: str = "map",
+) -> Any:
+    """geometry_msgs/PoseWithCovarianceStamped; the covariance (6, 6) is as in `odometry`."""
+    orientation = _Quaternion(*(float(value) for value in np.asarray(xyzw)))
+    return message_class("geometry_msgs/msg/PoseWithCovarianceStamped")(
+        header=header(stamp_ns, frame_id),
+        pose=_PoseWithCovariance(
+            pose=_Pose(position=point(position_m), orientation=orientation), covariance=_flat(covariance)
+        ),
+    )
+
+
+def imu(
+    stamp_ns: int,
+    specific_force_mps2: npt.ArrayLike,
+    angular_rate_radps: npt.ArrayLike,
+    *,
+    force_stddev_mps2: float = 0.0,
+    rate_stddev_radps: float = 0.0,
+    frame_id: str = "ego/imu",
+) -> Any:
+    """sensor_msgs/Imu of a specific force (3,), +9.80665 m/s² along z at rest, and an angular rate (3,).
+
+    The standard deviations are of the white noise of each axis. There is no orientation: its covariance
+    starts with -1, as the message's definition asks.
+    """
+    no_orientation = np.zeros(9)
+    no_orientation[0] = -1.0
+    return message_class("sensor_msgs/msg/Imu")(
+        header=header(stamp_ns, frame_id),
+        orientation=_Quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
+        orientation_covariance=no_orientation,
+        angular_velocity=vector3(angular_rate_radps),
+        angular_velocity_covariance=(rate_stddev_radps**2 * np.eye(3)).ravel(),
+        linear_acceleration=vector3(specific_force_mps2),
+        linear_acceleration_covariance=(force_stddev_mps2**2 * np.eye(3)).ravel(),
     )
 
 
@@ -97,9 +150,13 @@ def nav_sat_fix(
     *,
     std_m: Sequence[float] = (0.0, 0.0, 0.0),
     frame_id: str = "ego/gnss",
+    is_fix: bool = True,
 ) -> Any:
-    """sensor_msgs/NavSatFix; `std_m` is the standard deviation to the east, north and up."""
-    status = message_class("sensor_msgs/msg/NavSatStatus")(status=0, service=1)
+    """sensor_msgs/NavSatFix; `std_m` is the standard deviation to the east, north and up.
+
+    A receiver that finds no satellites says so: `is_fix` False is STATUS_NO_FIX, whatever the place.
+    """
+    status = message_class("sensor_msgs/msg/NavSatStatus")(status=0 if is_fix else -1, service=1)
     return message_class("sensor_msgs/msg/NavSatFix")(
         header=header(stamp_ns, frame_id),
         status=status,
@@ -198,6 +255,11 @@ def se3_from_pose(message: Any) -> Float64:
 def se3_from_transform(message: Any) -> Float64:
     """The (4, 4) matrix of a geometry_msgs/Transform."""
     return _se3(message.rotation, message.translation)
+
+
+def _flat(covariance: npt.ArrayLike | None) -> Float64:
+    """Row by row, as ROS has it; zeros (36,) for None."""
+    return np.zeros(36) if covariance is None else np.array(covariance, dtype=np.float64).ravel()
 
 
 def _se3(rotation: Any, translation: Any) -> Float64:

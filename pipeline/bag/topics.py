@@ -68,6 +68,15 @@ class VehicleTopics:
         return f"{self.vehicle}/{self.lidar}"
 
     @property
+    def imu_frame(self) -> str:
+        return f"{self.vehicle}/imu"
+
+    @property
+    def odom_frame(self) -> str:
+        """Where the wheels' odometry starts."""
+        return f"{self.vehicle}/odom"
+
+    @property
     def lidar_points(self) -> Topic:
         return Topic(f"/{self.vehicle}/{self.lidar}/points", "sensor_msgs/msg/PointCloud2", _keep_last(5))
 
@@ -87,6 +96,15 @@ class VehicleTopics:
     def odometry(self) -> Topic:
         """The on-board estimate."""
         return Topic(f"/{self.vehicle}/odometry", "nav_msgs/msg/Odometry")
+
+    @property
+    def initial_pose(self) -> Topic:
+        """What the on-board estimate starts from."""
+        return Topic(
+            f"/{self.vehicle}/initialpose",
+            "geometry_msgs/msg/PoseWithCovarianceStamped",
+            _keep_last(1, latched=True),
+        )
 
     @property
     def wheel_odometry(self) -> Topic:
