@@ -1,4 +1,4 @@
-"""Message types: ROS 2 Humble's, with vision_msgs and advpipe_msgs beside them."""
+"""Message types: ROS 2 Humble's, with those of CAMs, vision_msgs, udp_msgs and advpipe_msgs beside them."""
 
 from __future__ import annotations
 
@@ -9,12 +9,16 @@ from typing import Any
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-_PACKAGE_FOLDERS = {"vision_msgs": "vision_msgs", "advpipe_msgs": "msg"}
+_PACKAGE_FOLDERS = {"vision_msgs": "vision_msgs", "udp_msgs": "udp_msgs", "advpipe_msgs": "msg"}
+_CAM_PACKAGE = "etsi_its_cam_msgs/"
 
 
 @cache
 def typestore() -> Typestore:
-    """Every message type that advpipe writes; read-only by convention, one for the process."""
+    """Every message type that advpipe writes; read-only by convention, one for the process.
+
+    Those of CAMs join it when one of them is asked for, by any function below: that takes a moment.
+    """
     store = get_typestore(Stores.ROS2_HUMBLE)
     definitions = files("advpipe.pipeline.bag.msgs")
     for package, folder in _PACKAGE_FOLDERS.items():
@@ -28,21 +32,34 @@ def typestore() -> Typestore:
 @cache
 def message_class(type_name: str) -> Any:
     """The dataclass of a type, e.g. `message_class("std_msgs/msg/Header")`."""
-    return typestore().types[type_name]
+    return _store_of(type_name).types[type_name]
 
 
 @cache
 def schema_text(type_name: str) -> str:
     """The definition of a type and all types inside it, as MCAP's `ros2msg` schemas hold it."""
-    return typestore().generate_msgdef(type_name, ros_version=2)[0]
+    return _store_of(type_name).generate_msgdef(type_name, ros_version=2)[0]
 
 
 @cache
 def type_hash(type_name: str) -> str:
     """The RIHS01 hash (REP-2011) by which ROS 2 tells two types of one name apart."""
-    return typestore().hash_rihs01(type_name)
+    return _store_of(type_name).hash_rihs01(type_name)
 
 
 def serialise(message: object, type_name: str) -> bytes:
     """The message in little-endian CDR, with its four bytes of encapsulation."""
-    return bytes(typestore().serialize_cdr(message, type_name))
+    return bytes(_store_of(type_name).serialize_cdr(message, type_name))
+
+
+def _store_of(type_name: str) -> Typestore:
+    return _typestore_with_cams() if type_name.startswith(_CAM_PACKAGE) else typestore()
+
+
+@cache
+def _typestore_with_cams() -> Typestore:
+    from advpipe.pipeline.bag.cam_types import definitions
+
+    store = typestore()
+    store.register(definitions())
+    return store

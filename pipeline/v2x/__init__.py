@@ -1,0 +1,1 @@
+"""Vehicle-to-everything messages: CAMs by ETSI's rules, the radio that carries them, what receivers keep."""
