@@ -1,68 +1,85 @@
-"""Traffic by SUMO: vehicles that drive themselves, and the instrumented ones among them."""
+"""Traffic by SUMO, both ways: it drives the vehicles, or follows those that are moved from outside."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.geometry.transforms import Float64, se3_from_yaw
+from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.seeding import named_generator
-from advpipe.stages.simulate.network import Edge, RoadNetwork, endless_edges
+from advpipe.stages.simulate.controller import Controller
+from advpipe.stages.simulate.lane_path import lane_path
+from advpipe.stages.simulate.network import RoadNetwork
+from advpipe.stages.simulate.own_traffic import own_traffic
+from advpipe.stages.simulate.population import SPAWN_DISTANCE_M, Population
+from advpipe.stages.simulate.puppets import Puppets
 from advpipe.stages.simulate.road_users import RoadUser
+from advpipe.stages.simulate.routes import Routes
+from advpipe.stages.simulate.sumo_errors import sumo_errors
+from advpipe.stages.simulate.sumo_pose import base_poses
+from advpipe.stages.simulate.trajectories import Trajectories
+from advpipe.stages.simulate.vehicle_types import stand_in, vehicle_types_xml
 from advpipe.stages.simulate.world.bodies import Variant
 
-SPAWN_DISTANCE_M = 150.0
-"""Vehicles that fill up the traffic appear at least this far from every instrumented vehicle."""
+__all__ = ["SPAWN_DISTANCE_M", "Traffic"]
 
 INSERTION_LIMIT_S = 120.0
+CLEARANCE_M = 10.0
+"""Vehicles of SUMO's this near to one that is moved from outside are gone when the recording starts."""
 
 
 class Traffic:
     """The SUMO simulation of one scenario; a context manager, since only one can run in a process.
 
-    Every vehicle follows a random walk over the network that outlasts the recording, so that none
-    vanishes in sight unless its road ends. Lanes are divided laterally, so that a lane change is a
-    drive across and not a jump.
+    The V2X clock is the master: it calls `step()` once for each of its steps, and SUMO advances by
+    `simulation.step_s`. The first `step()` after entering leads to the recording's time 0.
+
+    Lanes are divided laterally, so that a lane change is a drive across and not a jump. Vehicles that are
+    moved from outside (rows of a trajectory file, or a controller of their own) have images in SUMO, to
+    which its traffic reacts; what `road_users` says of them comes from outside, not from SUMO.
     """
 
     def __init__(
         self, scenario: Scenario, network: RoadNetwork, variants: dict[str, Variant], scratch: Path
     ) -> None:
-        self._scenario = scenario
-        self._network = network
-        self._variants = variants
-        self._scratch = scratch
-        self._rng = named_generator(scenario.simulation.seed, "traffic")
-        self._edges = network.drivable
-        lengths_m = np.array([edge.length_m * len(edge.lanes) for edge in self._edges])
-        self._shares = lengths_m / lengths_m.sum()
-        self._endless = endless_edges(self._edges)
-        self._added = 0
+        self._scenario, self._network, self._variants = scenario, network, variants
+        rng = named_generator(scenario.simulation.seed, "traffic")
+        self._routes = Routes(network, rng)
+        self._population = Population(scenario, network, variants, self._routes, rng)
+        self._trajectories = Trajectories(scenario, variants)
+        for name, vehicle in scenario.vehicles.items():
+            if vehicle.route is not None:
+                self._routes.checked(vehicle.route, f"vehicles.{name}.route")
+        types = scratch / "vehicle_types.add.xml"
+        types.write_text(vehicle_types_xml(variants), encoding="utf-8")
+        self._own = own_traffic(scenario, network, self._routes, types)
+        self._options = self._own.options(types)
+        self._puppets = Puppets(network)
+        self._controllers: dict[str, Controller] = {}
+        self._moved: dict[str, RoadUser] = {}  # who is moved from outside, as they are now
+        self._variant_of: dict[str, Variant] = {}
+        self._is_flat = all(
+            np.ptp(lane.centre_m[:, 2]) == 0 for edge in network.edges.values() for lane in edge.lanes
+        )
+        self._steps = 0
+        self._frame: int | None = None  # the next frame of the recording; none in the warm-up
 
     def __enter__(self) -> Traffic:
         import libsumo
 
-        types = self._scratch / "vehicle_types.add.xml"
-        types.write_text(_vehicle_types(self._variants), encoding="utf-8")
         simulation = self._scenario.simulation
-        command = ["sumo", "--net-file", str(self._network.sumo_file), "--additional-files", str(types)]
+        command = ["sumo", "--net-file", str(self._network.sumo_file), *self._options]
         command += ["--seed", str(simulation.seed % 2**31), "--step-length", str(simulation.step_s)]
         command += ["--lateral-resolution", "0.8", "--time-to-teleport", "-1", "--collision.action", "none"]
-        command += ["--no-step-log", "--no-warnings", "--default.speeddev", "0.1", "--max-depart-delay", "60"]
-        with _sumo_errors():
+        command += ["--no-step-log", "--no-warnings", "--default.speeddev", "0.1", "--max-depart-delay", "2"]
+        with sumo_errors():
             libsumo.start(command)
         try:
-            with _sumo_errors():
-                for name, vehicle in self._scenario.vehicles.items():
-                    self._add(name, f"{vehicle.body}.0", self._random_wide_edge())
-                self._fill_up(near_is_fine=True)
+            with sumo_errors():
                 self._warm_up()
         except BaseException:
             libsumo.close()
@@ -77,33 +94,27 @@ class Traffic:
         libsumo.close()
 
     def step(self) -> None:
-        """Advances SUMO by one step and replaces vehicles whose road has ended."""
-        import libsumo
-
-        with _sumo_errors():
-            libsumo.simulationStep()
-            self._fill_up(near_is_fine=False)
+        """Advances everybody by one step, and replaces vehicles whose road has ended."""
+        with sumo_errors():
+            self._advance()
+            self._fill_up([self._position_m(name) for name in self._scenario.vehicles])
 
     def road_users(self) -> dict[str, RoadUser]:
-        """Every vehicle that is on the road now, by id."""
-        import libsumo
+        """Every vehicle that is on the road now, by id, SUMO's first.
 
-        vehicle = libsumo.vehicle
-        users = {}
-        for name in sorted(vehicle.getIDList()):
-            variant = self._variants[vehicle.getTypeID(name)]
-            front_m = np.array(vehicle.getPosition3D(name)) - self._network.offset_m
-            yaw_rad = np.deg2rad(90.0 - vehicle.getAngle(name))
-            pitch_rad = -np.deg2rad(vehicle.getSlope(name))
-            pose = se3_from_yaw(front_m, yaw_rad, pitch_rad)
-            pose[:3, 3] -= pose[:3, 0] * variant.length_m / 2  # SUMO's reference point is the front bumper
-            users[name] = RoadUser(name, variant, pose, pose[:3, 0] * vehicle.getSpeed(name))
-        return users
+        Velocities are in the map's frame, with their vertical part; SUMO's vehicles move where they look.
+        """
+        return {**self._driven_by_sumo(), **self._moved}
 
     def route_m(self, name: str) -> Float64:
-        """The middle of the road along a vehicle's whole route (K, 3)."""
+        """The middle of the way along a vehicle's whole route (K, 3)."""
         import libsumo
 
+        driver = self._scenario.vehicles[name].driver if name in self._scenario.vehicles else "traffic"
+        if driver == "trajectory":
+            return self._trajectories.places_m(name)
+        if driver == "controller":
+            return self._controllers[name].path_m
         edges = [self._network.edges[edge] for edge in libsumo.vehicle.getRoute(name)]
         return np.concatenate([edge.lanes[0].centre_m for edge in edges])
 
@@ -111,125 +122,165 @@ class Traffic:
         import libsumo
 
         simulation = self._scenario.simulation
+        inserted_by_us = {
+            name for name, vehicle in self._scenario.vehicles.items() if vehicle.driver != "trajectory"
+        }
         waited_s = 0.0
-        while waited_s < simulation.warmup_s or not set(self._scenario.vehicles) <= set(
-            libsumo.vehicle.getIDList()
-        ):
+        self._fill_up([])
+        while waited_s < simulation.warmup_s or not inserted_by_us <= set(libsumo.vehicle.getIDList()):
             if waited_s > simulation.warmup_s + INSERTION_LIMIT_S:
                 raise AdvpipeError(
-                    f"no room on the network for {', '.join(self._scenario.vehicles)} within "
+                    f"no room on the network for {', '.join(sorted(inserted_by_us))} within "
                     f"{INSERTION_LIMIT_S:g} s; lower traffic.vehicles"
                 )
-            libsumo.simulationStep()
+            self._advance()
+            self._fill_up([])
             waited_s += simulation.step_s
-        self._fill_up(near_is_fine=True)
+        self._frame = 0
+        first = self._trajectories.at(0.0)
+        self._make_way(first)
+        self._puppets.announce(first.values())
+        self._advance_sumo()
 
-    def _fill_up(self, *, near_is_fine: bool) -> None:
+    def _advance(self) -> None:
+        """One step of everybody."""
+        moved = self._drive_controllers()
+        upcoming: dict[str, RoadUser] = {}
+        if self._frame is not None:
+            moved |= self._trajectories.at(self._time_s(self._frame))
+            upcoming = self._trajectories.at(self._time_s(self._frame + 1))
+            self._frame += 1
+        self._puppets.move(moved)
+        self._puppets.announce(user for name, user in upcoming.items() if name not in moved)
+        self._advance_sumo()
+        self._puppets.set_speeds(moved)
+        self._moved = moved
+
+    def _advance_sumo(self) -> None:
         import libsumo
 
-        present = libsumo.vehicle.getLoadedIDList()
-        missing = self._scenario.traffic.vehicles + len(self._scenario.vehicles) - len(present)
-        if missing <= 0:
-            return
-        carriers = [name for name in self._scenario.vehicles if name in present]
-        positions = (
-            [np.array(libsumo.vehicle.getPosition(name)) for name in carriers] if not near_is_fine else []
-        )
-        mix = self._scenario.traffic.mix
-        shares = np.array(list(mix.values())) / sum(mix.values())
-        for _ in range(missing):
-            body = list(mix)[int(self._rng.choice(len(shares), p=shares))]
-            names = [name for name in self._variants if name.startswith(f"{body}.")]
-            variant = names[int(self._rng.integers(len(names)))]
-            edge = self._random_edge()
-            middle_m = (edge.lanes[0].centre_m.mean(axis=0) + self._network.offset_m)[:2]
-            if all(
-                np.linalg.norm(middle_m - place) > SPAWN_DISTANCE_M + edge.length_m / 2 for place in positions
-            ):
-                self._added += 1
-                self._add(f"{body}.{self._added}", variant, edge)
+        libsumo.simulationStep()
+        self._steps += 1
+        step_s = self._scenario.simulation.step_s
+        every = max(round(1.0 / step_s), 1)
+        if self._steps % every == 0:
+            self._population.free_stranded(self._rerouted(), every * step_s)
 
-    def _random_wide_edge(self) -> Edge:
-        """One of the roads with the most lanes, where there is most to see, and no dead end."""
-        lasting = np.array([edge.id in self._endless or not self._endless for edge in self._edges])
-        lanes = np.array([len(edge.lanes) for edge in self._edges])
-        shares = self._shares * lasting * (lanes == lanes[lasting].max())
-        return self._edges[int(self._rng.choice(len(shares), p=shares / shares.sum()))]
+    def _time_s(self, frame: int) -> float:
+        return round(frame * self._scenario.simulation.step_s, 9)
 
-    def _random_edge(self) -> Edge:
-        return self._edges[int(self._rng.choice(len(self._edges), p=self._shares))]
-
-    def _add(self, name: str, variant: str, start: Edge) -> None:
+    def _drive_controllers(self) -> dict[str, RoadUser]:
         import libsumo
 
-        simulation = self._scenario.simulation
-        fastest_mps = max(edge.speed_mps for edge in self._edges)
-        enough_m = 1.2 * fastest_mps * (simulation.warmup_s + simulation.duration_s) + 500.0
-        route = self._random_walk(start, enough_m)
-        libsumo.route.add(f"route.{name}", route)
-        libsumo.vehicle.add(
-            name,
-            f"route.{name}",
-            typeID=variant,
-            departLane="random",
-            departPos="random_free",
-            departSpeed="0",
-        )
-        if name in self._scenario.vehicles:
-            last = self._network.edges[route[-1]]
-            stop_m = max(last.length_m - 1.0, 0.5 * last.length_m)
-            # It outlives its road.
-            libsumo.vehicle.setStop(name, last.id, pos=stop_m, laneIndex=last.car_lane, duration=1e6)
+        def light(name: str, index: int) -> str:
+            return str(libsumo.trafficlight.getRedYellowGreenState(name)[index])
 
-    def _random_walk(self, start: Edge, length_m: float) -> list[str]:
-        """Edges from `start` on until they are long enough or end; turns back only where it must."""
-        route, walked_m = [start.id], start.length_m
-        while walked_m < length_m:
-            here = self._network.edges[route[-1]]
-            lasting = [edge for edge in here.successors if edge in self._endless] or list(here.successors)
-            onward = [edge for edge in lasting if not self._returns(here, self._network.edges[edge])]
-            choices = onward or lasting
-            if not choices:
-                break
-            route.append(choices[int(self._rng.integers(len(choices)))])
-            walked_m += self._network.edges[route[-1]].length_m
-        return route
-
-    @staticmethod
-    def _returns(here: Edge, there: Edge) -> bool:
-        start, end = here.lanes[0].centre_m[0, :2], there.lanes[0].centre_m[-1, :2]
-        return bool(np.linalg.norm(start - end) < 2 * here.width_m + 6.0)
-
-
-@contextmanager
-def _sumo_errors() -> Iterator[None]:
-    """What SUMO refuses, in one line of ours."""
-    import libsumo
-
-    try:
-        yield
-    except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
-        raise AdvpipeError(f"SUMO cannot go on with this network or traffic: {error}") from None
-
-
-def _vehicle_types(variants: dict[str, Variant]) -> str:
-    """SUMO vehicle types, one for each variant."""
-    lines = []
-    for name, variant in variants.items():
-        body = variant.body
-        if body.label == "pedestrian":
-            continue
-        attributes = {
-            "id": name,
-            "vClass": "passenger",  # bodies differ in size and speed; who may use a lane is the road's matter
-            "length": variant.length_m,
-            "width": variant.width_m,
-            "height": variant.height_m,
-            "maxSpeed": body.max_speed_mps,
-            "accel": body.acceleration_mps2,
-            "latAlignment": "right" if body.label == "cyclist" else "center",
-            "minGapLat": 0.4,
+        pupils = [name for name, vehicle in self._scenario.vehicles.items() if vehicle.driver == "controller"]
+        if not pupils:
+            return {}
+        everybody = self.road_users()
+        inserted = set(libsumo.vehicle.getIDList())
+        for name in pupils:
+            if name not in self._controllers and name in inserted:
+                self._controllers[name] = self._hand_over(name, everybody[name])
+        return {
+            name: controller.step(
+                self._scenario.simulation.step_s,
+                [user for other, user in everybody.items() if other != name],
+                light,
+            )
+            for name, controller in self._controllers.items()
         }
-        text = " ".join(f"{key}={quoteattr(str(value))}" for key, value in attributes.items())
-        lines.append(f"  <vType {text}/>")
-    return "<additional>\n" + "\n".join(lines) + "\n</additional>\n"
+
+    def _hand_over(self, name: str, user: RoadUser) -> Controller:
+        """SUMO found a free place for it; from there on it drives itself."""
+        import libsumo
+
+        route = libsumo.vehicle.getRoute(name)[libsumo.vehicle.getRouteIndex(name) :]
+        path = lane_path(self._network, route, libsumo.vehicle.getLaneIndex(name))
+        wished_mps = self._scenario.vehicles[name].speed_mps or user.variant.body.max_speed_mps
+        self._puppets.adopt(name)
+        return Controller(name, user.variant, path, user.map_SE3_base, wished_mps)
+
+    def _fill_up(self, keep_away_m: list[Float64]) -> None:
+        import libsumo
+
+        loaded = libsumo.vehicle.getLoadedIDList()
+        for name, vehicle in self._scenario.vehicles.items():
+            if vehicle.driver != "trajectory" and name not in loaded:
+                self._population.insert_instrumented(name)
+        if not self._own.is_users:
+            others = {*self._scenario.vehicles, *self._trajectories.ids}
+            self._population.fill_up(others, keep_away_m)
+
+    def _make_way(self, first: dict[str, RoadUser]) -> None:
+        import libsumo
+
+        for name, user in self._driven_by_sumo().items():
+            if name in self._scenario.vehicles:
+                continue
+            for other in first.values():
+                room_m = CLEARANCE_M + (user.variant.length_m + other.variant.length_m) / 2
+                if np.linalg.norm(user.position_m - other.position_m) < room_m:
+                    libsumo.vehicle.remove(name)
+                    break
+
+    def _rerouted(self) -> list[str]:
+        """Vehicles that follow routes which we drew."""
+        import libsumo
+
+        fixed = {
+            name
+            for name, vehicle in self._scenario.vehicles.items()
+            if vehicle.driver != "traffic" or vehicle.route is not None
+        }
+        fixed |= self._puppets.images
+        present = libsumo.vehicle.getIDList()
+        if self._own.is_users:
+            present = [name for name in present if name in self._scenario.vehicles]
+        return [name for name in present if name not in fixed]
+
+    def _position_m(self, name: str) -> Float64:
+        import libsumo
+
+        if name in self._moved:
+            return self._moved[name].position_m
+        return np.array(libsumo.vehicle.getPosition3D(name)) - self._network.offset_m
+
+    def _driven_by_sumo(self) -> dict[str, RoadUser]:
+        import libsumo
+
+        vehicle = libsumo.vehicle
+        outside = self._puppets.images
+        names = [name for name in sorted(vehicle.getIDList()) if name not in outside]
+        if not names:
+            return {}
+        variants = [self._variant(name) for name in names]
+        front_m = np.array([vehicle.getPosition3D(name) for name in names]) - self._network.offset_m
+        angles_deg = [vehicle.getAngle(name) for name in names]
+        slopes_deg = np.zeros(len(names)) if self._is_flat else [vehicle.getSlope(name) for name in names]
+        speeds_mps = np.array([vehicle.getSpeed(name) for name in names])
+        poses = base_poses(front_m, angles_deg, slopes_deg, [variant.length_m for variant in variants])
+        velocities = poses[:, :3, 0] * speeds_mps[:, None]
+        return {
+            name: RoadUser(name, variant, pose, velocity)
+            for name, variant, pose, velocity in zip(names, variants, poses, velocities, strict=True)
+        }
+
+    def _variant(self, name: str) -> Variant:
+        """The body of a vehicle that SUMO drives; one of the user's becomes as long as its stand-in."""
+        import libsumo
+
+        if name not in self._variant_of:
+            vehicle = libsumo.vehicle
+            variant = self._variants.get(vehicle.getTypeID(name))
+            if variant is None:
+                rng = named_generator(self._scenario.simulation.seed, "own traffic", name)
+                variant = stand_in(
+                    self._variants, vehicle.getVehicleClass(name), vehicle.getLength(name), rng
+                )
+                vehicle.setLength(name, variant.length_m)
+                vehicle.setWidth(name, variant.width_m)
+                vehicle.setHeight(name, variant.height_m)
+            self._variant_of[name] = variant
+        return self._variant_of[name]

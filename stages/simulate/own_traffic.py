@@ -1,0 +1,131 @@
+"""Traffic of the user's: route files and .sumocfg, checked before SUMO sees them."""
+
+from __future__ import annotations
+
+import subprocess
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.scenario.models import Scenario
+from advpipe.stages.simulate.network import RoadNetwork
+from advpipe.stages.simulate.network_file import check_xml, last_error, sumo_program
+from advpipe.stages.simulate.routes import Routes
+from advpipe.stages.simulate.vehicle_types import BODIES_OF_CLASS
+
+ROUTE_FILE = "a SUMO route file (.rou.xml)"
+DEFAULT_TYPES = {"DEFAULT_VEHTYPE", "DEFAULT_TAXITYPE", "DEFAULT_BIKETYPE"}
+
+
+@dataclass(frozen=True)
+class OwnTraffic:
+    """What SUMO is given besides its network; `is_users` if a user wrote it."""
+
+    route_files: tuple[Path, ...] = ()
+    additional_files: tuple[Path, ...] = ()
+    begin_s: float = 0.0
+
+    @property
+    def is_users(self) -> bool:
+        return bool(self.route_files or self.additional_files)
+
+    def options(self, types: Path) -> list[str]:
+        """Command-line options of SUMO, with our own vehicle types before the user's files."""
+        command = ["--additional-files", ",".join(map(str, (types, *self.additional_files)))]
+        command += ["--begin", str(self.begin_s)]
+        if self.route_files:  # 0: routes are read at once, so that a bad one is found at the start
+            command += ["--route-files", ",".join(map(str, self.route_files)), "--route-steps", "0"]
+        return command
+
+
+def own_traffic(scenario: Scenario, network: RoadNetwork, routes: Routes, types: Path) -> OwnTraffic:
+    """The user's traffic of a scenario, if it names any; departures count from the warm-up's start.
+
+    Of a .sumocfg, its route and additional files and its begin are taken; the network is the scenario's.
+    Raises AdvpipeError for a file that is missing or none, an unknown edge or type, roads that do not
+    lead on, a class of vehicle that we have no body for, and whatever else SUMO refuses.
+    """
+    if scenario.traffic.sumo_config is not None:
+        own = _configured(Path(scenario.traffic.sumo_config))
+    elif scenario.traffic.routes is not None:
+        own = OwnTraffic(route_files=(Path(scenario.traffic.routes),))
+    else:
+        return OwnTraffic()
+    key = "traffic.routes" if scenario.traffic.routes is not None else "traffic.sumo_config"
+    roots = [
+        *((path, check_xml(path, key, ("routes", "additional"), ROUTE_FILE)) for path in own.route_files),
+        *(
+            (path, check_xml(path, key, ("additional", "routes"), "a SUMO additional file (.add.xml)"))
+            for path in own.additional_files
+        ),
+    ]
+    known = DEFAULT_TYPES | {str(root.get("id")) for root in ElementTree.parse(types).getroot()}
+    for path, root in roots:
+        known |= set(_types(root, f"{key}: {path}"))
+    for path, root in roots:
+        _check(root, f"{key}: {path}", scenario, routes, known)
+    _probe(key, own.options(types), network)
+    return own
+
+
+def _configured(path: Path) -> OwnTraffic:
+    root = check_xml(path, "traffic.sumo_config", ("configuration", "sumoConfiguration"), "a .sumocfg file")
+
+    def files(*names: str) -> tuple[Path, ...]:
+        values = [found.get("value", "") for name in names for found in root.iter(name)]
+        names_ = [part.strip() for value in values for part in value.split(",") if part.strip()]
+        return tuple(path.parent / name for name in names_)
+
+    route_files = files("route-files", "r")
+    if not route_files:
+        raise AdvpipeError(f"traffic.sumo_config: {path} names no route-files")
+    begin = next((found.get("value", "0") for name in ("begin", "b") for found in root.iter(name)), "0")
+    try:
+        begin_s = float(begin)
+    except ValueError:
+        raise AdvpipeError(f"traffic.sumo_config: {path}: begin {begin!r} is no number of seconds") from None
+    return OwnTraffic(route_files, files("additional-files", "a"), begin_s)
+
+
+def _types(root: ElementTree.Element, where: str) -> Iterator[str]:
+    for found in root.iter("vType"):
+        vclass = found.get("vClass", "passenger")
+        if vclass not in BODIES_OF_CLASS:
+            known = ", ".join(BODIES_OF_CLASS)
+            raise AdvpipeError(
+                f"{where}: vType {found.get('id')!r} has vClass {vclass!r}, for which there is no body; "
+                f"known: {known}"
+            )
+        yield str(found.get("id"))
+    for found in root.iter("vTypeDistribution"):
+        yield str(found.get("id"))
+
+
+def _check(
+    root: ElementTree.Element, where: str, scenario: Scenario, routes: Routes, known: set[str]
+) -> None:
+    for found in root.iter():
+        name = f"{where}: {found.tag} {found.get('id', '')!r}"
+        if found.tag == "route" and found.get("edges") is not None:
+            routes.checked(str(found.get("edges")).split(), name)
+        if found.tag in ("trip", "flow"):
+            ends = [found.get("from"), *str(found.get("via", "")).split(), found.get("to")]
+            for edge in filter(None, ends):
+                routes.checked([edge], name)
+        if found.tag in ("vehicle", "trip", "flow"):
+            if found.get("type", "DEFAULT_VEHTYPE") not in known:
+                raise AdvpipeError(f"{name}: no vType {found.get('type')!r} is defined")
+            if found.get("id") in scenario.vehicles:
+                raise AdvpipeError(f"{name} has the name of an instrumented vehicle; rename one of them")
+
+
+def _probe(key: str, options: Sequence[str], network: RoadNetwork) -> None:
+    """SUMO reads all of it in a process of its own, whose words we can catch."""
+    command = [sumo_program("sumo"), "--net-file", str(network.sumo_file), *options]
+    begin_s = float(options[options.index("--begin") + 1])
+    command += ["--end", str(begin_s + 1.0), "--no-step-log", "--no-warnings"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode != 0:
+        raise AdvpipeError(f"{key}: SUMO refuses it: {last_error(done)}")

@@ -1,0 +1,149 @@
+"""The vehicles that SUMO drives for us: kept at their number, and helped out where they are stuck."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.scenario.models import Scenario
+from advpipe.stages.simulate.network import Edge, RoadNetwork
+from advpipe.stages.simulate.routes import Routes
+from advpipe.stages.simulate.vehicle_types import variants_of
+from advpipe.stages.simulate.world.bodies import Variant
+
+SPAWN_DISTANCE_M = 150.0
+"""Vehicles that fill up the traffic appear at least this far from every instrumented vehicle."""
+
+STRANDED_AFTER_S = 4.0
+STRANDED_BEFORE_END_M = 40.0
+
+
+class Population:
+    """Inserts vehicles with random walks that outlast the recording, so that none vanishes in sight
+    unless its road ends.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        network: RoadNetwork,
+        variants: Mapping[str, Variant],
+        routes: Routes,
+        rng: np.random.Generator,
+    ) -> None:
+        self._scenario, self._network, self._variants = scenario, network, variants
+        self._routes, self._rng = routes, rng
+        simulation = scenario.simulation
+        fastest_mps = max(edge.speed_mps for edge in network.drivable)
+        self._enough_m = 1.2 * fastest_mps * (simulation.warmup_s + simulation.duration_s) + 500.0
+        self._added = 0
+        self._waited_s: dict[str, float] = {}
+
+    def insert_instrumented(self, name: str) -> None:
+        """Adds a vehicle that carries sensors, on its own route or one drawn on a wide road."""
+        import libsumo
+
+        vehicle = self._scenario.vehicles[name]
+        if vehicle.route is not None:
+            route = self._routes.checked(vehicle.route, f"vehicles.{name}.route")
+            lane = "best"
+        else:
+            start = self._routes.random_wide_start()
+            index = self._routes.random_lane(start)
+            route, lane = self._routes.random_walk(start, index, self._enough_m), str(index)
+        self._add(name, f"{vehicle.body}.0", route, lane)
+        if vehicle.speed_mps is not None:
+            libsumo.vehicle.setMaxSpeed(name, vehicle.speed_mps)
+        self._stop_at_the_end(name, route[-1])
+
+    def fill_up(self, others: Collection[str], keep_away_m: Sequence[Float64]) -> None:
+        """Adds what is missing beside `others`, no vehicle within `SPAWN_DISTANCE_M` of places (3,)."""
+        import libsumo
+
+        loaded = set(libsumo.vehicle.getLoadedIDList())
+        missing = self._scenario.traffic.vehicles - len(loaded - set(others))
+        if missing <= 0:
+            return
+        mix = self._scenario.traffic.mix
+        shares = np.array(list(mix.values())) / sum(mix.values())
+        for _ in range(missing):
+            body = list(mix)[int(self._rng.choice(len(shares), p=shares))]
+            names = variants_of(self._variants, body)
+            variant = names[int(self._rng.integers(len(names)))]
+            edge = self._routes.random_start()
+            lane = self._routes.random_lane(edge)
+            share = float(self._rng.random())
+            route = self._routes.random_walk(edge, lane, self._enough_m)
+            name = self._new_name(body, loaded, others)
+            if not keep_away_m:
+                self._add(name, variant, route, str(lane))
+            elif self._is_away(edge, lane, share, keep_away_m):
+                self._add(name, variant, route, str(lane), share * edge.length_m)
+
+    def free_stranded(self, names: Collection[str], elapsed_s: float) -> None:
+        """Sends those on along their lane who stand at its end and were to go where it does not lead.
+
+        A driver who finds no gap to the lane that he needs blocks his own for ever otherwise.
+        """
+        import libsumo
+
+        vehicle = libsumo.vehicle
+        for name in names:
+            if vehicle.getSpeed(name) > 0.1:
+                self._waited_s.pop(name, None)
+                continue
+            self._waited_s[name] = self._waited_s.get(name, 0.0) + elapsed_s
+            if self._waited_s[name] < STRANDED_AFTER_S:
+                continue
+            edge = self._network.edges.get(vehicle.getRoadID(name))
+            if edge is None or edge.length_m - vehicle.getLanePosition(name) > STRANDED_BEFORE_END_M:
+                continue
+            route, index = vehicle.getRoute(name), vehicle.getRouteIndex(name)
+            lane = vehicle.getLaneIndex(name)
+            ways = [link.to_edge for link in edge.connections if link.from_lane == lane]
+            if not ways or index + 1 >= len(route) or route[index + 1] in ways:
+                continue
+            onward = self._routes.random_walk(edge, lane, self._enough_m, at_its_end=True)
+            vehicle.setRoute(name, onward)
+            if name in self._scenario.vehicles:
+                self._stop_at_the_end(name, onward[-1])
+
+    def _add(
+        self, name: str, variant: str, route: list[str], lane: str, position_m: float | None = None
+    ) -> None:
+        import libsumo
+
+        if f"route.{name}" not in libsumo.route.getIDList():
+            libsumo.route.add(f"route.{name}", route)
+        libsumo.vehicle.add(
+            name,
+            f"route.{name}",
+            typeID=variant,
+            departLane=lane,
+            departPos="random_free" if position_m is None else f"{position_m:.2f}",
+            departSpeed="max",
+        )
+
+    def _stop_at_the_end(self, name: str, last: str) -> None:
+        """It outlives its road."""
+        import libsumo
+
+        edge = self._network.edges[last]
+        stop_m = max(edge.length_m - 1.0, 0.5 * edge.length_m)
+        libsumo.vehicle.setStop(name, last, pos=stop_m, laneIndex=edge.car_lane, duration=1e6)
+
+    def _new_name(self, body: str, loaded: set[str], others: Collection[str]) -> str:
+        while True:
+            self._added += 1
+            name = f"{body}.{self._added}"
+            if name not in loaded and name not in others:
+                return name
+
+    @staticmethod
+    def _is_away(edge: Edge, lane: int, share: float, places_m: Sequence[Float64]) -> bool:
+        line = edge.lanes[lane].centre_m
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+        here = np.array([np.interp(share * along[-1], along, line[:, axis]) for axis in range(2)])
+        return all(np.linalg.norm(here - place[:2]) > SPAWN_DISTANCE_M for place in places_m)
