@@ -83,14 +83,14 @@ class CarShape:
             return half
 
         side = shapely.make_valid(shapely.Polygon(outline))
-        windows = side.buffer(-FRAME_M, join_style="mitre")
+        windows = side.buffer(-FRAME_M - 0.06 * max(high - low - 0.5, 0.0), join_style="mitre")
         for x in self.pillars:
             middle_m = x * size[0]
             windows -= shapely.box(middle_m - PILLAR_M / 2, 0, middle_m + PILLAR_M / 2, 9)
         windows &= shapely.box(self.glazed_from * size[0], 0, 99, 9)
         tinted = windows & shapely.box(-99, 0, self.tinted_to * size[0], 9)
         steep = [abs(b[1] - a[1]) > 0.12 for a, b in zip(self.cabin, self.cabin[1:], strict=False)]
-        panes = ["glass" if is_steep else paint for is_steep in steep]
+        panes: list[str | None] = ["glass" if is_steep else paint for is_steep in steep]
         panes[0] = ("glass_tinted" if self.tinted_to > -0.5 else "glass") if self.rear_glass else paint
         return [
             panels(side - windows, half_width, paint),

@@ -1,4 +1,4 @@
-"""What stands beside the roads: parked cars, poles, trees, clutter and buildings, drawn from the seed."""
+"""What stands beside the roads, drawn from the seed: parked cars, furniture, trees and buildings."""
 
 from __future__ import annotations
 
@@ -6,23 +6,30 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 
 from advpipe.pipeline.geometry.transforms import Float64, se3_from_yaw
+from advpipe.pipeline.scenario.environment import UserObject
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.stages.simulate.road_users import RoadUser
+from advpipe.stages.simulate.world import furniture, trees
 from advpipe.stages.simulate.world.bodies import Variant
-from advpipe.stages.simulate.world.mesh import Mesh, box, ellipsoid, merge, tube
+from advpipe.stages.simulate.world.buildings import building
+from advpipe.stages.simulate.world.mesh import Mesh, box, merge
+from advpipe.stages.simulate.world.occupied import Occupied
 from advpipe.stages.simulate.world.roads import KERB_M, Roads
+from advpipe.stages.simulate.world.user_mesh import load_mesh
 
 PARKED_OFFSET_M = 1.35
 POLE_OFFSET_M = 2.7
 WALKWAY_OFFSET_M = 3.6
-TREE_OFFSET_M = (5.6, 9.0)
-CLUTTER_OFFSET_M = (4.6, 9.0)
-BUILDING_OFFSET_M = (9.0, 22.0)
-PARKED_BODIES = ("sedan", "hatchback", "suv", "pickup", "van")
-PARKED_SHARES = (0.34, 0.28, 0.26, 0.05, 0.07)
+BESIDE_WALKWAY_M = (5.3, 9.0)
+TREE_OFFSET_M = (5.8, 9.5)
+BUILDING_OFFSET_M = (8.0, 20.0)
+BUILDING_PLOTS_PER_KM = 60.0
+FAR_OFFSET_M = (6.0, 25.0)
+SIGNAL_REACH_M = 30.0
+PARKED_BODIES = ("sedan", "hatchback", "estate", "suv", "pickup", "van")
+PARKED_SHARES = (0.26, 0.26, 0.12, 0.25, 0.04, 0.07)
 
 
 @dataclass(frozen=True)
@@ -32,47 +39,43 @@ class Plot:
     kerb_m: Float64
     yaw_rad: float
 
-    def at(self, offset_m: float, z_m: float = 0.0, turn_rad: float = 0.0) -> Float64:
+    def at(self, offset_m: float, z_m: float = 0.0, turn_rad: float = 0.0, pitch_rad: float = 0.0) -> Float64:
         """The pose `offset_m` outward from the kerb, looking along the road."""
         outward = np.array([np.sin(self.yaw_rad), -np.cos(self.yaw_rad), 0.0])
-        return se3_from_yaw(self.kerb_m + offset_m * outward + (0, 0, z_m), self.yaw_rad + turn_rad)
+        return se3_from_yaw(
+            self.kerb_m + offset_m * outward + (0, 0, z_m), self.yaw_rad + turn_rad, pitch_rad
+        )
 
 
-class Occupied:
-    """Places taken: nothing may stand on a road, nor two things on one spot."""
+@dataclass(frozen=True)
+class _Thing:
+    """A mesh in the frame of its plot, the ground that it takes, and how far from the kerb it stands."""
 
-    def __init__(self, roads: Roads, clearance_m: float = 0.2) -> None:
-        self._roads = roads.area.buffer(clearance_m)
-        shapely.prepare(self._roads)
-        self._cells: dict[tuple[int, int], list[shapely.Polygon]] = {}
-
-    def take(self, map_SE3_base: Float64, length_m: float, width_m: float) -> bool:
-        """Takes a rectangle if it is free."""
-        corners = np.array([[x, y, 0, 1] for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))], dtype=np.float64)
-        footprint = shapely.Polygon(((corners * (length_m / 2, width_m / 2, 1, 1)) @ map_SE3_base.T)[:, :2])
-        if self._roads.intersects(footprint):
-            return False
-        x_min, y_min, x_max, y_max = (int(np.floor(v / 30.0)) for v in footprint.bounds)
-        cells = [(i, j) for i in range(x_min, x_max + 1) for j in range(y_min, y_max + 1)]
-        if any(footprint.intersects(other) for cell in cells for other in self._cells.get(cell, ())):
-            return False
-        for cell in cells:
-            self._cells.setdefault(cell, []).append(footprint)
-        return True
+    mesh: Mesh
+    length_m: float
+    width_m: float
+    offset_m: float
+    turn_rad: float = 0.0
 
 
-def _plots(roads: Roads, per_km: float, rng: np.random.Generator) -> Iterator[Plot]:
-    """Places drawn evenly along all kerbs, `per_km` of them for each kilometre."""
-    for kerb in roads.kerbs_m:
+Draw = Callable[[np.random.Generator], _Thing]
+
+
+def _plots(
+    lines: tuple[Float64, ...], per_km: float, rng: np.random.Generator
+) -> Iterator[tuple[Plot, float]]:
+    """Places drawn evenly along kerbs, `per_km` of them for each kilometre, and the slope there."""
+    for kerb in lines:
         pieces = np.diff(kerb, axis=0)
         lengths = np.linalg.norm(pieces[:, :2], axis=1)
         total_m = float(lengths.sum())
         ends = np.cumsum(lengths)
         for place_m in np.sort(rng.random(rng.poisson(total_m * per_km / 1000)) * total_m):
             index = min(int(np.searchsorted(ends, place_m, side="right")), len(pieces) - 1)
-            part = 1 - (ends[index] - place_m) / max(float(lengths[index]), 1e-9)
+            long_m = max(float(lengths[index]), 1e-9)
+            part = 1 - (ends[index] - place_m) / long_m
             yaw_rad = float(np.arctan2(pieces[index, 1], pieces[index, 0]))
-            yield Plot(kerb[index] + part * pieces[index], yaw_rad)
+            yield Plot(kerb[index] + part * pieces[index], yaw_rad), float(pieces[index, 2] / long_m)
 
 
 def park_cars(
@@ -84,105 +87,130 @@ def park_cars(
 ) -> list[RoadUser]:
     """Cars in bays along the kerb, a few facing the wrong way or a little askew.
 
-    They belong to the static world and to the ground truth.
+    They stand still, and belong to the ground truth.
     """
     parked: list[RoadUser] = []
-    for plot in _plots(roads, scenario.traffic.parked_per_km, rng):
+    for plot, slope in _plots(roads.kerbs_m, scenario.traffic.parked_per_km, rng):
         body = PARKED_BODIES[int(rng.choice(len(PARKED_BODIES), p=PARKED_SHARES))]
         of_body = [variant for name, variant in variants.items() if name.startswith(f"{body}.")]
         variant = of_body[int(rng.integers(len(of_body)))]
-        turn_rad = np.pi * float(rng.random() < 0.15) + rng.normal(0.0, 0.03)
-        pose = plot.at(PARKED_OFFSET_M + rng.normal(0, 0.08), KERB_M, turn_rad)
+        turned = rng.random() < 0.15
+        turn_rad = np.pi * float(turned) + rng.normal(0.0, 0.03)
+        pitch_rad = float(np.arctan(slope)) * (1 if turned else -1)
+        pose = plot.at(PARKED_OFFSET_M + rng.normal(0, 0.08), KERB_M, turn_rad, pitch_rad)
         if occupied.take(pose, variant.length_m + 0.6, variant.width_m + 0.1):
             parked.append(RoadUser(f"parked.{len(parked)}", variant, pose, np.zeros(3)))
     return parked
 
 
 def build_scenery(scenario: Scenario, roads: Roads, occupied: Occupied, rng: np.random.Generator) -> Mesh:
-    """Poles, trees, clutter and buildings."""
+    """Furniture, trees and buildings, and the user's own objects."""
     environment = scenario.environment
-    kinds: list[tuple[float, Callable[[np.random.Generator], _Thing]]] = [
-        (environment.poles_per_km, _pole),
+    streets: list[tuple[float, Draw]] = [
+        (0.55 * environment.poles_per_km, _lamp_post),
+        (0.45 * environment.poles_per_km, _sign),
         (environment.trees_per_km, _tree),
         (environment.clutter_per_km, _clutter),
-        (60.0 * environment.buildings, _building),
+        (BUILDING_PLOTS_PER_KM * environment.buildings, _building),
     ]
-    meshes = []
-    for per_km, draw in kinds:
-        for plot in _plots(roads, per_km, rng):
-            thing = draw(rng)
-            pose = plot.at(thing.offset_m, 0.0, thing.turn_rad)
-            if occupied.take(pose, thing.length_m, thing.width_m):
-                meshes.append(thing.mesh.transformed(pose))
+    fast: list[tuple[float, Draw]] = [
+        (environment.poles_per_km, _roadside_post),
+        (1.5 * environment.trees_per_km, _far_tree),
+    ]
+    meshes = [_object(index, given, roads) for index, given in enumerate(environment.objects)]
+    meshes += _signals(roads, occupied, rng)
+    for lines, kinds in ((roads.kerbs_m, streets), (roads.verges_m, fast)):
+        for per_km, draw in kinds:
+            for plot, _ in _plots(lines, per_km, rng):
+                thing = draw(rng)
+                pose = plot.at(thing.offset_m, 0.0, thing.turn_rad)
+                if thing.offset_m > WALKWAY_OFFSET_M and not roads.is_flat:
+                    pose[2, 3] = float(roads.height_at(pose[:2, 3]))
+                elif thing.offset_m < BESIDE_WALKWAY_M[0] and lines is roads.kerbs_m:
+                    pose[2, 3] += KERB_M
+                if occupied.take(pose, thing.length_m, thing.width_m):
+                    meshes.append(thing.mesh.transformed(pose))
     return merge(meshes)
 
 
-@dataclass(frozen=True)
-class _Thing:
-    mesh: Mesh
-    length_m: float
-    width_m: float
-    offset_m: float
-    turn_rad: float = 0.0
+def _object(index: int, given: UserObject, roads: Roads) -> Mesh:
+    mesh = load_mesh(given.mesh, f"environment.objects.{index}", given.material, given.scale)
+    ground_m = float(roads.height_at(np.array([given.x_m, given.y_m])))
+    return mesh.transformed(se3_from_yaw((given.x_m, given.y_m, ground_m + given.z_m), given.yaw_rad))
 
 
-def _pole(rng: np.random.Generator) -> _Thing:
-    height_m = rng.uniform(3.0, 9.0)
-    parts = [tube((0, 0, -0.2), (0, 0, height_m), rng.uniform(0.04, 0.12), "steel", 8)]
-    if rng.random() < 0.5:
-        sign = box((0.04, rng.uniform(0.5, 0.9), rng.uniform(0.5, 0.9)), "sign")
-        parts.append(sign.moved(-0.1, 0, min(height_m - 0.7, 2.2)))
-    return _Thing(merge(parts), 0.6, 0.6, POLE_OFFSET_M + rng.uniform(-0.3, 0.3))
+def _signals(roads: Roads, occupied: Occupied, rng: np.random.Generator) -> list[Mesh]:
+    """A signal before each corner of a signalled junction: where a kerb begins to turn away."""
+    meshes = []
+    for middle_m in roads.signals_m:
+        for kerb in roads.kerbs_m:
+            away_m = np.linalg.norm(kerb[:, :2] - middle_m[:2], axis=1)
+            for index in np.flatnonzero((away_m < SIGNAL_REACH_M) & (np.gradient(away_m) < 0)).tolist():
+                step = kerb[min(index + 1, len(kerb) - 1)] - kerb[index - 1]
+                plot = Plot(kerb[index], float(np.arctan2(step[1], step[0])))
+                inward = float(np.dot(step[:2], middle_m[:2] - kerb[index, :2]))
+                if inward < 0.8 * away_m[index] * np.linalg.norm(step[:2]):
+                    continue
+                pose = plot.at(0.6, KERB_M)
+                if occupied.take(pose, 8.0, 0.3):  # one on each approach, not one at each point
+                    meshes.append(furniture.signal(rng).transformed(pose))
+    return meshes
+
+
+def _lamp_post(rng: np.random.Generator) -> _Thing:
+    return _Thing(furniture.lamp_post(rng), 0.6, 0.6, POLE_OFFSET_M + rng.uniform(-0.1, 0.1))
+
+
+def _sign(rng: np.random.Generator) -> _Thing:
+    kind = rng.random()
+    if kind < 0.15:
+        return _Thing(furniture.bollard(rng), 0.3, 0.3, 0.5)
+    return _Thing(furniture.sign(rng), 0.6, 1.0, POLE_OFFSET_M, rng.normal(0.0, 0.08))
+
+
+def _roadside_post(rng: np.random.Generator) -> _Thing:
+    if rng.random() < 0.6:
+        return _Thing(furniture.delineator(rng), 0.2, 0.2, 1.4)
+    return _Thing(furniture.sign(rng), 0.6, 1.8, 2.6, rng.normal(0.0, 0.05))
 
 
 def _tree(rng: np.random.Generator) -> _Thing:
-    trunk_m, crown_m = rng.uniform(1.8, 3.0), rng.uniform(1.1, 2.4)
-    trunk = tube((0, 0, -0.2), (0, 0, trunk_m + crown_m / 2), rng.uniform(0.1, 0.28), "bark", 7)
-    crown = ellipsoid(
-        (0, 0, trunk_m + crown_m), (crown_m, crown_m, crown_m * rng.uniform(0.8, 1.3)), "foliage", 7
-    )
-    ragged = Mesh(
-        crown.vertices_m + rng.normal(0, 0.16 * crown_m, crown.vertices_m.shape),
-        crown.triangles,
-        crown.materials,
-    )
-    return _Thing(merge([trunk, ragged]), 1.6, 1.6, rng.uniform(*TREE_OFFSET_M))
+    kind = (trees.round_tree, trees.round_tree, trees.conifer, trees.columnar_tree)[int(rng.integers(4))]
+    return _Thing(kind(rng), 1.6, 1.6, rng.uniform(*TREE_OFFSET_M))
+
+
+def _far_tree(rng: np.random.Generator) -> _Thing:
+    thing = _tree(rng) if rng.random() < 0.6 else _Thing(trees.bush(rng), 1.5, 1.5, 0.0)
+    return _Thing(thing.mesh, thing.length_m, thing.width_m, rng.uniform(*FAR_OFFSET_M))
 
 
 def _clutter(rng: np.random.Generator) -> _Thing:
-    """Hedges, bushes, containers, cabinets, low walls: also of a car's size, to be told from cars."""
-    kind = rng.integers(5)
-    offset_m, turn_rad = rng.uniform(*CLUTTER_OFFSET_M), rng.normal(0, 0.15)
+    """Hedges, bushes, fences, walls, bins, containers and shelters behind the walkway."""
+    kind = int(rng.choice(7, p=(0.2, 0.2, 0.15, 0.12, 0.13, 0.15, 0.05)))
+    offset_m, turn_rad = rng.uniform(*BESIDE_WALKWAY_M), rng.normal(0, 0.15)
+    long_m = rng.uniform(3.0, 14.0)
     if kind == 0:
-        size = (rng.uniform(2.0, 9.0), rng.uniform(0.6, 1.2), rng.uniform(0.7, 1.9))
-        return _Thing(box(size, "foliage"), size[0], size[1], offset_m, turn_rad)
+        width_m = rng.uniform(0.6, 1.1)
+        mesh = trees.hedge(long_m, width_m, rng.uniform(0.8, 1.9), rng)
+        return _Thing(mesh, long_m, width_m, offset_m, 0.2 * turn_rad)
     if kind == 1:
-        radius_m = rng.uniform(0.4, 1.1)
-        bush = ellipsoid((0, 0, 0.6 * radius_m), (radius_m, radius_m, radius_m), "foliage", 5)
-        shaken = Mesh(
-            bush.vertices_m + rng.normal(0, 0.08, bush.vertices_m.shape), bush.triangles, bush.materials
-        )
-        return _Thing(shaken, 2 * radius_m, 2 * radius_m, offset_m)
+        return _Thing(trees.bush(rng), 2.0, 2.0, offset_m)
     if kind == 2:
-        size = (rng.uniform(1.2, 4.5), rng.uniform(1.0, 1.9), rng.uniform(1.1, 1.9))
-        return _Thing(box(size, "steel"), size[0], size[1], offset_m, turn_rad)
+        return _Thing(furniture.fence(long_m, rng), long_m, 0.3, offset_m, 0.2 * turn_rad)
     if kind == 3:
-        size = (rng.uniform(0.4, 1.2), rng.uniform(0.3, 0.6), rng.uniform(0.8, 1.6))
-        return _Thing(box(size, "plastic"), size[0], size[1], offset_m, turn_rad)
-    size = (rng.uniform(4.0, 15.0), 0.25, rng.uniform(0.6, 1.6))
-    return _Thing(box(size, "masonry"), size[0], size[1], offset_m, turn_rad * 0.2)
+        mesh = box((long_m, 0.25, rng.uniform(0.6, 1.6)), "masonry")
+        return _Thing(mesh, long_m, 0.25, offset_m, 0.2 * turn_rad)
+    if kind == 4:
+        return _Thing(furniture.litter_bin(rng), 1.3, 0.8, offset_m, turn_rad)
+    if kind == 5:
+        mesh = furniture.container(rng)
+        size = np.ptp(mesh.vertices_m, axis=0)
+        return _Thing(mesh, float(size[0]), float(size[1]), offset_m, turn_rad)
+    return _Thing(furniture.shelter(rng), 4.0, 1.8, offset_m + 0.5)
 
 
 def _building(rng: np.random.Generator) -> _Thing:
-    length_m, depth_m, height_m = rng.uniform(8, 26), rng.uniform(7, 14), rng.uniform(3.5, 18)
-    parts = [
-        box((length_m, depth_m, height_m), "plaster" if rng.random() < 0.5 else "masonry").moved(0, 0, -0.3)
-    ]
-    for floor_m in np.arange(1.0, height_m - 1.6, 3.0):
-        count = int(length_m // 3)
-        for index in range(count):
-            x_m = (index + 0.5) * length_m / count - length_m / 2
-            window = box((1.3, depth_m + 0.06, 1.4), "glass")
-            parts.append(window.moved(x_m, 0, floor_m))
+    length_m, depth_m = rng.uniform(8, 26), rng.uniform(8, 14)
+    storeys = int(rng.choice([1, 2, 3, 4, 5, 7], p=(0.15, 0.3, 0.2, 0.15, 0.15, 0.05)))
     offset_m = rng.uniform(*BUILDING_OFFSET_M) + depth_m / 2
-    return _Thing(merge(parts), length_m, depth_m, offset_m)
+    return _Thing(building(length_m, depth_m, storeys, rng), length_m, depth_m, offset_m)

@@ -18,7 +18,8 @@ Vector = Sequence[float]
 def triangulated(area: shapely.Geometry) -> Float64:
     """The corners (T, 3, 2) of triangles that fill an area."""
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(area))
-    return shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
+    corners: Float64 = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
+    return corners
 
 
 def panels(area_xz: shapely.Geometry, half_width: Callable[[Float64], Float64], material: str) -> Mesh:

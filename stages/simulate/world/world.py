@@ -11,11 +11,15 @@ from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.seeding import named_generator
 from advpipe.stages.simulate.network import RoadNetwork
 from advpipe.stages.simulate.road_users import RoadUser
+from advpipe.stages.simulate.world.barriers import build_barriers
 from advpipe.stages.simulate.world.bodies import Variant
+from advpipe.stages.simulate.world.ground import build_ground
+from advpipe.stages.simulate.world.markings import build_markings
 from advpipe.stages.simulate.world.mesh import merge
-from advpipe.stages.simulate.world.roads import Roads, build_roads, lay_out_roads
+from advpipe.stages.simulate.world.occupied import Occupied
+from advpipe.stages.simulate.world.roads import Roads, lay_out_roads
 from advpipe.stages.simulate.world.scene import Float32, Hits, Returns, Scene
-from advpipe.stages.simulate.world.scenery import Occupied, build_scenery, park_cars
+from advpipe.stages.simulate.world.scenery import build_scenery, park_cars
 from advpipe.stages.simulate.world.showroom import Contacts, Showroom
 
 __all__ = ["Hits", "Scene", "World"]
@@ -34,11 +38,18 @@ class World:
         seed = scenario.simulation.seed
         self.roads: Roads = lay_out_roads(network)
         occupied = Occupied(self.roads)
-        parking = named_generator(seed, "world", "parked")
-        self.parked: list[RoadUser] = park_cars(scenario, self.roads, variants, occupied, parking)
-        ground = build_roads(network, self.roads, named_generator(seed, "world", "ground"))
-        scenery = build_scenery(scenario, self.roads, occupied, named_generator(seed, "world", "scenery"))
-        self._static = Scene(merge([ground, scenery]))
+
+        def chance(use: str) -> np.random.Generator:
+            return named_generator(seed, "world", use)
+
+        self.parked: list[RoadUser] = park_cars(scenario, self.roads, variants, occupied, chance("parked"))
+        static = [
+            build_ground(network, self.roads, chance("ground")),
+            *build_markings(network, self.roads, chance("markings")),
+            build_scenery(scenario, self.roads, occupied, chance("scenery")),
+            *build_barriers(scenario.environment.barriers, self.roads, occupied, chance("barriers")),
+        ]
+        self._static = Scene(merge(static))
         self._showroom = Showroom(variants)
         self._parked_m = np.array([car.position_m for car in self.parked]).reshape(-1, 3)
 
