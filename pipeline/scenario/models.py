@@ -12,6 +12,7 @@ from advpipe.pipeline.scenario.map import Map
 from advpipe.pipeline.scenario.sensors import Sensors
 from advpipe.pipeline.scenario.simulation import Simulation
 from advpipe.pipeline.scenario.traffic import BODIES, Traffic, Trajectories, UserBody, Vehicle, Vehicles
+from advpipe.pipeline.scenario.v2x import V2x
 
 
 class Recording(Section):
@@ -34,6 +35,7 @@ class Scenario(Section):
     bodies: dict[Name, UserBody] = Field({}, description="bodies of the user's, for `mix` and `vehicles`")
     sensors: Sensors = Sensors()
     environment: Environment = Environment()
+    v2x: V2x = V2x()
     recording: Recording = Recording()
 
     @property
@@ -79,4 +81,15 @@ class Scenario(Section):
         for name, vehicle in self.vehicles.items():
             if vehicle.driver == "trajectory" and self.trajectories is None:
                 raise ValueError(f"vehicles.{name}.driver is trajectory, but there is no trajectories.file")
+        return self
+
+    @model_validator(mode="after")
+    def _local_dynamic_maps(self) -> Scenario:
+        if self.v2x.ldm.rate_hz is not None:
+            steps = 1 / self.v2x.ldm.rate_hz / self.simulation.step_s
+            if round(steps) < 1 or abs(steps - round(steps)) > 1e-6:
+                raise ValueError(
+                    f"v2x.ldm.rate_hz {self.v2x.ldm.rate_hz:g} makes {1 / self.v2x.ldm.rate_hz:g} s between "
+                    f"snapshots, which is no multiple of simulation.step_s {self.simulation.step_s:g}"
+                )
         return self

@@ -1,0 +1,1 @@
+"""The radio between stations: who receives which message, how strong, and when."""

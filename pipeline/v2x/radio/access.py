@@ -1,0 +1,117 @@
+"""Listen before talk: when the messages that wait get onto the air (CSMA/CA of IEEE 802.11).
+
+A message goes out at once when its station has heard nothing for an AIFS. Otherwise it waits for the channel
+to be free for an AIFS, and then counts down random slots, which stop while the channel is busy. Simplified:
+propagation takes no time here, and there is one threshold for signals and energy, one queue for all
+messages, and no backoff after a message that met a free channel. As in every broadcast, nothing is
+acknowledged or sent again, and the contention window stays the same.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from advpipe.pipeline.v2x.radio.frame import Frame
+from advpipe.pipeline.v2x.radio.ofdm import Ofdm
+from advpipe.pipeline.v2x.radio.stations import Bool, Int64
+
+LONG_AGO_NS = -(10**18)
+NOTICE_NS = 8_000
+"""Stations that start within it of each other do not hear each other in time (clear channel assessment)."""
+
+
+class _Contender:
+    """The first message in a station's queue: when it will start, if nothing comes before."""
+
+    __slots__ = ("countdown_ns", "frame", "start_ns")
+
+    def __init__(self, frame: Frame) -> None:
+        self.frame, self.start_ns, self.countdown_ns = frame, 0, 0
+
+    def contend(self, now_ns: int, free_ns: int, ofdm: Ofdm) -> None:
+        """Wait for the channel, which is free from `free_ns` on as far as anybody knows."""
+        self.countdown_ns = free_ns + ofdm.aifs_ns
+        waiting_ns = self.countdown_ns + self.frame.slots * ofdm.slot_ns
+        self.start_ns = now_ns if now_ns >= self.countdown_ns else waiting_ns
+
+    def freeze(self, now_ns: int, free_ns: int, ofdm: Ofdm) -> None:
+        """Somebody else has started."""
+        self.frame.slots -= max(0, (now_ns - self.countdown_ns) // ofdm.slot_ns)
+        self.contend(now_ns, free_ns, ofdm)
+
+
+class Access:
+    """The queues of all stations, by the order of events."""
+
+    def __init__(self, ofdm: Ofdm, queue_delay_max_ns: int) -> None:
+        self._ofdm = ofdm
+        self._queue_delay_max_ns = queue_delay_max_ns
+        self._contenders: dict[int, _Contender] = {}
+        self._queues: dict[int, deque[Frame]] = {}
+        self._free_ns = np.empty(0, np.int64)
+
+    def waiting(self) -> list[Frame]:
+        """All messages that are not on the air yet."""
+        queued = [frame for queue in self._queues.values() for frame in queue]
+        return [*(contender.frame for contender in self._contenders.values()), *queued]
+
+    def rearrange(self, columns: Int64) -> list[Frame]:
+        """Follow a change of the stations (see `Frame.rearrange`); the messages of those that have gone.
+
+        Call it when the frames have been rearranged.
+        """
+        self._free_ns = np.where(columns < 0, LONG_AGO_NS, np.append(self._free_ns, LONG_AGO_NS)[columns])
+        gone = [sender for sender, head in self._contenders.items() if head.frame.sender < 0]
+        dropped = []
+        for sender in gone:
+            dropped += [self._contenders.pop(sender).frame, *self._queues.pop(sender, ())]
+        return dropped
+
+    def run(self, requests: list[Frame], until_ns: int) -> tuple[list[Frame], list[Frame]]:
+        """Lets time pass: the messages sent before `until_ns`, by start, and those dropped.
+
+        requests: messages handed over before `until_ns`, in order of that time.
+        """
+        sent: list[Frame] = []
+        dropped: list[Frame] = []
+        arriving = deque(requests)
+        while True:
+            head = min(self._contenders.values(), key=lambda c: c.start_ns, default=None)
+            if arriving and (head is None or arriving[0].request_ns <= head.start_ns):
+                self._arrive(arriving.popleft())
+            elif head is not None and head.start_ns < until_ns:
+                self._leave(head, sent, dropped)
+            else:
+                return sent, dropped
+
+    def _arrive(self, frame: Frame) -> None:
+        if frame.sender_id in self._contenders:
+            self._queues.setdefault(frame.sender_id, deque()).append(frame)
+        else:
+            self._enter(frame, frame.request_ns)
+
+    def _enter(self, frame: Frame, now_ns: int) -> None:
+        contender = self._contenders[frame.sender_id] = _Contender(frame)
+        contender.contend(now_ns, int(self._free_ns[frame.sender]), self._ofdm)
+
+    def _leave(self, head: _Contender, sent: list[Frame], dropped: list[Frame]) -> None:
+        frame, now_ns = head.frame, head.start_ns
+        del self._contenders[frame.sender_id]
+        if now_ns - frame.request_ns > self._queue_delay_max_ns:
+            dropped.append(frame)
+        else:
+            frame.start_ns = now_ns
+            sent.append(frame)
+            np.maximum(self._free_ns, frame.end_ns, out=self._free_ns, where=frame.hearing)
+            self._silence(frame.hearing, now_ns)
+        if queue := self._queues.get(frame.sender_id):
+            self._enter(queue.popleft(), now_ns)
+            if not queue:
+                del self._queues[frame.sender_id]
+
+    def _silence(self, hearing: Bool, now_ns: int) -> None:
+        for other in self._contenders.values():
+            if hearing[other.frame.sender] and other.start_ns > now_ns + NOTICE_NS:
+                other.freeze(now_ns, int(self._free_ns[other.frame.sender]), self._ofdm)

@@ -1,0 +1,62 @@
+"""Chance that is keyed: a draw belongs to a message and a receiver, whatever else is on the air.
+
+So an unchanged message meets the same fate when a drive is sent again with other messages changed. The
+generator is counter-based: SplitMix64's output function (Steele, Lea and Flood, OOPSLA 2014) over the keys.
+"""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.seeding import named_generator
+
+UInt64 = npt.NDArray[np.uint64]
+
+GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+_SHIFTS = (np.uint64(30), np.uint64(27), np.uint64(31))
+_FACTORS = (np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB))
+
+
+def mix(state: UInt64) -> UInt64:
+    """SplitMix64's output for each state: a bijection in which every bit depends on every bit."""
+    mixed = (state ^ (state >> _SHIFTS[0])) * _FACTORS[0]
+    mixed = (mixed ^ (mixed >> _SHIFTS[1])) * _FACTORS[1]
+    return mixed ^ (mixed >> _SHIFTS[2])
+
+
+def message_keys(station_ids: npt.ArrayLike, times_ns: npt.ArrayLike, copies: npt.ArrayLike = 0) -> UInt64:
+    """The keys of messages: the station id and generation time in them, and a count of further copies.
+
+    What else a message says is not in its key: an attack that changes only the payload leaves its fate.
+    """
+    station, time, copy = (np.asarray(part).astype(np.int64).view(np.uint64) for part in (
+        station_ids, times_ns, copies
+    ))  # fmt: skip
+    return mix(mix(mix(station + GOLDEN) + time) + copy)
+
+
+class Draws:
+    """Uniform numbers for one drive's seed, by use, message and receiver."""
+
+    def __init__(self, seed: int) -> None:
+        self._seed = named_generator(seed, "v2x", "radio").integers(2**64, dtype=np.uint64)
+
+    def of_messages(self, use: str, keys: UInt64) -> Float64:
+        """One number (M,) in (0, 1) for each message."""
+        return _uniform(mix(keys ^ self._of_use(use)))
+
+    def of_pairs(self, use: str, keys: UInt64, receivers: UInt64) -> Float64:
+        """Numbers in (0, 1) for messages (...) and receivers (...), whose shapes are broadcast."""
+        return _uniform(mix(mix(keys ^ self._of_use(use)) + receivers * GOLDEN))
+
+    def _of_use(self, use: str) -> np.uint64:
+        return np.uint64(mix(np.array([self._seed ^ np.uint64(zlib.crc32(use.encode()))]))[0])
+
+
+def _uniform(bits: UInt64) -> Float64:
+    """The middles of 2^53 equal parts of the unit interval, so never 0 or 1."""
+    return ((bits >> np.uint64(11)).astype(np.float64) + 0.5) * 2.0**-53

@@ -1,0 +1,84 @@
+"""Whether the bits of a message arrive: the NIST model of OFDM's error rate.
+
+Miller, "Validation of 802.11a/UWB coexistence simulation", NIST 2003; Pei and Henderson, "Validation of OFDM
+error rate model in ns-3", 2010: the union bound over the convolutional code's distance spectrum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.geometry.transforms import Float64
+
+
+class Code(NamedTuple):
+    """A convolutional code: `bits` in for each step, and information errors by distance."""
+
+    bits: int
+    distances: tuple[int, ...]
+    weights: tuple[int, ...]
+
+
+HALF = Code(
+    1, tuple(range(10, 28, 2)), (36, 211, 1404, 11633, 77433, 502690, 3322763, 21292910, 134365911)
+)  # fmt: skip
+TWO_THIRDS = Code(
+    2, tuple(range(6, 16)), (3, 70, 285, 1276, 6160, 27128, 117019, 498860, 2103891, 8784123)
+)  # fmt: skip
+THREE_QUARTERS = Code(
+    3,
+    tuple(range(5, 15)),
+    (42, 201, 1492, 10469, 62935, 379644, 2253373, 13073811, 75152755, 428005675),
+)
+"""Generators 133 and 171 (octal), punctured to 2/3 and 3/4 (Haccoun and Begin, IEEE T-COM 37(11), 1989)."""
+
+
+def _bpsk(snr: Float64) -> Float64:
+    return 0.5 * _erfc(np.sqrt(snr))
+
+
+def _qpsk(snr: Float64) -> Float64:
+    return 0.5 * _erfc(np.sqrt(snr / 2))
+
+
+def _qam16(snr: Float64) -> Float64:
+    return 3 / 8 * _erfc(np.sqrt(snr / 10))
+
+
+def _qam64(snr: Float64) -> Float64:
+    return 7 / 24 * _erfc(np.sqrt(snr / 42))
+
+
+def _erfc(value: Float64) -> Float64:
+    from scipy.special import erfc
+
+    return np.asarray(erfc(value))
+
+
+MODULATIONS: dict[float, tuple[Callable[[Float64], Float64], Code]] = {
+    3.0: (_bpsk, HALF),
+    4.5: (_bpsk, THREE_QUARTERS),
+    6.0: (_qpsk, HALF),
+    9.0: (_qpsk, THREE_QUARTERS),
+    12.0: (_qam16, HALF),
+    18.0: (_qam16, THREE_QUARTERS),
+    24.0: (_qam64, TWO_THIRDS),
+    27.0: (_qam64, THREE_QUARTERS),
+}
+"""Raw bit error rate and code by the bitrate in a channel of 10 MHz."""
+
+
+def success_rate(snr_db: Float64, bits: npt.ArrayLike, channel_bitrate_mbps: float) -> Float64:
+    """The share (...) of messages of so many bits (...) that arrive whole at this signal-to-noise ratio."""
+    bit_error_rate, code = MODULATIONS[channel_bitrate_mbps]
+    raw = bit_error_rate(10 ** (snr_db / 10))
+    bhattacharyya = np.sqrt(4 * raw * (1 - raw))
+    step = code.distances[1] - code.distances[0]
+    series = np.polynomial.polynomial.polyval(bhattacharyya**step, (0, *code.weights))
+    event = series * bhattacharyya ** (code.distances[0] - step) / (2 * code.bits)
+    rate: Float64 = np.exp(np.asarray(bits) * np.log1p(-np.minimum(event, 1 - 1e-16)))
+    return rate

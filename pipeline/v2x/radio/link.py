@@ -1,0 +1,51 @@
+"""How strong each message is at each station."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.scenario.v2x import Radio
+from advpipe.pipeline.v2x.radio.buildings import Buildings
+from advpipe.pipeline.v2x.radio.draws import Draws
+from advpipe.pipeline.v2x.radio.fading import nakagami_db, shadowing_db
+from advpipe.pipeline.v2x.radio.path_loss import PATH_LOSS
+from advpipe.pipeline.v2x.radio.stations import Int64, Stations, UInt64
+
+NEGLIGIBLE_DB = 15.0
+"""So far below the noise nothing matters, and what buildings would take besides is left out."""
+
+
+class Link:
+    """Path loss, shadowing, fading and building loss of the settings.
+
+    Shadowing and fading are drawn anew for each message and receiver, as in Artery: they are neither
+    correlated along a vehicle's way nor the same in both directions.
+    """
+
+    def __init__(self, radio: Radio, draws: Draws, buildings: Buildings | None) -> None:
+        self._radio = radio
+        self._draws = draws
+        self._buildings = buildings if radio.building_loss == "obstacles" else None
+
+    def received(
+        self, stations: Stations, senders: Int64, keys: UInt64, power_dbm: Float64
+    ) -> tuple[Float64, Float64]:
+        """Power in dBm (M, S) and distance in metres (M, S) of messages from stations in columns (M,)."""
+        radio, antenna_m = self._radio, stations.antenna_m
+        distance_m = np.sqrt(sum(np.square(axis[senders, None] - axis) for axis in antenna_m.T))
+        received_dbm = power_dbm[:, None] - PATH_LOSS[radio.path_loss](distance_m, radio)
+        pairs = keys[:, None], stations.ids.astype(np.uint64)[None]
+        if radio.shadowing is not None:
+            sigmas = radio.shadowing.near_stddev_db, radio.shadowing.far_stddev_db
+            stddev_db = np.where(distance_m <= radio.critical_distance_m, *sigmas)
+            received_dbm += shadowing_db(self._draws.of_pairs("shadowing", *pairs), stddev_db)
+        if radio.fading == "nakagami":
+            received_dbm += nakagami_db(self._draws.of_pairs("fading", *pairs), distance_m)
+        if self._buildings is not None:
+            matters = received_dbm > radio.noise_dbm - NEGLIGIBLE_DB
+            ground_m = antenna_m[:, :2]
+            walls, inside_m = self._buildings.crossings(ground_m[senders], ground_m, matters)
+            received_dbm -= radio.wall_loss_db * walls + radio.inside_loss_db_per_m * inside_m
+        received_dbm[np.arange(len(senders)), senders] = power_dbm
+        return received_dbm, distance_m

@@ -1,0 +1,130 @@
+"""Who receives what was on the air."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.scenario.v2x import Radio
+from advpipe.pipeline.v2x.radio.draws import Draws
+from advpipe.pipeline.v2x.radio.error_rate import success_rate
+from advpipe.pipeline.v2x.radio.frame import Frame
+from advpipe.pipeline.v2x.radio.path_loss import SPEED_OF_LIGHT_MPS
+from advpipe.pipeline.v2x.radio.stations import Bool, Fates, Int64, Outcome, Stations, UInt8, UInt64
+
+
+class Receiver:
+    """Decides for each message and station.
+
+    Every message that overlaps with another counts against it with its whole power for its whole length,
+    also where they overlap in part (as the least ratio does in Veins and INET; several that do not overlap
+    with each other still add up). A receiver goes for the first message above its sensitivity; a later one
+    needs the capture threshold over it.
+    """
+
+    def __init__(self, radio: Radio, draws: Draws) -> None:
+        self._radio = radio
+        self._draws = draws
+        self._channel_bitrate_mbps = radio.bitrate_mbps * 10 / radio.bandwidth_mhz
+
+    def fates(
+        self, final: Sequence[Frame], on_air: Sequence[Frame], stations: Stations, dropped: Int64
+    ) -> Fates:
+        """Of the messages `final`; `on_air` are these and all others that overlap with them."""
+        radio, count = self._radio, len(stations.ids)
+        start_ns, end_ns, key, bits = _columns(final, "start_ns", "end_ns", "key", "bits")
+        power_dbm = _rows([frame.power_dbm for frame in final], count)
+        distance_m = _rows([frame.distance_m for frame in final], count)
+        interference_mw, is_busy, is_sending = self._overlaps(final, on_air, power_dbm)
+
+        snr_db = power_dbm - radio.noise_dbm
+        noise_mw = 10 ** (radio.noise_dbm / 10)
+        sinr_db = snr_db - 10 * np.log10(1 + interference_mw / noise_mw)
+        is_audible = power_dbm >= radio.sensitivity_dbm
+        keys = key.view(np.uint64)
+        row, column = np.nonzero(is_audible)
+        luck = np.ones_like(power_dbm)
+        luck[row, column] = self._draws.of_pairs("errors", keys[row], stations.ids[column].astype(np.uint64))
+        fails = [luck > self._success(ratio_db, bits, is_audible) for ratio_db in (sinr_db, snr_db)]
+
+        outcome: UInt8 = np.full(power_dbm.shape, Outcome.RECEIVED, np.uint8)
+        for is_lost, why in (
+            (fails[0], Outcome.INTERFERENCE),
+            (fails[1], Outcome.NOISE),
+            (is_busy, Outcome.BUSY),
+            (~is_audible, Outcome.WEAK),
+            (is_sending, Outcome.SENDING),
+        ):
+            outcome[is_lost] = why
+        senders = np.array([frame.sender for frame in final], np.int64)
+        present = senders >= 0
+        outcome[np.flatnonzero(present), senders[present]] = Outcome.OWN
+        message, sender_id = _columns(final, "message", "sender_id")
+        arrival_ns = self._arrival_ns(end_ns, distance_m, keys, stations, outcome)
+        return Fates(
+            messages=message,
+            senders=sender_id,
+            start_ns=start_ns,
+            end_ns=end_ns,
+            receivers=stations.ids,
+            outcome=outcome,
+            power_dbm=power_dbm,
+            sinr_db=sinr_db,
+            distance_m=distance_m,
+            arrival_ns=arrival_ns,
+            dropped=dropped,
+        )
+
+    def _overlaps(
+        self, final: Sequence[Frame], on_air: Sequence[Frame], power_dbm: Float64
+    ) -> tuple[Float64, Bool, Bool]:
+        """Interference in mW, whether the receiver is at an earlier message, whether it sends: (M, S)."""
+        interference_mw = np.zeros_like(power_dbm)
+        is_busy, is_sending = np.zeros((2, *power_dbm.shape), np.bool_)
+        start, end = _columns(final, "start_ns", "end_ns")
+        other_start, other_end = _columns(on_air, "start_ns", "end_ns")
+        together = (start[:, None] < other_end) & (other_start < end[:, None])
+        for one, other in np.argwhere(together):
+            disturber = on_air[other]
+            if disturber is final[one]:
+                continue
+            if disturber.sender >= 0:
+                is_sending[one, disturber.sender] = True
+            if self._radio.interference:
+                interference_mw[one] += 10 ** (disturber.power_dbm / 10)
+                if other_start[other] < start[one]:
+                    is_busy[one] |= (disturber.power_dbm >= self._radio.sensitivity_dbm) & (
+                        power_dbm[one] < disturber.power_dbm + self._radio.capture_threshold_db
+                    )
+        return interference_mw, is_busy, is_sending
+
+    def _success(self, ratio_db: Float64, bits: Int64, is_audible: Bool) -> Float64:
+        """The chance (M, S) of whole messages; 0 where nothing is audible, or below the set threshold."""
+        chance = np.zeros_like(ratio_db)
+        row, column = np.nonzero(is_audible & (ratio_db >= self._radio.snir_threshold_db))
+        chance[row, column] = success_rate(ratio_db[row, column], bits[row], self._channel_bitrate_mbps)
+        return chance
+
+    def _arrival_ns(
+        self, end_ns: Int64, distance_m: Float64, keys: UInt64, stations: Stations, outcome: UInt8
+    ) -> Int64:
+        """When each message (M, S) is through: on the air, in the air, and in the receiver; else 0."""
+        row, column = np.nonzero(outcome == Outcome.RECEIVED)
+        low_s, high_s = self._radio.processing_delay_min_s, self._radio.processing_delay_max_s
+        delay_s = distance_m[row, column] / SPEED_OF_LIGHT_MPS + low_s
+        if high_s > low_s:
+            ids = stations.ids[column].astype(np.uint64)
+            delay_s += (high_s - low_s) * self._draws.of_pairs("processing", keys[row], ids)
+        arrival_ns = np.zeros(outcome.shape, np.int64)
+        arrival_ns[row, column] = end_ns[row] + np.rint(delay_s * 1e9).astype(np.int64)
+        return arrival_ns
+
+
+def _rows(rows: Sequence[Float64], count: int) -> Float64:
+    return np.array(rows).reshape(len(rows), count)
+
+
+def _columns(frames: Sequence[Frame], *names: str) -> list[Int64]:
+    return [np.array([getattr(frame, name) for frame in frames], np.int64) for name in names]

@@ -1,0 +1,146 @@
+"""What the medium is told and what it tells: stations, transmissions, fates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.geometry.transforms import Float64
+
+Int64 = npt.NDArray[np.int64]
+UInt64 = npt.NDArray[np.uint64]
+UInt8 = npt.NDArray[np.uint8]
+Bool = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Stations:
+    """The S radios on the road during one step.
+
+    ids: (S,), different ones; a radio's own number, whatever station ids its messages claim.
+    antenna_m: (S, 3), places of the antennas in the map's frame.
+    """
+
+    ids: Int64
+    antenna_m: Float64
+
+    def __post_init__(self) -> None:
+        if self.antenna_m.shape != (len(self.ids), 3) or not np.isfinite(self.antenna_m).all():
+            raise ValueError(f"antenna_m has to be finite and ({len(self.ids)}, 3)")
+        if len(np.unique(self.ids)) != len(self.ids):
+            raise ValueError("two stations have the same id")
+
+    def columns_of(self, ids: Int64) -> Int64:
+        """Where these stations stand in `ids`; -1 for one that is not there."""
+        if not len(self.ids):
+            return np.full(len(ids), -1)
+        order = np.argsort(self.ids, kind="stable")
+        found = np.minimum(np.searchsorted(self.ids, ids, sorter=order), len(order) - 1)
+        return np.where(self.ids[order[found]] == ids, order[found], -1)
+
+
+@dataclass(frozen=True)
+class Transmissions:
+    """M messages that stations hand to their radios.
+
+    messages: (M,), the caller's numbers for them, handed back in `Fates`.
+    keys: (M,), of their random draws; see `draws.message_keys`.
+    senders: (M,), ids of the stations. request_ns: (M,), when they are handed over.
+    cam_bytes: (M,), length of each CAM. power_dbm: (M,), or None for that of the settings.
+    """
+
+    messages: Int64
+    keys: UInt64
+    senders: Int64
+    request_ns: Int64
+    cam_bytes: Int64
+    power_dbm: Float64 | None = None
+
+    def __post_init__(self) -> None:
+        columns = (self.keys, self.senders, self.request_ns, self.cam_bytes, self.power_dbm)
+        if any(column is not None and column.shape != self.messages.shape for column in columns):
+            raise ValueError("the columns of the transmissions differ in length")
+
+    def __len__(self) -> int:
+        return len(self.messages)
+
+    @classmethod
+    def none(cls) -> Transmissions:
+        """A step in which nobody sends."""
+        empty = np.empty(0, np.int64)
+        return cls(empty, empty.astype(np.uint64), empty, empty, empty)
+
+
+class Outcome(IntEnum):
+    """What became of a message at one station."""
+
+    RECEIVED = 0
+    OWN = 1
+    """The station sent it itself."""
+    SENDING = 2
+    """The station was sending at that time (half duplex)."""
+    WEAK = 3
+    """Below the sensitivity."""
+    BUSY = 4
+    """The receiver was at an earlier message, and this one not strong enough to capture it."""
+    NOISE = 5
+    """Bit errors, from noise alone."""
+    INTERFERENCE = 6
+    """Bit errors, from other messages on the air."""
+
+
+class Reception(NamedTuple):
+    """One message that one station received."""
+
+    message: int
+    receiver: int
+    arrival_ns: int
+    power_dbm: float
+    sinr_db: float
+
+
+@dataclass(frozen=True)
+class Fates:
+    """What became of M messages at S stations.
+
+    messages, senders, start_ns, end_ns: (M,), in order of their ends; times on the air.
+    receivers: (S,), ids. outcome: (M, S), `Outcome`. power_dbm, sinr_db, distance_m: (M, S).
+    arrival_ns: (M, S), when a received one reaches the station's facilities.
+    dropped: (D,), messages that were never sent: the channel was busy too long, or their sender has gone.
+    """
+
+    messages: Int64
+    senders: Int64
+    start_ns: Int64
+    end_ns: Int64
+    receivers: Int64
+    outcome: UInt8
+    power_dbm: Float64
+    sinr_db: Float64
+    distance_m: Float64
+    arrival_ns: Int64
+    dropped: Int64
+
+    def receptions(self, receivers: Int64 | None = None) -> list[Reception]:
+        """What was received, by these stations or by all, in order of arrival."""
+        wanted = self.outcome == Outcome.RECEIVED
+        if receivers is not None:
+            wanted = wanted & np.isin(self.receivers, receivers)
+        row, column = np.nonzero(wanted)
+        order = np.lexsort((self.receivers[column], self.messages[row], self.arrival_ns[row, column]))
+        row, column = row[order], column[order]
+        return [
+            Reception(*values)
+            for values in zip(
+                self.messages[row].tolist(),
+                self.receivers[column].tolist(),
+                self.arrival_ns[row, column].tolist(),
+                self.power_dbm[row, column].tolist(),
+                self.sinr_db[row, column].tolist(),
+                strict=True,
+            )
+        ]
