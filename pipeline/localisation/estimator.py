@@ -21,6 +21,14 @@ POSITION, VELOCITY, ORIENTATION = slice(0, 3), slice(3, 6), slice(6, 9)
 FORCE_BIAS, RATE_BIAS, DRIFT, SCALE = slice(9, 12), slice(12, 15), slice(15, 18), 18
 UNKNOWN_SPEED_MPS = 15.0
 """Standard deviation of the speed that a filter without wheels starts from."""
+START_SLIDE_MPS = 0.5
+"""Standard deviation of the speed sideways and upwards at the start, when nobody knows the turn yet."""
+
+LEAST_STDDEV_M, LEAST_STDDEV_MPS = 0.005, 0.005
+"""Of a fix's and a wheel speed's noise: a filter that believes in none loses its covariance to rounding."""
+
+UNSEEN = np.array([4.0, 4.0, 1.0, 0.2, 0.2, 0.5])
+"""Standard deviation of a vehicle's acceleration, m/s², and turn rate, rad/s, where no sample tells."""
 
 
 class Estimator:
@@ -41,7 +49,8 @@ class Estimator:
         self._geodesy = geodesy
         self._initial = initial
         axes = np.array([1.0, 1.0, HEIGHT_FACTOR])
-        self._fix_m2 = np.diag(np.square(sensors.gnss.white_stddev_m * axes))
+        self._fix_m2 = np.diag(np.square(max(sensors.gnss.white_stddev_m, LEAST_STDDEV_M) * axes))
+        self._wheel_mps = max(sensors.wheel_odometry.speed_white_stddev_mps, LEAST_STDDEV_MPS)
         imu = sensors.imu
         stddev = np.zeros(STATES)  # of the states that wander about zero
         stddev[FORCE_BIAS] = imu.accelerometer_bias_stddev_mps2
@@ -83,16 +92,16 @@ class Estimator:
         """From the initial pose, and the wheels' speed straight ahead."""
         start = self._initial.map_SE3_base
         self._position, self._rotation = start[:3, 3].copy(), start[:3, :3].copy()
-        speed_mps, speed_stddev = (0.0, UNKNOWN_SPEED_MPS)
+        speed_mps, speed_stddev = 0.0, UNKNOWN_SPEED_MPS
         if wheel is not None:
-            speed_mps, speed_stddev = wheel.speed_mps, self._sensors.wheel_odometry.speed_white_stddev_mps
+            speed_mps, speed_stddev = wheel.speed_mps, self._wheel_mps
             self._rate = np.array([0.0, 0.0, wheel.turn_rate_radps])
         self._velocity = self._rotation[:, 0] * speed_mps
         # Whence errors come: the pose, what wanders, and in VELOCITY that of the velocity in base_link.
         sources = np.diag(self._stationary)
         pose = np.r_[0:3, 6:9]
         sources[np.ix_(pose, pose)] = self._initial.covariance
-        sources[VELOCITY, VELOCITY] = np.diag([speed_stddev**2, *self._slip_m2ps2()])
+        sources[VELOCITY, VELOCITY] = np.diag(np.square([speed_stddev, START_SLIDE_MPS, START_SLIDE_MPS]))
         spread = np.eye(STATES)
         spread[VELOCITY, VELOCITY] = self._rotation
         spread[VELOCITY, ORIENTATION] = -skew(self._velocity)
@@ -100,7 +109,7 @@ class Estimator:
         self._covariance = spread @ sources @ spread.T
 
     def _propagate(self, last_ns: int, measured: Measurements) -> float:
-        durations_s, force, rate, blind_s = self._samples(last_ns, measured.stamp_ns, measured.imu)
+        durations_s, force, rate, unseen = self._samples(last_ns, measured.stamp_ns, measured.imu)
         self._rate = rate[-1] - self._wandering[RATE_BIAS]
         moved = integrate(
             self._rotation,
@@ -121,7 +130,7 @@ class Estimator:
         transition[POSITION, RATE_BIAS] = -moved.position_per_rate
         covariance = transition @ self._covariance @ transition.T
         covariance.flat[:: STATES + 1] += (1 - memory**2) * self._stationary
-        self._add_noise(covariance, moved, blind_s)
+        self._add_noise(covariance, moved, unseen)
         self._covariance = (covariance + covariance.T) / 2
         self._position = self._position + self._velocity * duration_s + moved.position_m
         self._velocity = self._velocity + moved.velocity_mps
@@ -129,21 +138,16 @@ class Estimator:
         self._wandering = memory * self._wandering
         return duration_s
 
-    def _add_noise(self, covariance: Float64, moved: Increment, blind_s: Float64) -> None:
-        """The IMU's white noise over a step, and what a sensor at its end stop did not see.
-
-        blind_s: (6,), for how long each axis was there; its error is one and the same for that time, and
-        as large as all that it can measure.
-        """
+    def _add_noise(self, covariance: Float64, moved: Increment, unseen: Float64) -> None:
+        """The IMU's white noise over a step, and what it did not see of velocity and angle (6,)."""
         imu, duration_s = self._sensors.imu, moved.duration_s
         force = imu.accelerometer_noise_density**2 * np.eye(3) * duration_s
         rate = imu.gyroscope_noise_density**2 * np.eye(3) * duration_s
         lever_s, square_s2 = duration_s / 2, duration_s**2 / 3
-        if blind_s.any():
+        if unseen.any():
             mean = moved.turned_s / duration_s
-            missed_force = mean @ np.diag(np.square(imu.accelerometer_range_mps2 * blind_s[:3])) @ mean.T
-            missed_rate = mean @ np.diag(np.square(imu.gyroscope_range_radps * blind_s[3:])) @ mean.T
-            force, rate = force + missed_force, rate + missed_rate
+            force = force + mean @ np.diag(np.square(unseen[:3])) @ mean.T
+            rate = rate + mean @ np.diag(np.square(unseen[3:])) @ mean.T
         covariance[VELOCITY, VELOCITY] += force
         covariance[POSITION, VELOCITY] += force * lever_s
         covariance[VELOCITY, POSITION] += force * lever_s
@@ -153,10 +157,10 @@ class Estimator:
     def _samples(
         self, last_ns: int, stamp_ns: int, imu: ImuSamples
     ) -> tuple[Float64, Float64, Float64, Float64]:
-        """Durations (n,), specific force (n, 3), rate (n, 3), and how long each axis was blind (6,).
+        """Durations (n,), specific force (n, 3), rate (n, 3), and what was not seen (6,) of the step.
 
-        A sample stands for the time since the one before it. Where samples are missing at the end, the
-        filter assumes rest, and knows that it is blind.
+        A sample stands for the time since the one before it. An axis at its end stop may miss as much
+        again as it can measure. Where samples are missing at the end, nothing but gravity is assumed.
         """
         stamps: npt.NDArray[np.int64] = np.concatenate([[last_ns], imu.stamps_ns]).astype(np.int64)
         force, rate = imu.specific_force_mps2, imu.angular_rate_radps
@@ -173,11 +177,11 @@ class Estimator:
         if not (np.isfinite(force).all() and np.isfinite(rate).all()):
             raise AdvpipeError(f"an IMU sample up to {stamp_ns} ns is not finite")
         limit = self._sensors.imu
-        stopped = np.hstack(
-            [np.abs(force) >= limit.accelerometer_range_mps2, np.abs(rate) >= limit.gyroscope_range_radps]
-        )
-        stopped[-1] |= gap
-        return durations_s, force, rate, durations_s @ stopped
+        full_scale = np.repeat([limit.accelerometer_range_mps2, limit.gyroscope_range_radps], 3)
+        missed = full_scale * (np.abs(np.hstack([force, rate])) >= full_scale)
+        if gap:
+            missed[-1] = UNSEEN
+        return durations_s, force, rate, durations_s @ missed
 
     def _slip_m2ps2(self) -> Float64:
         """Variance of the speed sideways and upwards (2,): a lever times the turn rate, beside a rest.
@@ -209,7 +213,7 @@ class Estimator:
         jacobian[0] *= scale
         jacobian[0, SCALE] = base_velocity[0]
         residual[0] = wheel.speed_mps - scale * base_velocity[0]
-        noise[0, 0] = self._sensors.wheel_odometry.speed_white_stddev_mps**2
+        noise[0, 0] = self._wheel_mps**2
         self._update(jacobian, residual, noise)
 
     def _correct_position(self, fix: Float64) -> Innovation:
