@@ -73,10 +73,11 @@ class Scenario(Section):
                     f"sensors.lidars.{name}.vehicle {lidar.vehicle!r} is none of the vehicles ({known})"
                 )
             turn_s = 1 / lidar.rotation_frequency
-            if abs(turn_s - self.simulation.step_s) > 1e-9:
+            steps = turn_s / self.simulation.step_s
+            if round(steps) < 1 or abs(steps - round(steps)) > 1e-6:
                 raise ValueError(
-                    f"one turn of sensors.lidars.{name} takes {turn_s:g} s but simulation.step_s is "
-                    f"{self.simulation.step_s:g} s; make them equal"
+                    f"one turn of sensors.lidars.{name} takes {turn_s:g} s, which is no whole number of "
+                    f"simulation.step_s of {self.simulation.step_s:g} s; change rotation_frequency or step_s"
                 )
         for name, vehicle in self.vehicles.items():
             if vehicle.driver == "trajectory" and self.trajectories is None:

@@ -39,8 +39,9 @@ def test_a_plane_is_as_far_as_the_angle_says() -> None:
     # 1.8 m above the ground: tan 45, tan 30 and tan 15 degrees down.
     for ring, expected_m in enumerate([1.8, 1.8 / 0.57735027, 1.8 / 0.26794919]):
         assert np.allclose(horizontal[cloud["ring"] == ring], expected_m, atol=1e-4)
-    # Intensity: reflectivity x (0.3 + 0.7 cos of the angle of incidence); 45 degrees on the first ring.
-    expected = MATERIALS["asphalt"] * (0.3 + 0.7 * 0.70710678)
+    # Intensity: reflectivity x (cos + 0.2993 sin^2) of the angle of incidence; 45 degrees on the first ring.
+    # Oren-Nayar, 20 degrees: A = 1 - 0.5 x 0.12185/0.45185 = 0.86517, B = 0.45 x 0.12185/0.21185 = 0.25883.
+    expected = MATERIALS["asphalt"] * (0.70710678 + 0.25883 / 0.86517 * 0.5)
     assert np.allclose(cloud["intensity"][cloud["ring"] == 0], expected, atol=1e-5)
 
 

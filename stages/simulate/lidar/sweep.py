@@ -1,0 +1,92 @@
+"""The rays of one turn: their fan, and where the sensor is when each of them leaves."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.geometry.transforms import Float64, se3
+from advpipe.pipeline.scenario.sensors import LidarSensor
+
+Float32 = npt.NDArray[np.float32]
+
+
+class Sweep:
+    """R = columns x channels rays, column by column; the channels of a column leave at once.
+
+    Seen from above the turn is clockwise, as most sensors', and starts and ends at the rear, so that the
+    seam between the first and the last column lies behind the vehicle.
+
+    directions: (3, R) float32, unit vectors in the LiDAR's frame.
+    rings: (R,) uint16, 0 the lowest. times_s: (R,) float32, after the end of the turn, so never positive.
+    """
+
+    def __init__(self, sensor: LidarSensor) -> None:
+        angles = sensor.vertical_angles_deg
+        if angles is None:
+            angles = tuple(np.linspace(sensor.lower_fov, sensor.upper_fov, sensor.channels).tolist())
+        columns, channels = sensor.columns, len(angles)
+        elevation = np.deg2rad(np.asarray(angles))
+        azimuth = np.pi - 2 * np.pi * np.arange(columns) / columns
+        self._ahead, self._left = np.cos(azimuth), np.sin(azimuth)
+        self._flat, self._up = np.cos(elevation).astype(np.float32), np.sin(elevation).astype(np.float32)
+        self._column_s = -(columns - 1 - np.arange(columns)) / columns / sensor.rotation_frequency
+        self.rings = np.tile(np.arange(channels, dtype=np.uint16), columns)
+        self.times_s: Float32 = np.repeat(self._column_s, channels).astype(np.float32)
+        directions = self._spread(np.eye(3)[None], np.zeros((1, 3)))[:, 3:]
+        self.directions: Float32 = np.ascontiguousarray(directions.T)
+
+    def rays(self, map_SE3_base: Float64, base_SE3_lidar: Float64, base_twist: Float64 | None) -> Float32:
+        """Rays (R, 6) in the map's frame: origin, unit direction.
+
+        `base_twist`, where given, moves base_link during the turn, at whose end it is at `map_SE3_base`.
+        """
+        if base_twist is None:
+            poses = (map_SE3_base @ base_SE3_lidar)[None]
+        else:
+            poses = map_SE3_base @ poses_at(base_twist, self._column_s) @ base_SE3_lidar
+        return self._spread(poses[:, :3, :3], poses[:, :3, 3])
+
+    def _spread(self, rotation: Float64, origin_m: Float64) -> Float32:
+        """Rays (R, 6) for the rotations (columns or 1, 3, 3) and origins (columns or 1, 3)."""
+        level = self._ahead[:, None] * rotation[:, :, 0] + self._left[:, None] * rotation[:, :, 1]
+        level, up = level.astype(np.float32), rotation[:, :, 2].astype(np.float32)
+        rays = np.empty((len(level), len(self._flat), 6), np.float32)
+        rays[..., :3] = origin_m[:, None]
+        for axis in range(3):  # one axis after the other: rows of three numbers are slow
+            np.multiply(level[:, axis, None], self._flat, out=rays[..., 3 + axis])
+            rays[..., 3 + axis] += up[:, axis, None] * self._up
+        return rays.reshape(-1, 6)
+
+
+def poses_at(twist: Float64, times_s: Float64) -> Float64:
+    """Poses (N, 4, 4) of a body at the times (N,), in the body's own frame at time zero.
+
+    twist: (6,) in the body's axes and constant: linear velocity in m/s, then turn rate in rad/s (the
+    order of geometry_msgs/Twist). The exponential map of SE(3), e.g. Lynch and Park, Modern Robotics,
+    proposition 3.25.
+    """
+    velocity, turn = np.asarray(twist, dtype=np.float64).reshape(2, 3)
+    rate = float(np.linalg.norm(turn))
+    poses = np.tile(np.eye(4), (len(times_s), 1, 1))
+    if rate < 1e-9:
+        poses[:, :3, 3] = times_s[:, None] * velocity
+        return poses
+    x, y, z = turn / rate
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    angle = (rate * times_s)[:, None, None]
+    twice = across @ across
+    poses[:, :3, :3] += np.sin(angle) * across + (1 - np.cos(angle)) * twice
+    path = angle * np.eye(3) + (1 - np.cos(angle)) * across + (angle - np.sin(angle)) * twice
+    poses[:, :3, 3] = path @ velocity / rate
+    return poses
+
+
+def mounting(sensor: LidarSensor) -> Float64:
+    """`base_SE3_lidar`: roll, then pitch (positive looks down), then yaw, about fixed axes (REP-103)."""
+    roll, pitch, yaw = np.deg2rad([sensor.roll_deg, sensor.pitch_deg, sensor.yaw_deg])
+    (cr, sr), (cp, sp), (cy, sy) = ((np.cos(a), np.sin(a)) for a in (roll, pitch, yaw))
+    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    return se3(about_z @ about_y @ about_x, (sensor.x_m, sensor.y_m, sensor.z_m))
