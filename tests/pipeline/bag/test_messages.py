@@ -14,6 +14,12 @@ BOXES = Boxes(
 )
 EXAMPLES = {
     "nav_msgs/msg/Odometry": messages.odometry(1, se3_from_yaw([1, 2, 3], 0.4, 0.1), [5, 0, 0], [0, 0, 0.2]),
+    "sensor_msgs/msg/Imu": messages.imu(
+        1, [0.5, -1.0, 9.8], [0.1, 0.2, 0.3], force_stddev_mps2=0.02, rate_stddev_radps=0.003
+    ),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": messages.initial_pose(
+        1, [1, 2, 3], [0, 0, 0.6, 0.8], np.diag([1, 2, 3, 4, 5, 6])
+    ),
     "sensor_msgs/msg/NavSatFix": messages.nav_sat_fix(1, 50, 8, 100, std_m=(1, 2, 3)),
     "tf2_msgs/msg/TFMessage": messages.transforms(1, [("map", "ego", se3_from_yaw([1, 2, 3], 4))]),
     "vision_msgs/msg/Detection3DArray": messages.detections(1, "map", BOXES),
@@ -61,3 +67,37 @@ def test_covariance_of_a_fix() -> None:
     fix = EXAMPLES["sensor_msgs/msg/NavSatFix"]
     assert fix.position_covariance.tolist() == [1, 0, 0, 0, 4, 0, 0, 0, 9]
     assert fix.position_covariance_type == fix.COVARIANCE_TYPE_DIAGONAL_KNOWN
+
+
+def test_imu_fields() -> None:
+    imu = EXAMPLES["sensor_msgs/msg/Imu"]
+    force, rate = imu.linear_acceleration, imu.angular_velocity
+    assert (force.x, force.y, force.z, rate.x, rate.y, rate.z) == (0.5, -1.0, 9.8, 0.1, 0.2, 0.3)
+    assert imu.linear_acceleration_covariance == pytest.approx([4e-4, 0, 0, 0, 4e-4, 0, 0, 0, 4e-4])
+    assert imu.angular_velocity_covariance[[0, 4, 8]] == pytest.approx([9e-6] * 3)
+    assert imu.orientation_covariance[0] == -1  # sensor_msgs/Imu: no estimate of the orientation
+    assert imu.header.frame_id == "ego/imu"
+
+
+def test_covariances_of_odometry() -> None:
+    """ROS writes them row by row: x, y, z, and rotations about x, y, z."""
+    covariance = np.zeros((6, 6))
+    covariance[1, 5] = covariance[5, 1] = 0.25
+    pose_only = messages.odometry(1, np.eye(4), [0] * 3, [0] * 3, pose_covariance=covariance)
+    assert np.flatnonzero(pose_only.pose.covariance).tolist() == [11, 31]
+    assert not pose_only.twist.covariance.any()
+    twist_only = messages.odometry(1, np.eye(4), [0] * 3, [0] * 3, twist_covariance=np.eye(6))
+    assert twist_only.twist.covariance[[0, 7, 35]].tolist() == [1, 1, 1]
+    assert not twist_only.pose.covariance.any()
+
+
+def test_a_receiver_without_satellites() -> None:
+    """sensor_msgs/NavSatStatus: STATUS_NO_FIX is -1, STATUS_FIX 0."""
+    assert messages.nav_sat_fix(1, 50, 8, 100, is_fix=False).status.status == -1
+    assert messages.nav_sat_fix(1, 50, 8, 100).status.status == 0
+
+
+def test_initial_pose_keeps_its_bits() -> None:
+    pose = EXAMPLES["geometry_msgs/msg/PoseWithCovarianceStamped"].pose
+    assert (pose.pose.orientation.z, pose.pose.orientation.w) == (0.6, 0.8)
+    assert pose.covariance[[0, 7, 14, 21, 28, 35]].tolist() == [1, 2, 3, 4, 5, 6]
