@@ -81,7 +81,8 @@ def simulate(
     loaded = load_scenario(scenario, settings or ())
     summary = run(loaded, out or Path("datasets") / loaded.name, overwrite=overwrite)
     print(
-        f"{summary.bag}: {summary.frames} frames of {summary.points / summary.frames:,.0f} points, "
+        f"{summary.bag}: {summary.frames} frames, "
+        f"{summary.clouds} clouds of {summary.points / max(summary.clouds, 1):,.0f} points, "
         f"{summary.road_users} road users in range"
     )
 
