@@ -15,6 +15,7 @@ MIN_LENGTH_M = 200.0
 """Of the path told, where the vehicle has come that far. These three are the Car 2 Car profile's."""
 
 MAX_DELTA_STEPS = 131_071
+_HALF_TURN_STEPS = 1_800_000_000
 _MAX_TICKS = 65_535
 _MIN_MOVE_M = 0.2
 _M_PER_DEGREE = 111_195.0
@@ -118,6 +119,7 @@ def _delta(before: _Place, place: _Place) -> PathPoint | None:
     """From one place to an earlier one; None where it is too far for a path point."""
     north = round(place.latitude_deg * 1e7) - round(before.latitude_deg * 1e7)
     east = round(place.longitude_deg * 1e7) - round(before.longitude_deg * 1e7)
+    east = (east + _HALF_TURN_STEPS) % (2 * _HALF_TURN_STEPS) - _HALF_TURN_STEPS  # over the date line
     if max(abs(north), abs(east)) > MAX_DELTA_STEPS:
         return None
     up = None
