@@ -16,7 +16,7 @@ RECESS_M = 0.12
 FOOT_M = 0.6
 """Walls reach so far below the ground: it may slope."""
 
-WALLS = ("plaster", "masonry", "concrete", "facade_dark")
+WALLS = ("plaster", "masonry", "facade_concrete", "facade_dark")
 
 
 def building(length_m: float, depth_m: float, storeys: int, rng: np.random.Generator) -> Mesh:
@@ -80,7 +80,7 @@ def _roof(length_m: float, depth_m: float, z_m: float, rng: np.random.Generator)
     """Flat, gabled, or hipped, its ridge along the longer side."""
     kind = int(rng.integers(3))
     if kind == 0:
-        return quad(_plan(length_m, depth_m, z_m - 0.4), "concrete")
+        return quad(_plan(length_m, depth_m, z_m - 0.4), "facade_concrete")
     along_x = length_m >= depth_m
     long_m, short_m = max(length_m, depth_m) / 2 + 0.4, min(length_m, depth_m) / 2 + 0.4
     top_m = z_m + short_m * rng.uniform(0.5, 0.9)

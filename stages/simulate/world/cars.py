@@ -67,7 +67,7 @@ class CarShape:
             half: Float64 = width_m / 2 * (1 - 0.1 * nose**2)
             return half
 
-        materials: list[str | None] = [paint] * (len(top) - 1) + ["plastic"] * (len(outline) - len(top))
+        materials: list[str | None] = [*[paint] * (len(top) - 1), *["plastic"] * (len(outline) - len(top))]
         materials[len(self.rear)] = None  # the belt line: the cabin is open to the hull
         if self.bed:
             materials[len(self.rear) - 1] = None

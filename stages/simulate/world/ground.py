@@ -39,7 +39,11 @@ def build_ground(network: RoadNetwork, roads: Roads, rng: np.random.Generator) -
         parts += [_junction(outline, roads) for outline in network.junctions_m]
     kerbs = [line for line in roads.kerbs_m if len(line) > 1]
     streets = shapely.unary_union([shapely.LineString(line[:, :2]) for line in kerbs])
-    taken = shapely.unary_union([lowest.area, roads.medians])
+    # A pavement goes on below a bridge, and ends where a road of another deck begins.
+    spans = [
+        deck.area.difference(deck.area.intersection(lowest.area).buffer(8.0)) for deck in roads.decks[1:]
+    ]
+    taken = shapely.unary_union([lowest.area, roads.medians, *spans])
     for inner_m, outer_m, material in PAVEMENT_M:
         ring = (
             streets.buffer(outer_m).difference(streets.buffer(inner_m))
@@ -77,6 +81,8 @@ def _ribbons(network: RoadNetwork) -> list[Mesh]:
 def _junction(outline_m: Float64, roads: Roads) -> Mesh:
     """A junction's surface through its outline and the lanes across it."""
     area = shapely.make_valid(shapely.Polygon(outline_m[:, :2]))
+    if area.area < 0.1:  # a dead end
+        return merge([])
     deck = _deck_at(outline_m, roads)
     line = resample(np.concatenate([outline_m, outline_m[:1]]), 4.0)[:-1]
     border = np.column_stack([line[:, :2], deck.height_at(line[:, :2])])
@@ -85,8 +91,6 @@ def _junction(outline_m: Float64, roads: Roads) -> Mesh:
     # One point for each decimetre: where lanes cross, their samples come close.
     _, first = np.unique(np.round(points[:, :2], 1), axis=0, return_index=True)
     points = points[np.sort(first)]
-    if len(points) < 3:
-        return merge([])
     faces = Delaunay(points[:, :2] - points[0, :2]).simplices.astype(np.int64)
     middles = points[faces, :2].mean(axis=1)
     inside = shapely.contains_xy(area.buffer(0.05), middles[:, 0], middles[:, 1])

@@ -44,6 +44,7 @@ _MATERIALS = {
     "plaster": Material(0.60, "building"),
     "roof_tile": Material(0.38, "building"),
     "facade_dark": Material(0.20, "building"),
+    "facade_concrete": Material(0.35, "building"),
     "room": Material(0.30, "building"),
     "pane": Material(0.10, "building", transmittance=0.55),
     "glass": Material(0.10, "vehicle", transmittance=0.80),

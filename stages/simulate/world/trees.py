@@ -7,11 +7,11 @@ import numpy as np
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.stages.simulate.world.mesh import Mesh, merge, surface, tube
 
-LEAF_SHARE = 0.26
-"""Side of a leaf cluster as a share of the crown's radius: `CLUSTERS` of them, turned at random, hide
-a point behind the crown's middle in 1 - exp(-n s^2 / 2 pi) of the cases, about three in four."""
-
-CLUSTERS = 120
+CLUSTERS = 230
+LEAF_SHARE = 0.28
+"""Side of a leaf cluster, a triangle, as a share of the crown's radius r. A sheet turned at random shows
+half its area, so that `CLUSTERS` of them spread over pi r^2 let exp(-n sqrt(3) s^2 / 8 pi), some 30 %,
+of the light through."""
 
 
 def round_tree(rng: np.random.Generator) -> Mesh:
@@ -37,7 +37,7 @@ def conifer(rng: np.random.Generator) -> Mesh:
     radius = foot_m * (1 - up) * depth
     leaves = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), 0.6 + up * (height_m - 0.6)])
     trunk = tube((0, 0, -0.3), (0, 0, 0.9 * height_m), 0.13, "bark", 6)
-    return merge([trunk, _clusters(leaves, 0.42 * foot_m, "conifer", rng)])
+    return merge([trunk, _clusters(leaves, 0.45 * foot_m, "conifer", rng)])
 
 
 def columnar_tree(rng: np.random.Generator) -> Mesh:
@@ -51,20 +51,20 @@ def columnar_tree(rng: np.random.Generator) -> Mesh:
 def bush(rng: np.random.Generator) -> Mesh:
     """A round bush of up to 2 m."""
     radius_m = rng.uniform(0.4, 1.1)
-    leaves = _ball(rng, 70) * (radius_m, radius_m, 0.8 * radius_m) + (0, 0, 0.6 * radius_m)
+    leaves = _ball(rng, 90) * (radius_m, radius_m, 0.8 * radius_m) + (0, 0, 0.6 * radius_m)
     leaves[:, 2] = np.abs(leaves[:, 2])
-    return _clusters(leaves, 0.4 * radius_m, "foliage", rng)
+    return _clusters(leaves, 0.5 * radius_m, "foliage", rng)
 
 
 def hedge(length_m: float, width_m: float, height_m: float, rng: np.random.Generator) -> Mesh:
     """A clipped hedge: leaves over its sides and top, a few of them askew."""
-    count = int(min(260, 22 * length_m * height_m))
+    count = int(min(290, 40 * length_m * height_m))
     places = rng.uniform(-0.5, 0.5, (count, 3))
     side = rng.integers(5, size=count)
     places[side < 4, 1] = np.sign(places[side < 4, 1]) * rng.uniform(0.38, 0.5, int((side < 4).sum()))
     places[side == 4, 2] = 0.5
     leaves = (places + (0, 0, 0.5)) * (length_m, width_m, height_m)
-    return _clusters(leaves, 0.34, "foliage", rng)
+    return _clusters(leaves, 0.4, "foliage", rng)
 
 
 def _ball(rng: np.random.Generator, count: int) -> Float64:
@@ -76,16 +76,15 @@ def _ball(rng: np.random.Generator, count: int) -> Float64:
 
 
 def _clusters(middles_m: Float64, side_m: float, material: str, rng: np.random.Generator) -> Mesh:
-    """Square sheets of this side at the middles (N, 3), turned at random."""
+    """Equilateral triangles of this side around the middles (N, 3), turned at random."""
     count = len(middles_m)
     normal = rng.normal(size=(count, 3))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     across = np.cross(normal, rng.normal(size=(count, 3)))
     across /= np.linalg.norm(across, axis=1, keepdims=True)
-    half = side_m / 2 * rng.uniform(0.7, 1.2, (count, 1))
-    a, b = half * across, half * np.cross(normal, across)
-    corners = np.stack([middles_m + a + b, middles_m - a + b, middles_m - a - b, middles_m + a - b], axis=1)
+    reach_m = side_m / np.sqrt(3) * rng.uniform(0.7, 1.25, (count, 1))
+    a, b = reach_m * across, reach_m * np.cross(normal, across)
+    turns = 2 * np.pi * np.arange(3) / 3
+    corners = np.stack([middles_m + np.cos(turn) * a + np.sin(turn) * b for turn in turns], axis=1)
     corners[..., 2] = np.maximum(corners[..., 2], 0.02)
-    first = 4 * np.arange(count)[:, None]
-    faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
-    return surface(corners.reshape(-1, 3), faces, material)
+    return surface(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3), material)
