@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -33,7 +35,13 @@ def rotation(vector_rad: npt.ArrayLike) -> Float64:
 
 def rotation_vector(matrix: Float64) -> Float64:
     """The rotation vector (3,), at most pi long, of a matrix (3, 3) (Solà 2.3.4)."""
-    from scipy.spatial.transform import Rotation
+    (_, xy, xz), (yx, _, yz), (zx, zy, _) = matrix.tolist()
+    doubled_sine = np.array([zy - yz, xz - zx, yx - xy])
+    sine = math.sqrt(float(doubled_sine @ doubled_sine)) / 2
+    cosine = (float(matrix.trace()) - 1) / 2
+    if cosine < -0.9:  # near half a turn the sines say too little of the axis
+        from scipy.spatial.transform import Rotation
 
-    vector: Float64 = Rotation.from_matrix(matrix).as_rotvec()
+        return np.asarray(Rotation.from_matrix(matrix).as_rotvec())
+    vector: Float64 = doubled_sine * (math.atan2(sine, cosine) / (2 * sine) if sine > 1e-9 else 0.5)
     return vector

@@ -79,6 +79,7 @@ class Scenario(Section):
                     f"one turn of sensors.lidars.{name} takes {turn_s:g} s, which is no whole number of "
                     f"simulation.step_s of {self.simulation.step_s:g} s; change rotation_frequency or step_s"
                 )
+        self.sensors.check_rates(self.simulation.step_s)
         for name, vehicle in self.vehicles.items():
             if vehicle.driver == "trajectory" and self.trajectories is None:
                 raise ValueError(f"vehicles.{name}.driver is trajectory, but there is no trajectories.file")

@@ -14,6 +14,7 @@ from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.localisation.gnss import GnssReceiver
 from advpipe.pipeline.localisation.onboard import OnBoard, OnBoardStep
+from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.sensors import GnssSensor, ImuSensor, Sensors
 from advpipe.pipeline.seeding import named_generator
 
@@ -86,3 +87,10 @@ def test_refuses_rates_that_do_not_fit(
 def test_refuses_rates_that_are_none(model: Any, rate_hz: float) -> None:
     with pytest.raises(ValidationError, match="rate_hz"):
         model(rate_hz=rate_hz)
+
+
+def test_a_scenario_file_is_refused_too() -> None:
+    with pytest.raises(AdvpipeError, match=r"sensors\.imu\.rate_hz 15 is no whole multiple"):
+        load_scenario("smoke", ["sensors.imu.rate_hz=15"])
+    with pytest.raises(AdvpipeError, match="rate_hz"):
+        load_scenario("smoke", ["sensors.gnss.rate_hz=0"])
