@@ -1,7 +1,7 @@
 """Write a rosbag2 directory that ROS 2, Foxglove and every MCAP tool opens.
 
-Plain MCAP with the `ros2` profile: chunks with message indexes and checksums, CDR on every channel, QoS
-and type hash in the channel metadata, and a version 8 metadata.yaml, which Humble and later read.
+MCAP with the `ros2` profile: chunks with message indexes and checksums, CDR on every channel, QoS and
+type hash in the channel metadata, and a version 8 metadata.yaml, which Humble and later read.
 """
 
 from __future__ import annotations
@@ -14,16 +14,14 @@ from types import TracebackType
 from typing import IO
 
 import yaml
-from mcap.writer import CompressionType, Writer
 
 from advpipe.pipeline.bag.files import METADATA_NAME
+from advpipe.pipeline.bag.mcap_writer import COMPRESSIONS, McapWriter
 from advpipe.pipeline.bag.provenance import RECORD_NAME, seal
 from advpipe.pipeline.bag.topics import RawMessage, Topic, qos_to_yaml
 from advpipe.pipeline.bag.types import schema_text, serialise, type_hash
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
 from advpipe.pipeline.partial import PartialFolder
-
-COMPRESSIONS = {"zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": CompressionType.NONE}
 
 
 @dataclass
@@ -40,8 +38,10 @@ class BagWriter:
     >>> with BagWriter(Path("clean"), provenance={"kind": "clean"}) as bag:
     ...     bag.write(CLOCK, messages.clock(stamp_ns), stamp_ns)
 
-    path: the rosbag2 directory to make. provenance: see `provenance.py`. compression: of the chunks, a
-    key of `COMPRESSIONS`. The bytes written depend on the arguments alone: no clock, no host.
+    path: the rosbag2 directory to make. provenance: see `provenance.py`; it leads the file, so that a
+    recording that is cut off still has it. compression: of the chunks, a key of `COMPRESSIONS`. The bytes
+    written depend on the arguments alone: no clock, no host. They are compressed and written while the
+    caller goes on, so a full disk may be told some messages late, or at the end of the block.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class BagWriter:
         self.path = Path(path)
         self._provenance = dict(provenance)
         self._overwrite = overwrite
-        self._compression = COMPRESSIONS[compression]
+        self._compression = compression
         self._channels: dict[str, _Channel] = {}
         self._schema_ids: dict[tuple[str, str], int] = {}
         self._first_ns: int | None = None
@@ -72,8 +72,8 @@ class BagWriter:
             self._folder = PartialFolder(self.path)
             try:
                 self._file: IO[bytes] = (self._folder.path / self._file_name).open("wb")
-                self._mcap = Writer(self._file, compression=self._compression, enable_data_crcs=True)
-                self._mcap.start(profile="ros2", library="advpipe")
+                self._mcap = McapWriter(self._file, self._compression)
+                self._mcap.add_metadata(RECORD_NAME, seal(self._provenance))
             except BaseException:
                 self._folder.discard()
                 raise
@@ -128,10 +128,10 @@ class BagWriter:
         channel = self._channels.get(topic.name)
         if channel is None:
             if (schema_id := self._schema_ids.get((topic.type, schema))) is None:
-                schema_id = self._mcap.register_schema(topic.type, encoding, schema.encode())
+                schema_id = self._mcap.add_schema(topic.type, encoding, schema.encode())
                 self._schema_ids[topic.type, schema] = schema_id
             metadata = {"offered_qos_profiles": qos_to_yaml(topic.qos), "topic_type_hash": type_hash}
-            channel_id = self._mcap.register_channel(topic.name, "cdr", schema_id, metadata)
+            channel_id = self._mcap.add_channel(topic.name, schema_id, metadata)
             channel = self._channels[topic.name] = _Channel(channel_id, topic, type_hash)
         elif channel.topic.type != topic.type:
             raise AdvpipeError(
@@ -142,13 +142,18 @@ class BagWriter:
     def _finish(self) -> None:
         information = self._information()
         self._mcap.add_metadata("rosbag2", {"serialized_metadata": _single_lines(information)})
-        self._mcap.add_metadata(RECORD_NAME, seal(self._provenance))
-        self._mcap.finish()  # type: ignore[no-untyped-call]
+        self._mcap.finish()
         self._file.close()
         metadata = _single_lines({"rosbag2_bagfile_information": information})
         (self._folder.path / METADATA_NAME).write_text(metadata, encoding="utf-8")
 
     def _discard(self) -> None:
+        try:
+            self._mcap.abort()
+        finally:
+            self._remove()
+
+    def _remove(self) -> None:
         with suppress(OSError):  # a full disk: what the buffer still holds is lost with the folder
             self._file.close()
         self._folder.discard()

@@ -1,0 +1,69 @@
+"""Timing on a machine that others share: two ways side by side, in one process, in turns."""
+
+from __future__ import annotations
+
+import os
+import platform
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Times in seconds of the same work done two ways, one of each per round."""
+
+    name: str
+    ours_s: tuple[float, ...]
+    peer_s: tuple[float, ...]
+
+    @property
+    def ratio(self) -> float:
+        """How many times as fast as the peer we are: the median over the rounds."""
+        return statistics.median(peer / ours for ours, peer in zip(self.ours_s, self.peer_s, strict=True))
+
+    def line(self, amount: float, unit: str, mark: float) -> str:
+        """One line: both rates, as medians of `amount` a run, the ratio and whether it reaches the mark."""
+        ours, peer = (amount / statistics.median(times) for times in (self.ours_s, self.peer_s))
+        verdict = "ok" if self.ratio >= mark else "BELOW"
+        return (
+            f"{self.name:<34} ours {ours:9,.1f}  peer {peer:9,.1f} {unit}  "
+            f"ratio {self.ratio:5.2f}  mark {mark:.2f}  {verdict}"
+        )
+
+
+def compare(name: str, ours: Callable[[], object], peer: Callable[[], object], rounds: int) -> Comparison:
+    """Times both once a round; who goes first changes. A round before them warms up and does not count."""
+    times: dict[Callable[[], object], list[float]] = {ours: [], peer: []}
+    for number in range(rounds + 1):
+        for work in (ours, peer) if number % 2 else (peer, ours):
+            start_s = time.perf_counter()
+            work()
+            if number:
+                times[work].append(time.perf_counter() - start_s)
+    return Comparison(name, tuple(times[ours]), tuple(times[peer]))
+
+
+def machine() -> str:
+    """What the figures were measured on, in one line."""
+    load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
+    return (
+        f"{_processor()}, {os.cpu_count()} cores{load}; {platform.system()} {platform.machine()}, "
+        f"Python {platform.python_version()}"
+    )
+
+
+def _processor() -> str:
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as lines:
+            names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    except OSError:
+        names = []
+    return names[0] if names else platform.processor() or "unknown processor"
+
+
+def finish(passed: bool) -> None:
+    """Ends the program: exit code 1 where a mark was missed."""
+    sys.exit(0 if passed else 1)
