@@ -13,7 +13,7 @@ ROOM_M = 3.5
 """How far behind the facade the rooms end."""
 
 RECESS_M = 0.12
-FOOT_M = 0.6
+FOOT_M = 1.5
 """Walls reach so far below the ground: it may slope."""
 
 WALLS = ("plaster", "masonry", "facade_concrete", "facade_dark")

@@ -41,7 +41,8 @@ def build_ground(network: RoadNetwork, roads: Roads, rng: np.random.Generator) -
     streets = shapely.unary_union([shapely.LineString(line[:, :2]) for line in kerbs])
     # A pavement goes on below a bridge, and ends where a road of another deck begins.
     spans = [
-        deck.area.difference(deck.area.intersection(lowest.area).buffer(8.0)) for deck in roads.decks[1:]
+        deck.area.difference(deck.area.intersection(lowest.area).buffer(-0.5).buffer(8.5))
+        for deck in roads.decks[1:]
     ]
     taken = shapely.unary_union([lowest.area, roads.medians, *spans])
     for inner_m, outer_m, material in PAVEMENT_M:
@@ -125,23 +126,29 @@ def _grass(roads: Roads, rng: np.random.Generator) -> Mesh:
     corners = (cells[:, None] + np.array([[0, 0], [1, 0], [1, 1], [0, 1]])).reshape(-1, 2)
     nodes, node_of_corner = np.unique(corners, axis=0, return_inverse=True)
     xy_m = nodes * GROUND_CELL_M
-    z_m = _terrain(xy_m, roads) - 0.03 - 0.09 * rng.random(len(nodes))
+    z_m = terrain_at(xy_m, roads) - 0.03 - 0.09 * rng.random(len(nodes))
     quads = node_of_corner.reshape(-1, 4)
     triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
     return surface(np.column_stack([xy_m, z_m]), triangles, "grass")
 
 
-def _terrain(xy_m: Float64, roads: Roads) -> Float64:
-    """The roads' own height beside them; an embankment leads up to a bridge, and never over a road."""
+def terrain_at(xy_m: Float64, roads: Roads) -> Float64:
+    """Height of the ground at places (N, 2), its unevenness apart: (N,).
+
+    That of the nearest road; an embankment leads up to a bridge, and never covers a lower road.
+    """
     if roads.is_flat:
         return roads.decks[0].height_at(xy_m)
+    nearest_m = np.full(len(xy_m), np.inf)
+    terrain = np.zeros(len(xy_m))
     rise = []
     for deck in roads.decks:
-        for count in (1, 64):
-            distance_m, nearest = deck.tree.query(xy_m, k=min(count, len(deck.samples_m)))
-            # The cell's own size: a node may not rise over a road that passes inside its cell.
-            beyond_m = np.maximum(distance_m - 1.5 * GROUND_CELL_M, 0.0)
-            height_m = deck.samples_m[nearest, 2] + EMBANKMENT_SLOPE * beyond_m
-            rise.append(height_m if height_m.ndim == 1 else height_m.min(axis=1))
-    terrain: Float64 = np.min(rise, axis=0)
-    return terrain
+        distances_m, nearest = deck.tree.query(xy_m, k=list(range(1, 65)))
+        heights_m = np.append(deck.samples_m[:, 2], np.inf)[nearest]
+        terrain = np.where(distances_m[:, 0] < nearest_m, heights_m[:, 0], terrain)
+        nearest_m = np.minimum(nearest_m, distances_m[:, 0])
+        # A cell's own size: none of its corners may rise over a road that passes inside it.
+        beyond_m = np.maximum(np.where(np.isfinite(distances_m), distances_m, 0.0) - 1.5 * GROUND_CELL_M, 0.0)
+        rise.append((heights_m + EMBANKMENT_SLOPE * beyond_m).min(axis=1))
+    lowest: Float64 = np.minimum(terrain, np.min(rise, axis=0))
+    return lowest

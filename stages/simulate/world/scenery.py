@@ -14,6 +14,7 @@ from advpipe.stages.simulate.road_users import RoadUser
 from advpipe.stages.simulate.world import furniture, trees
 from advpipe.stages.simulate.world.bodies import Variant
 from advpipe.stages.simulate.world.buildings import building
+from advpipe.stages.simulate.world.ground import terrain_at
 from advpipe.stages.simulate.world.mesh import Mesh, box, merge
 from advpipe.stages.simulate.world.occupied import Occupied
 from advpipe.stages.simulate.world.roads import KERB_M, Roads
@@ -125,7 +126,7 @@ def build_scenery(scenario: Scenario, roads: Roads, occupied: Occupied, rng: np.
                 thing = draw(rng)
                 pose = plot.at(thing.offset_m, 0.0, thing.turn_rad)
                 if thing.offset_m > WALKWAY_OFFSET_M and not roads.is_flat:
-                    pose[2, 3] = float(roads.height_at(pose[:2, 3]))
+                    pose[2, 3] = terrain_at(pose[None, :2, 3], roads)[0]
                 elif thing.offset_m < BESIDE_WALKWAY_M[0] and lines is roads.kerbs_m:
                     pose[2, 3] += KERB_M
                 if occupied.take(pose, thing.length_m, thing.width_m):
@@ -135,7 +136,7 @@ def build_scenery(scenario: Scenario, roads: Roads, occupied: Occupied, rng: np.
 
 def _object(index: int, given: UserObject, roads: Roads) -> Mesh:
     mesh = load_mesh(given.mesh, f"environment.objects.{index}", given.material, given.scale)
-    ground_m = float(roads.height_at(np.array([given.x_m, given.y_m])))
+    ground_m = float(terrain_at(np.array([[given.x_m, given.y_m]]), roads)[0])
     return mesh.transformed(se3_from_yaw((given.x_m, given.y_m, ground_m + given.z_m), given.yaw_rad))
 
 
@@ -190,7 +191,7 @@ def _clutter(rng: np.random.Generator) -> _Thing:
     offset_m, turn_rad = rng.uniform(*BESIDE_WALKWAY_M), rng.normal(0, 0.15)
     long_m = rng.uniform(3.0, 14.0)
     if kind == 0:
-        width_m = rng.uniform(0.6, 1.1)
+        width_m, long_m = rng.uniform(0.6, 1.1), min(long_m, 6.0)
         mesh = trees.hedge(long_m, width_m, rng.uniform(0.8, 1.9), rng)
         return _Thing(mesh, long_m, width_m, offset_m, 0.2 * turn_rad)
     if kind == 1:
