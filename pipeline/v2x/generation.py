@@ -9,13 +9,12 @@ from enum import Flag, auto
 from advpipe.pipeline.seeding import named_generator
 from advpipe.pipeline.v2x.cam import Cam, LowFrequency, cam_of_state
 from advpipe.pipeline.v2x.cam_tree import encode_cam
+from advpipe.pipeline.v2x.ellipsoid import east_north_m
 from advpipe.pipeline.v2x.path_history import PathHistory
 from advpipe.pipeline.v2x.station_state import StationState
 
 CHECK_INTERVAL_NS = 100_000_000
 """T_CheckCamGen."""
-
-_WGS84_A_M, _WGS84_E2 = 6_378_137.0, 0.00669437999014
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,7 +110,9 @@ class CamGenerator:
             return Cause.FIRST
         if abs(math.remainder(state.heading_rad - last.heading_rad, math.tau)) > rules.heading_change_rad:
             cause |= Cause.HEADING
-        if distance_m(last, state) > rules.position_change_m:
+        place = state.latitude_deg, state.longitude_deg
+        moved_m = math.hypot(*east_north_m(last.latitude_deg, last.longitude_deg, *place))
+        if moved_m > rules.position_change_m:
             cause |= Cause.POSITION
         if abs(state.speed_mps - last.speed_mps) > rules.speed_change_mps:
             cause |= Cause.SPEED
@@ -133,20 +134,6 @@ def first_check_ns(active_ns: int, seed: int, station_id: int) -> int:
     """
     rng = named_generator(seed, "v2x/check-phase", station_id)
     return active_ns + CHECK_INTERVAL_NS + int(rng.integers(CHECK_INTERVAL_NS))
-
-
-def distance_m(a: StationState, b: StationState) -> float:
-    """Horizontal distance of two places near each other, by the ellipsoid's radii of curvature there.
-
-    Within 1e-6 of the geodesic over 100 m, away from the poles.
-    """
-    middle_rad = math.radians((a.latitude_deg + b.latitude_deg) / 2)
-    squeeze = 1 - _WGS84_E2 * math.sin(middle_rad) ** 2
-    across_m = _WGS84_A_M / math.sqrt(squeeze)
-    along_m = across_m * (1 - _WGS84_E2) / squeeze
-    east_rad = math.radians(math.remainder(b.longitude_deg - a.longitude_deg, 360.0))
-    north_rad = math.radians(b.latitude_deg - a.latitude_deg)
-    return math.hypot(across_m * math.cos(middle_rad) * east_rad, along_m * north_rad)
 
 
 def _ns(seconds: float) -> int:

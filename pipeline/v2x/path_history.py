@@ -7,6 +7,7 @@ from collections import deque
 from typing import NamedTuple
 
 from advpipe.pipeline.v2x.cam import MAX_PATH_POINTS, PathPoint
+from advpipe.pipeline.v2x.ellipsoid import east_north_m
 
 ALLOWABLE_ERROR_M = 0.47
 """No place passed lies farther from the line through the points told."""
@@ -18,7 +19,6 @@ MAX_DELTA_STEPS = 131_071
 _HALF_TURN_STEPS = 1_800_000_000
 _MAX_TICKS = 65_535
 _MIN_MOVE_M = 0.2
-_M_PER_DEGREE = 111_195.0
 
 
 class _Place(NamedTuple):
@@ -105,10 +105,7 @@ class PathHistory:
 
 
 def _offset_m(origin: _Place, place: _Place) -> tuple[float, float]:
-    """East and north, on a sphere: within 1 % over the few metres that matter here."""
-    east_deg = math.remainder(place.longitude_deg - origin.longitude_deg, 360.0)
-    scale = _M_PER_DEGREE * math.cos(math.radians(origin.latitude_deg))
-    return east_deg * scale, (place.latitude_deg - origin.latitude_deg) * _M_PER_DEGREE
+    return east_north_m(origin.latitude_deg, origin.longitude_deg, place.latitude_deg, place.longitude_deg)
 
 
 def _distance_m(origin: _Place, place: _Place) -> float:

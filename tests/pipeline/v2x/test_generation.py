@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import pyproj
 import pytest
 
 from advpipe.pipeline.v2x.cam_tree import decode_cam
@@ -15,7 +14,6 @@ from advpipe.pipeline.v2x.generation import (
     CamGenerator,
     Cause,
     GeneratedCam,
-    distance_m,
     first_check_ns,
 )
 from advpipe.pipeline.v2x.station_state import StationState
@@ -112,13 +110,3 @@ def test_check_phases_differ_and_repeat() -> None:
     histogram, _ = np.histogram(phases, bins=4, range=(1e8, 2e8))
     assert histogram.min() > 30
     assert first_check_ns(0, 8, 0) != phases[0]
-
-
-def test_distance_is_the_geodesic(car: Car) -> None:
-    geod, rng = pyproj.Geod(ellps="WGS84"), np.random.default_rng(0)
-    for _ in range(300):
-        latitude, longitude = rng.uniform(-80, 80), rng.uniform(-180, 180)
-        far_longitude, far_latitude, _ = geod.fwd(longitude, latitude, rng.uniform(0, 360), 100)
-        a = car(latitude_deg=latitude, longitude_deg=longitude)
-        b = car(latitude_deg=far_latitude, longitude_deg=far_longitude)
-        assert distance_m(a, b) == pytest.approx(100, abs=1e-4)
