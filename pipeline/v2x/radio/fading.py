@@ -36,7 +36,8 @@ def nakagami_db(uniform: Float64, distance_m: Float64) -> Float64:
     starts = np.searchsorted(NAKAGAMI_UP_TO_M, distance_m) * table.shape[1] + left
     low: Float64 = table.ravel()[starts]
     high: Float64 = table.ravel()[starts + 1]
-    return low + (places - left) * (high - low)
+    gain_db: Float64 = low + (places - left) * (high - low)
+    return gain_db
 
 
 @cache
@@ -46,4 +47,5 @@ def _quantiles_db() -> Float64:
 
     shapes = np.array(NAKAGAMI_SHAPES)[:, None]
     lower, upper = gammaincinv(shapes, expit(_LOGITS)), gammainccinv(shapes, expit(-_LOGITS))
-    return np.asarray(10 * np.log10(np.where(_LOGITS < 0, lower, upper) / shapes))
+    quantiles: Float64 = 10 * np.log10(np.where(_LOGITS < 0, lower, upper) / shapes)
+    return quantiles

@@ -42,22 +42,18 @@ class Receiver:
         snr_db = power_dbm - radio.noise_dbm
         noise_mw = 10 ** (radio.noise_dbm / 10)
         sinr_db = snr_db - 10 * np.log10(1 + interference_mw / noise_mw)
-        is_audible = power_dbm >= radio.sensitivity_dbm
         keys = key.view(np.uint64)
-        row, column = np.nonzero(is_audible)
-        luck = np.ones_like(power_dbm)
-        luck[row, column] = self._draws.of_pairs("errors", keys[row], stations.ids[column].astype(np.uint64))
-        fails = [luck > self._success(ratio_db, bits, is_audible) for ratio_db in (sinr_db, snr_db)]
-
+        is_audible = power_dbm >= radio.sensitivity_dbm
         outcome: UInt8 = np.full(power_dbm.shape, Outcome.RECEIVED, np.uint8)
-        for is_lost, why in (
-            (fails[0], Outcome.INTERFERENCE),
-            (fails[1], Outcome.NOISE),
-            (is_busy, Outcome.BUSY),
-            (~is_audible, Outcome.WEAK),
-            (is_sending, Outcome.SENDING),
-        ):
-            outcome[is_lost] = why
+        row, column = np.nonzero(is_audible)
+        luck = self._draws.of_pairs("errors", keys[row], stations.ids[column].astype(np.uint64))
+        fails = luck > self._success(sinr_db[row, column], bits[row])
+        row, column, luck = row[fails], column[fails], luck[fails]
+        fails_anyway = luck > self._success(snr_db[row, column], bits[row])
+        outcome[row, column] = np.where(fails_anyway, Outcome.NOISE, Outcome.INTERFERENCE)
+        outcome[is_busy] = Outcome.BUSY
+        outcome[~is_audible] = Outcome.WEAK
+        outcome[is_sending] = Outcome.SENDING
         senders = np.array([frame.sender for frame in final], np.int64)
         present = senders >= 0
         outcome[np.flatnonzero(present), senders[present]] = Outcome.OWN
@@ -100,12 +96,10 @@ class Receiver:
                     )
         return interference_mw, is_busy, is_sending
 
-    def _success(self, ratio_db: Float64, bits: Int64, is_audible: Bool) -> Float64:
-        """The chance (M, S) of whole messages; 0 where nothing is audible, or below the set threshold."""
-        chance = np.zeros_like(ratio_db)
-        row, column = np.nonzero(is_audible & (ratio_db >= self._radio.snir_threshold_db))
-        chance[row, column] = success_rate(ratio_db[row, column], bits[row], self._channel_bitrate_mbps)
-        return chance
+    def _success(self, ratio_db: Float64, bits: Int64) -> Float64:
+        """The chance of whole messages; none below the threshold that is set."""
+        chance = success_rate(ratio_db, bits, self._channel_bitrate_mbps)
+        return np.where(ratio_db >= self._radio.snir_threshold_db, chance, 0.0)
 
     def _arrival_ns(
         self, end_ns: Int64, distance_m: Float64, keys: UInt64, stations: Stations, outcome: UInt8

@@ -1,0 +1,73 @@
+import numpy as np
+import pytest
+
+from advpipe.pipeline.v2x.radio.error_rate import (
+    HALF,
+    MODULATIONS,
+    THREE_QUARTERS,
+    TWO_THIRDS,
+    Code,
+    success_rate,
+)
+
+PUNCTURING = {HALF: ((1,), (1,)), TWO_THIRDS: ((1, 1), (1, 0)), THREE_QUARTERS: ((1, 1, 0), (1, 0, 1))}
+"""Which bits of the two generators' are sent (IEEE 802.11-2016, 17.3.5.6)."""
+
+
+@pytest.mark.parametrize(
+    ("octets", "snr_db"), [(350, (5.66, 6.01, 6.56, 7.22)), (200, (5.50, 5.84, 6.39, 7.06))]
+)
+def test_six_mbps_as_other_simulators_have_it(octets: int, snr_db: tuple[float, ...]) -> None:
+    rates = success_rate(np.array(snr_db), 8 * octets, 6.0)
+    np.testing.assert_allclose(rates, [0.1, 0.5, 0.9, 0.99], atol=0.012)
+
+
+def weights(code: Code, count: int) -> list[int]:
+    """Information errors of the paths that leave the zero state and return, by distance, from the trellis."""
+    patterns, period = PUNCTURING[code], code.bits
+    limit = code.distances[count - 1]
+    total = np.zeros(limit + 1, np.int64)
+    for phase in range(period):
+        paths = {0: (np.eye(1, limit + 1, dtype=np.int64)[0], np.zeros(limit + 1, np.int64))}
+        step = phase
+        while paths:
+            onward: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+            for state, (number, errors) in paths.items():
+                for bit in (1,) if step == phase else (0, 1):
+                    register = bit << 6 | state
+                    distance = sum(
+                        (register & generator).bit_count() % 2 * pattern[step % period]
+                        for generator, pattern in zip((0o133, 0o171), patterns, strict=True)
+                    )
+                    moved = [np.concatenate([np.zeros(distance, np.int64), row])[: limit + 1] for row in (
+                        number, errors + bit * number
+                    )]  # fmt: skip
+                    if register >> 1 == 0:
+                        total += moved[1]
+                    elif moved[0].any():
+                        known = onward.get(register >> 1, (0, 0))
+                        onward[register >> 1] = (known[0] + moved[0], known[1] + moved[1])
+            paths, step = onward, step + 1
+    return [int(total[distance]) for distance in code.distances[:count]]
+
+
+@pytest.mark.oracle
+@pytest.mark.parametrize("code", [HALF, TWO_THIRDS, THREE_QUARTERS], ids=["1/2", "2/3", "3/4"])
+def test_the_spectra_are_those_of_the_codes(code: Code) -> None:
+    assert weights(code, len(code.weights)) == list(code.weights)
+
+
+@pytest.mark.parametrize("rate", MODULATIONS)
+def test_success_rises_from_none_to_all(rate: float) -> None:
+    rates = success_rate(np.linspace(-20, 45, 400), 8 * 300, rate)
+    assert (np.diff(rates) >= -1e-12).all()
+    assert rates[0] == 0
+    assert rates[-1] == 1
+
+
+def test_faster_needs_more() -> None:
+    needed_db = [
+        np.interp(0.5, success_rate(g := np.linspace(-5, 30, 2000), 2800, r), g) for r in MODULATIONS
+    ]
+    assert needed_db[2] == pytest.approx(needed_db[0] + 3.01, abs=0.02)  # QPSK against BPSK
+    assert (np.diff(np.delete(needed_db, 1)) > 0).all()  # BPSK 3/4 needs about what QPSK 1/2 does
