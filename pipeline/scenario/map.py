@@ -24,7 +24,11 @@ class Generator(Section):
 
     kind: Literal["grid", "spider", "random"] = "grid"
     size: int = Field(
-        4, ge=2, le=40, description="junctions along a side, arms of a spider, or hundreds of metres"
+        4,
+        ge=2,
+        le=40,
+        description="junctions along a side of a grid; arms of a spider, with half as many rings; "
+        "a random network has about its square of junctions",
     )
     block_m: Positive = Field(160.0, le=2000, description="distance between junctions")
     lanes: int = Field(2, ge=1, le=4, description="of each direction")

@@ -64,7 +64,9 @@ class Traffic(Section):
     pedestrians: int = Field(40, ge=0, le=5000, description="people on foot beside the roads")
     parked_per_km: NotNegative = Field(15.0, le=150, description="parked cars per kilometre of kerb")
     routes: File | None = Field(
-        None, description="a SUMO route file of the user's, which replaces `vehicles` and `mix`"
+        None,
+        description="a SUMO route file of the user's, which replaces `vehicles` and `mix`; "
+        "its times count from the start of the warm-up",
     )
     sumo_config: File | None = Field(
         None,
@@ -101,7 +103,7 @@ class Vehicle(Section):
         None, description="edges of the network in order; drawn from the seed if left out"
     )
     speed_mps: Positive | None = Field(
-        None, le=70, description="speed wished for; that of the road if left out"
+        None, le=70, description="speed wished for where the road allows it; that of the road if left out"
     )
 
 

@@ -65,6 +65,16 @@ class Edge:
     def width_m(self) -> float:
         return sum(lane.width_m for lane in self.lanes)
 
+    @property
+    def is_true_to_length(self) -> bool:
+        """Whether its lanes for cars are about as long as SUMO counts them.
+
+        A lane that netconvert cut off in a hairpin bend has SUMO drive whole columns on a few metres.
+        """
+        lengths_m = [np.linalg.norm(np.diff(lane.centre_m, axis=0), axis=1).sum() for lane in self.lanes]
+        cars = [length_m for length_m, lane in zip(lengths_m, self.lanes, strict=True) if lane.for_cars]
+        return self.length_m < 5 or all(0.7 < length_m / self.length_m < 1.4 for length_m in cars)
+
 
 @dataclass(frozen=True)
 class RoadNetwork:

@@ -10,6 +10,9 @@ from pathlib import Path
 
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.scenario.map import Generator, Map
+from advpipe.stages.simulate.network_repair import repair_lanes
+
+GUESSED_LIGHTS = ("--tls.guess", "--tls.default-type", "actuated", "--tls.max-dur", "25")
 
 
 @dataclass(frozen=True)
@@ -80,10 +83,11 @@ def _convert_opendrive(path: Path, scratch: Path) -> Path:
     out = scratch / "network.net.xml"
     command = ["--opendrive-files", str(path), "--output-file", str(out), "--no-warnings"]
     if root.find(".//signal") is None:
-        command += ["--tls.guess", "--tls.default-type", "actuated"]
+        command += [*GUESSED_LIGHTS]
     done = subprocess.run([sumo_program("netconvert"), *command], capture_output=True, text=True)
     if done.returncode != 0 or not out.is_file():
         raise AdvpipeError(f"{path}: netconvert cannot read it: {last_error(done)}")
+    repair_lanes(out)
     return out
 
 
@@ -101,7 +105,7 @@ def _generate(generator: Generator, scratch: Path, seed: int) -> Path:
     out = scratch / "generated.net.xml"
     command = [*shapes[generator.kind], "--seed", str(seed % 2**31), "--output-file", str(out)]
     command += ["--default.lanenumber", str(generator.lanes), "--default.speed", str(generator.speed_mps)]
-    command += ["--tls.guess", "--tls.default-type", "actuated", "--no-turnarounds.except-deadend", "true"]
+    command += [*GUESSED_LIGHTS, "--no-turnarounds.except-deadend", "true"]
     done = subprocess.run([sumo_program("netgenerate"), *command], capture_output=True, text=True)
     if done.returncode != 0 or not out.is_file():
         raise AdvpipeError(f"map.generator: netgenerate cannot make this network: {last_error(done)}")

@@ -16,8 +16,10 @@ from advpipe.stages.simulate.world.bodies import Variant
 SPAWN_DISTANCE_M = 150.0
 """Vehicles that fill up the traffic appear at least this far from every instrumented vehicle."""
 
+STOP_EDGES = 5
+"""A vehicle that carries sensors is told where to stop this many edges before its route's end."""
+
 STRANDED_AFTER_S = 4.0
-STRANDED_BEFORE_END_M = 40.0
 
 
 class Population:
@@ -56,7 +58,6 @@ class Population:
         self._add(name, f"{vehicle.body}.0", route, lane)
         if vehicle.speed_mps is not None:
             libsumo.vehicle.setMaxSpeed(name, vehicle.speed_mps)
-        self._stop_at_the_end(name, route[-1])
 
     def fill_up(self, others: Collection[str], keep_away_m: Sequence[Float64]) -> None:
         """Adds what is missing beside `others`, no vehicle within `SPAWN_DISTANCE_M` of places (3,)."""
@@ -83,7 +84,7 @@ class Population:
                 self._add(name, variant, route, str(lane), share * edge.length_m)
 
     def free_stranded(self, names: Collection[str], elapsed_s: float) -> None:
-        """Sends those on along their lane who stand at its end and were to go where it does not lead.
+        """Sends those on along their lane who stand on one that their route does not follow.
 
         A driver who finds no gap to the lane that he needs blocks his own for ever otherwise.
         """
@@ -95,20 +96,33 @@ class Population:
                 self._waited_s.pop(name, None)
                 continue
             self._waited_s[name] = self._waited_s.get(name, 0.0) + elapsed_s
-            if self._waited_s[name] < STRANDED_AFTER_S:
+            lane_id = vehicle.getLaneID(name)
+            if self._waited_s[name] < STRANDED_AFTER_S or not lane_id:
                 continue
-            edge = self._network.edges.get(vehicle.getRoadID(name))
-            if edge is None or edge.length_m - vehicle.getLanePosition(name) > STRANDED_BEFORE_END_M:
+            if not any(lane == lane_id and offset for lane, _, _, offset, *_ in vehicle.getBestLanes(name)):
                 continue
-            route, index = vehicle.getRoute(name), vehicle.getRouteIndex(name)
-            lane = vehicle.getLaneIndex(name)
-            ways = [link.to_edge for link in edge.connections if link.from_lane == lane]
-            if not ways or index + 1 >= len(route) or route[index + 1] in ways:
-                continue
-            onward = self._routes.random_walk(edge, lane, self._enough_m, at_its_end=True)
-            vehicle.setRoute(name, onward)
-            if name in self._scenario.vehicles:
-                self._stop_at_the_end(name, onward[-1])
+            self._waited_s.pop(name)
+            edge_id, _, index = lane_id.rpartition("_")
+            route = [vehicle.getRoute(name)[vehicle.getRouteIndex(name)]]
+            edge, lane = self._network.edges.get(edge_id), int(index)
+            if edge is not None and any(link.from_lane == lane for link in edge.connections):
+                route = self._routes.random_walk(edge, lane, self._enough_m, at_its_end=True)
+                vehicle.setRoute(name, route)
+
+    def stop_at_the_end(self, name: str) -> None:
+        """Lets a vehicle that carries sensors outlive its road.
+
+        SUMO takes the first time that a route comes to the stop's edge, so it is told at the last one.
+        """
+        import libsumo
+
+        vehicle = libsumo.vehicle
+        ahead = vehicle.getRoute(name)[max(vehicle.getRouteIndex(name), 0) :]
+        if len(ahead) > STOP_EDGES or ahead.count(ahead[-1]) > 1 or vehicle.getStops(name, 1):
+            return
+        edge = self._network.edges[ahead[-1]]
+        stop_m = max(edge.length_m - 1.0, 0.5 * edge.length_m)
+        vehicle.setStop(name, edge.id, pos=stop_m, laneIndex=edge.car_lane, duration=1e6)
 
     def _add(
         self, name: str, variant: str, route: list[str], lane: str, position_m: float | None = None
@@ -125,14 +139,6 @@ class Population:
             departPos="random_free" if position_m is None else f"{position_m:.2f}",
             departSpeed="max",
         )
-
-    def _stop_at_the_end(self, name: str, last: str) -> None:
-        """It outlives its road."""
-        import libsumo
-
-        edge = self._network.edges[last]
-        stop_m = max(edge.length_m - 1.0, 0.5 * edge.length_m)
-        libsumo.vehicle.setStop(name, last, pos=stop_m, laneIndex=edge.car_lane, duration=1e6)
 
     def _new_name(self, body: str, loaded: set[str], others: Collection[str]) -> str:
         while True:

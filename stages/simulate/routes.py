@@ -10,8 +10,8 @@ import numpy as np
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.simulate.network import Connection, Edge, RoadNetwork, endless_edges
 
-LANE_CHANGE_M = 120.0
-"""A random walk moves over by one lane at most for each such length of an edge."""
+LANE_CHANGE_S = 9.0
+"""A random walk moves over by one lane at most for each such time on an edge."""
 
 
 class Routes:
@@ -20,7 +20,7 @@ class Routes:
     def __init__(self, network: RoadNetwork, rng: np.random.Generator) -> None:
         self._network = network
         self._rng = rng
-        self._edges = network.drivable
+        self._edges = [edge for edge in network.drivable if edge.is_true_to_length] or network.drivable
         lengths_m = np.array([edge.length_m * len(edge.lanes) for edge in self._edges])
         self._shares = lengths_m / lengths_m.sum()
         self._endless = endless_edges(self._edges)
@@ -49,9 +49,13 @@ class Routes:
         back only where it must. `at_its_end`: no room is left to change lanes on `start`.
         """
         route, walked_m = [start.id], start.length_m
-        reach = 0 if at_its_end else self._reach(start)
+        reach = self._reach(start)
         while walked_m < length_m:
-            choices = self._choices(self._network.edges[route[-1]], lane, reach)
+            here = self._network.edges[route[-1]]
+            if at_its_end and len(route) == 1:
+                choices = [link for link in here.connections if link.from_lane == lane]
+            else:
+                choices = self._choices(here, lane, reach)
             if not choices:
                 break
             chosen = choices[int(self._rng.integers(len(choices)))]
@@ -99,7 +103,7 @@ class Routes:
 
     @staticmethod
     def _reach(edge: Edge) -> int:
-        return int(edge.length_m / LANE_CHANGE_M)
+        return int(edge.length_m / (LANE_CHANGE_S * edge.speed_mps))
 
     def _returns(self, here: Edge, link: Connection) -> bool:
         there = self._network.edges[link.to_edge]

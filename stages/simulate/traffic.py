@@ -165,6 +165,10 @@ class Traffic:
         every = max(round(1.0 / step_s), 1)
         if self._steps % every == 0:
             self._population.free_stranded(self._rerouted(), every * step_s)
+            present = set(libsumo.vehicle.getIDList())
+            for name, vehicle in self._scenario.vehicles.items():
+                if vehicle.driver == "traffic" and name in present:
+                    self._population.stop_at_the_end(name)
 
     def _time_s(self, frame: int) -> float:
         return round(frame * self._scenario.simulation.step_s, 9)

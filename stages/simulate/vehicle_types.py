@@ -9,7 +9,7 @@ import numpy as np
 
 from advpipe.stages.simulate.world.bodies import Variant
 
-CARS = ("sedan", "hatchback", "suv", "pickup")
+CARS = ("sedan", "hatchback", "estate", "suv", "pickup")
 BODIES_OF_CLASS: dict[str, tuple[str, ...]] = {
     "passenger": CARS,
     "private": CARS,
@@ -24,13 +24,13 @@ BODIES_OF_CLASS: dict[str, tuple[str, ...]] = {
     "ignoring": CARS,
     "delivery": ("van",),
     "emergency": ("van",),
-    "truck": ("box_truck",),
-    "trailer": ("box_truck",),
-    "bus": ("bus",),
+    "truck": ("box_truck", "semi_trailer"),
+    "trailer": ("semi_trailer",),
+    "bus": ("minibus", "bus"),
     "coach": ("bus",),
     "motorcycle": ("motorcycle",),
-    "moped": ("motorcycle",),
-    "scooter": ("motorcycle",),
+    "moped": ("scooter",),
+    "scooter": ("scooter",),
     "bicycle": ("bicycle",),
     "wheelchair": ("bicycle",),
 }
@@ -72,6 +72,8 @@ def vehicle_types_xml(variants: Mapping[str, Variant]) -> str:
             "accel": body.acceleration_mps2,
             "latAlignment": "right" if body.label == "cyclist" else "center",
             "minGapLat": 0.4,
+            "lcMaxSpeedLatStanding": 0.0,
+            "lcMaxSpeedLatFactor": 0.25,
         }
         text = " ".join(f"{key}={quoteattr(str(value))}" for key, value in attributes.items())
         lines.append(f"  <vType {text}/>")
