@@ -145,14 +145,11 @@ def _outshone(points: _Points, echoes: Echoes, reach_m: Float32) -> _Points:
     power[points.rays] = points.signal / np.square(points.range_m)
     stronger = echoes.signal > power[echoes.rays] * np.square(echoes.range_m)
     stronger &= echoes.range_m < reach_m[echoes.rays]
-    rays = echoes.rays[stronger]
-    replaced = np.zeros(len(reach_m), np.bool_)
-    replaced[rays] = True
-    left = ~replaced[points.rays]
-    order = np.argsort(np.concatenate([points.rays[left], rays]), kind="stable")
-    return _Points(
-        np.concatenate([points.rays[left], rays])[order],
-        np.concatenate([points.range_m[left], echoes.range_m[stronger]])[order],
-        np.concatenate([points.signal[left], echoes.signal[stronger]])[order],
-        np.concatenate([points.objects[left], np.full(len(rays), -1, np.int32)])[order],
-    )
+    both = [echoes.rays[stronger], echoes.range_m[stronger], echoes.signal[stronger]]
+    nobody = np.full(len(both[0]), -1, np.int32)
+    joined = [np.concatenate(pair) for pair in zip(points, [*both, nobody], strict=True)]
+    # The last that names a ray has it: the echo. Slots keep the order of the rays without sorting.
+    slot = np.full(len(reach_m), -1, np.int64)
+    slot[joined[0]] = np.arange(len(joined[0]))
+    order = slot[slot >= 0]
+    return _Points(*(column[order] for column in joined))

@@ -134,12 +134,11 @@ class Particles:
         range_m = np.linspace(NEAREST_M, sensor.range, 4096)
         # A particle answers with the share of the beam's area that it fills, at most with all of it.
         share = needed_signal(sensor, range_m) * np.exp(2 * extinction_per_m * range_m) / reflectivity
-        self._least_mm = 1e3 * DIVERGENCE_RAD * range_m * np.sqrt(share)
+        least_mm = 1e3 * DIVERGENCE_RAD * range_m * np.sqrt(share)
         beam_m2 = np.pi / 4 * (DIVERGENCE_RAD * range_m) ** 2
-        count_per_m3 = density_per_m3_mm / slope_per_mm * np.exp(-slope_per_mm * self._least_mm)
+        count_per_m3 = density_per_m3_mm / slope_per_mm * np.exp(-slope_per_mm * least_mm)
         per_m = np.where(share <= 1, beam_m2 * count_per_m3, 0.0)
-        self._range_m = range_m
-        self._expected, self._quantiles = _cumulated(range_m, per_m)
+        self._expected, self._quantiles = _cumulated(range_m, per_m, range_m, least_mm)
 
     @property
     def expected_per_ray(self) -> float:
@@ -149,15 +148,14 @@ class Particles:
     def echoes(self, rays: int, rng: np.random.Generator) -> Echoes:
         count = int(rng.poisson(rays * self._expected))
         hit = rng.integers(0, rays, count)
-        range_m = _drawn(self._quantiles, rng.random(count))
-        diameter_mm = np.interp(range_m, self._range_m, self._least_mm)
+        range_m, diameter_mm = _drawn(self._quantiles, rng.random(count))
         diameter_mm += rng.standard_exponential(count) / self._slope_per_mm
         filled = np.minimum(diameter_mm / (1e3 * DIVERGENCE_RAD * range_m), 1) ** 2
         signal = self._reflectivity * filled * np.exp(-2 * self.extinction_per_m * range_m)
-        by_power = np.argsort(signal / range_m**2, kind="stable")
-        strongest = np.full(rays, -1, np.int64)
-        strongest[hit[by_power]] = by_power  # of several on one ray, the last assigned stays
-        chosen = strongest[strongest >= 0]
+        power = signal / range_m**2
+        strongest = np.zeros(rays)
+        np.maximum.at(strongest, hit, power)
+        chosen = np.flatnonzero(power == strongest[hit])
         return Echoes(hit[chosen], range_m[chosen].astype(np.float32), signal[chosen].astype(np.float32))
 
 
@@ -182,36 +180,36 @@ class Fog:
         pulse = np.sin(np.pi * np.arange(step_m / 2, PULSE_M, step_m) / PULSE_M) ** 2
         power = np.pi * 0.046 / visibility_m * np.convolve(path, pulse, mode="same") * step_m
         power[range_m < NEAREST_M] = 0.0
-        self._range_m = range_m
-        self._signal = power * range_m**2
-        self._share = self._signal / needed_signal(sensor, range_m)
-        _, self._quantiles = _cumulated(range_m, power)
+        signal = power * range_m**2
+        share = signal / needed_signal(sensor, range_m)
+        self._greatest_share = np.float32(share.max())
+        _, self._quantiles = _cumulated(range_m, power, range_m, signal, share)
 
     def echoes(self, rays: int, rng: np.random.Generator) -> Echoes:
         patch = rng.standard_exponential(rays, dtype=np.float32)
         chance = rng.random(rays, dtype=np.float32)
-        able = np.flatnonzero(patch * np.float32(self._share.max()) >= 1)
-        patch, range_m = patch[able], _drawn(self._quantiles, chance[able])
-        noticed = patch * np.interp(range_m, self._range_m, self._share) >= 1
-        range_m = range_m[noticed]
-        signal = patch[noticed] * np.interp(range_m, self._range_m, self._signal)
-        return Echoes(able[noticed], range_m.astype(np.float32), signal.astype(np.float32))
+        able = np.flatnonzero(patch * self._greatest_share >= 1)
+        range_m, signal, share = _drawn(self._quantiles, chance[able])
+        noticed = np.flatnonzero(patch[able] * share >= 1)
+        able, signal = able[noticed], patch[able[noticed]] * signal[noticed]
+        return Echoes(able, range_m[noticed].astype(np.float32), signal.astype(np.float32))
 
 
 _QUANTILES = 4096
 
 
-def _cumulated(range_m: Float64, per_m: Float64) -> tuple[float, Float64]:
-    """The integral of a density over the range, and the ranges at evenly spaced shares of it."""
+def _cumulated(range_m: Float64, per_m: Float64, *columns: Float64) -> tuple[float, Float64]:
+    """The integral of a density over the range, and columns (C, Q + 1) at evenly spaced shares of it."""
     parts = (per_m[1:] + per_m[:-1]) / 2 * np.diff(range_m)
     total = np.concatenate([[0.0], np.cumsum(parts)])
-    shares = np.linspace(0, total[-1], _QUANTILES + 1)
-    return float(total[-1]), np.interp(shares, total, range_m)
+    at_m = np.interp(np.linspace(0, total[-1], _QUANTILES + 1), total, range_m)
+    return float(total[-1]), np.array([np.interp(at_m, range_m, column) for column in columns])
 
 
 def _drawn(quantiles: Float64, chance: npt.NDArray[np.floating]) -> Float64:
-    """Ranges (N,) at the shares `chance` (N,) in [0, 1) of a density."""
-    place = chance.astype(np.float64) * _QUANTILES
+    """The columns (C, N) at the shares `chance` (N,) in [0, 1)."""
+    place = chance * np.float64(_QUANTILES)
     below = np.minimum(place.astype(np.int64), _QUANTILES - 1)
-    ranges: Float64 = quantiles[below] + (place - below) * (quantiles[below + 1] - quantiles[below])
-    return ranges
+    part = place - below
+    columns: Float64 = quantiles[:, below] * (1 - part) + quantiles[:, below + 1] * part
+    return columns
