@@ -6,9 +6,11 @@ import os
 import platform
 import statistics
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 
 @dataclass(frozen=True)
@@ -25,20 +27,32 @@ class Comparison:
         return statistics.median(peer / ours for ours, peer in zip(self.ours_s, self.peer_s, strict=True))
 
     def line(self, amount: float, unit: str, mark: float) -> str:
-        """One line: both rates, as medians of `amount` a run, the ratio and whether it reaches the mark."""
+        """One line: both rates, as medians of `amount` a run, the ratio and whether it reaches the mark.
+
+        mark: 0 for a figure that nothing is asked of.
+        """
         ours, peer = (amount / statistics.median(times) for times in (self.ours_s, self.peer_s))
-        verdict = "ok" if self.ratio >= mark else "BELOW"
+        verdict = f"mark {mark:.2f}  {'ok' if self.ratio >= mark else 'BELOW'}" if mark else ""
         return (
-            f"{self.name:<34} ours {ours:9,.1f}  peer {peer:9,.1f} {unit}  "
-            f"ratio {self.ratio:5.2f}  mark {mark:.2f}  {verdict}"
-        )
+            f"{self.name:<34} ours {ours:9,.1f}  peer {peer:9,.1f} {unit}  ratio {self.ratio:5.2f}  {verdict}"
+        ).rstrip()
 
 
-def compare(name: str, ours: Callable[[], object], peer: Callable[[], object], rounds: int) -> Comparison:
-    """Times both once a round; who goes first changes. A round before them warms up and does not count."""
+def compare(
+    name: str,
+    ours: Callable[[], object],
+    peer: Callable[[], object],
+    rounds: int,
+    tidy: Callable[[], object] = lambda: None,
+) -> Comparison:
+    """Times both once a round; who goes first changes. A round before them warms up and does not count.
+
+    tidy: called before each, and not timed.
+    """
     times: dict[Callable[[], object], list[float]] = {ours: [], peer: []}
     for number in range(rounds + 1):
         for work in (ours, peer) if number % 2 else (peer, ours):
+            tidy()
             start_s = time.perf_counter()
             work()
             if number:
@@ -62,6 +76,12 @@ def _processor() -> str:
     except OSError:
         names = []
     return names[0] if names else platform.processor() or "unknown processor"
+
+
+def scratch() -> tempfile.TemporaryDirectory[str]:
+    """A folder in memory where there is one: a disk that others use makes figures of its own."""
+    memory = Path("/dev/shm")
+    return tempfile.TemporaryDirectory(dir=memory if memory.is_dir() else None)
 
 
 def finish(passed: bool) -> None:

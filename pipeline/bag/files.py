@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path, PurePosixPath
 
 import yaml
@@ -53,11 +54,16 @@ def _files_of_directory(directory: Path) -> list[Path]:
     return files
 
 
+@lru_cache(4)
+def _document(text: str) -> object:
+    return yaml.safe_load(text)
+
+
 def _information(metadata_path: Path) -> dict[str, object]:
     if metadata_path.stat().st_size > _METADATA_LIMIT_BYTES:
         raise AdvpipeError(f"{metadata_path} is too large for a rosbag2 {METADATA_NAME}")
     try:
-        document = yaml.safe_load(metadata_path.read_text(encoding="utf-8"))
+        document = _document(metadata_path.read_text(encoding="utf-8"))
     except (yaml.YAMLError, ValueError, RecursionError):
         raise AdvpipeError(f"{metadata_path} is not valid YAML") from None
     information = document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ from advpipe.pipeline.bag.cloud import Cloud
 from advpipe.pipeline.bag.frame_slice import ALL_FRAMES, FrameSlice
 from advpipe.pipeline.bag.ground_truth import LATENCY_NS, GroundTruth, objects_topic
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import VehicleTopics
+from advpipe.pipeline.bag.topics import RawMessage, VehicleTopics
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import Boxes
 
@@ -42,15 +43,18 @@ class Frame:
 
 
 def find_lidar_topic(reader: BagReader, lidar_topic: str | None = None) -> str:
-    """The named topic of clouds, or the bag's only one."""
+    """The named topic of clouds; without a name, the bag's only one, or among several the ego's `lidar`."""
     candidates = reader.topics_of_type("sensor_msgs/msg/PointCloud2")
     if not candidates:
         raise AdvpipeError(f"{reader.path} holds no LiDAR clouds (no sensor_msgs/msg/PointCloud2 topic)")
-    if lidar_topic is None and len(candidates) > 1:
-        raise AdvpipeError(f"{reader.path} has several LiDAR topics, name one: {', '.join(candidates)}")
+    default = VehicleTopics().lidar_points.name
+    if lidar_topic is None and len(candidates) > 1 and default not in candidates:
+        raise AdvpipeError(
+            f"{reader.path} has several LiDAR topics and none is {default}; name one: {', '.join(candidates)}"
+        )
     if lidar_topic is not None and lidar_topic not in candidates:
         raise AdvpipeError(f"{reader.path} has no clouds on {lidar_topic}; it has {', '.join(candidates)}")
-    return lidar_topic or candidates[0]
+    return lidar_topic or (default if default in candidates else candidates[0])
 
 
 def count_frames(path: Path, lidar_topic: str | None = None) -> int:
@@ -86,23 +90,43 @@ def _frames(reader: BagReader, topic: str, indices: range) -> Iterator[Frame]:
     objects = objects_topic(reader, topics)
     truth = GroundTruth(reader, topics, objects) if objects else None
     times_ns = reader.log_times_ns(topic)
+    latency_ns = _latency_ns(reader, topic, int(times_ns[indices[0]])) if truth else 0
     runs = [indices] if indices.step == 1 else [range(index, index + 1) for index in indices]
     for run in runs:
         first_ns, last_ns = int(times_ns[run[0]]), int(times_ns[run[-1]])
-        before = int(np.searchsorted(times_ns, first_ns))
-        is_sought, seen = False, 0
-        for index, raw in enumerate(reader.raw_messages([topic], first_ns, last_ns), start=before):
-            if index not in run:
-                continue
-            stamp_ns, frame_id, cloud = reader.cloud(raw)
-            if truth and not is_sought:
-                truth.seek(first_ns, last_ns, 0 if raw.log_time_ns == stamp_ns else LATENCY_NS)
-                is_sought = True
-            boxes = truth.boxes(stamp_ns, raw.log_time_ns, frame_id) if truth else Boxes()
-            seen += 1
-            yield Frame(index, stamp_ns, cloud, boxes)
+        index, seen = int(np.searchsorted(times_ns, first_ns)), 0
+        for raw in _with_truth(reader, topic, truth, (first_ns, last_ns), latency_ns):
+            if index in run:
+                stamp_ns, frame_id, cloud = reader.cloud(raw)
+                yield Frame(index, stamp_ns, cloud, truth.boxes(stamp_ns, frame_id) if truth else Boxes())
+                seen += 1
+            index += 1
         if seen != len(run):
             raise AdvpipeError(f"{reader.path}: damaged (the index of {topic} is wrong)")
+
+
+def _latency_ns(reader: BagReader, topic: str, log_time_ns: int) -> int:
+    """How far from a cloud its truth may have been logged; in advpipe's own bags, both have one time."""
+    first = next(iter(reader.raw_messages([topic], log_time_ns, log_time_ns)), None)
+    return 0 if first is None or reader.cloud(first).stamp_ns == log_time_ns else LATENCY_NS
+
+
+def _with_truth(
+    reader: BagReader, topic: str, truth: GroundTruth | None, span_ns: tuple[int, int], latency_ns: int
+) -> Iterator[RawMessage]:
+    """The clouds of a span in one pass over the bag, each after `truth` took all that belongs to it."""
+    first_ns, last_ns = span_ns
+    wanted = [topic, *(truth.topic_names if truth else ())]
+    waiting: deque[RawMessage] = deque()
+    for raw in reader.raw_messages(wanted, max(0, first_ns - latency_ns), last_ns + latency_ns):
+        while waiting and raw.log_time_ns > waiting[0].log_time_ns + latency_ns:
+            yield waiting.popleft()
+        if raw.topic.name != topic:
+            assert truth is not None
+            truth.take(raw)
+        elif first_ns <= raw.log_time_ns <= last_ns:
+            waiting.append(raw)
+    yield from waiting
 
 
 def _vehicle_topics(lidar_topic: str) -> VehicleTopics:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import TF, TF_STATIC, RawMessage, VehicleTopics
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
-from advpipe.pipeline.geometry.transforms import Float64, invert, yaw_of
+from advpipe.pipeline.geometry.transforms import Float64, invert
 
 LATENCY_NS = 500_000_000
 """How far apart another tool's recorder may have logged a cloud and the truth with the same stamp."""
@@ -42,31 +42,22 @@ def objects_topic(reader: BagReader, topics: VehicleTopics) -> str | None:
 
 
 class GroundTruth:
-    """Looks up the boxes for clouds asked for in time order; memory holds about a second of the bag."""
+    """Looks up the boxes for clouds asked for in time order; memory holds about a second of the bag.
+
+    topic_names: of the messages to `take`.
+    """
 
     def __init__(self, reader: BagReader, topics: VehicleTopics, objects: str) -> None:
         self._reader, self._topics, self._objects = reader, topics, objects
-        self._latency_ns = 0
         self._static = _static_transforms(reader)
-        self._raw: Iterator[RawMessage] = iter(())
-        self._next: RawMessage | None = None
         self._boxes: dict[int, tuple[str, Boxes]] = {}
         self._velocities: dict[int, dict[str, Float64]] = {}
         self._moving: dict[int, dict[str, tuple[str, Float64]]] = {}
+        self.topic_names = (objects, topics.road_users.name, topics.true_odometry.name, TF.name)
 
-    def seek(self, first_ns: int, last_ns: int, latency_ns: int) -> None:
-        """Go on with the truth of clouds logged between these times, itself logged that much apart."""
-        wanted = [self._objects, self._topics.road_users.name, self._topics.true_odometry.name, TF.name]
-        self._latency_ns = latency_ns
-        self._raw = self._reader.raw_messages(wanted, max(0, first_ns - latency_ns), last_ns + latency_ns)
-        self._next = next(self._raw, None)
-
-    def boxes(self, stamp_ns: int, log_time_ns: int, lidar_frame: str) -> Boxes:
-        """The boxes with this header stamp, in the LiDAR's frame."""
+    def boxes(self, stamp_ns: int, lidar_frame: str) -> Boxes:
+        """The boxes with this header stamp, in the LiDAR's frame; all their messages were taken before."""
         self._forget_before(stamp_ns)
-        while (raw := self._next) is not None and raw.log_time_ns <= log_time_ns + self._latency_ns:
-            self._take(raw)
-            self._next = next(self._raw, None)
         if stamp_ns not in self._boxes:
             raise AdvpipeError(
                 f"{self._reader.path}: no message of {self._objects} has the stamp {stamp_ns} ns of a cloud; "
@@ -81,7 +72,8 @@ class GroundTruth:
             return boxes
         return boxes.transformed(self._lidar_SE3(frame_id, stamp_ns, lidar_frame))
 
-    def _take(self, raw: RawMessage) -> None:
+    def take(self, raw: RawMessage) -> None:
+        """Keeps what a message of `topic_names` says."""
         message = self._reader.decode(raw)
         name = raw.topic.name
         if name == self._objects:
@@ -126,7 +118,7 @@ class GroundTruth:
         for row, detection in enumerate(message.detections):
             centre, size = detection.bbox.center, detection.bbox.size
             position = (centre.position.x, centre.position.y, centre.position.z)
-            geometry[row] = (*position, size.x, size.y, size.z, yaw_of(messages.se3_from_pose(centre)))
+            geometry[row] = (*position, size.x, size.y, size.z, _yaw(centre.orientation))
             labels[row] = self._label_of(detection)
         ids = tuple(detection.id for detection in message.detections)
         return Boxes(geometry, labels, ids, np.full((len(ids), 3), np.nan))
@@ -141,6 +133,12 @@ class GroundTruth:
                 f"{', '.join((*CLASSES, *CLASS_ALIASES))}"
             )
         return CLASSES.index(known)
+
+
+def _yaw(quaternion: Any) -> float:
+    """The heading in radians, as `yaw_of` its rotation matrix; a box has thousands of siblings."""
+    x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
+    return math.atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
 
 
 def _static_transforms(reader: BagReader) -> dict[str, tuple[str, Float64]]:

@@ -7,6 +7,7 @@ import struct
 import zlib
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from advpipe.pipeline.bag.topics import RawMessage, Topic, qos_from_yaml
 from advpipe.pipeline.errors import AdvpipeError
 
 _FOOTER = struct.Struct("<BQQQI")  # opcode, length, summary start, summary offset start, summary CRC
+_qos = lru_cache(256)(qos_from_yaml)
 _SCHEMA_ENCODINGS = ("ros2msg", "ros2idl")
 
 
@@ -190,7 +192,7 @@ class McapFile:
         return Topic(
             name=channel.topic,
             type=schema.name,
-            qos=qos_from_yaml(channel.metadata.get("offered_qos_profiles", "")),
+            qos=_qos(channel.metadata.get("offered_qos_profiles", "")),
             type_hash=channel.metadata.get("topic_type_hash", ""),
         )
 

@@ -35,11 +35,13 @@ from mcap.writer import MCAP0_MAGIC
 
 from advpipe.pipeline.bag.background import Background
 
+Buffer = bytes | memoryview
+
 ZSTD_LEVEL = 1
-COMPRESSIONS: dict[str, Callable[[bytes], bytes]] = {
+COMPRESSIONS: dict[str, Callable[[Buffer], Buffer]] = {
     "zstd": partial(zstandard.compress, level=ZSTD_LEVEL),
     "lz4": lz4.frame.compress,
-    "none": bytes,
+    "none": memoryview,
 }
 CHUNK_BYTES = 1 << 20
 """A chunk ends with the message that brings it above; a cloud is mostly a chunk of its own."""
@@ -63,6 +65,16 @@ class _Chunk:
         self.parts += parts
         self.size += sum(map(len, parts))
 
+    def joined(self, room: bytearray) -> memoryview:
+        """The records in one piece, in `room`, which grows where it is too small."""
+        if len(room) < self.size:
+            room.extend(bytes(self.size - len(room)))
+        end = 0
+        for part in self.parts:
+            start, end = end, end + len(part)
+            room[start:end] = part
+        return memoryview(room)[: self.size]
+
 
 class McapWriter:
     """An MCAP file of the `ros2` profile in the making: chunks, message indexes and every checksum.
@@ -83,6 +95,7 @@ class McapWriter:
         # From here on, what only the background touches.
         self._stream = stream
         self._position, self._data_crc = 0, 0
+        self._room = bytearray()  # kept: giving megabytes back for each chunk costs more than packing them
         self._chunk_indexes: list[ChunkIndex] = []
         self._metadata_indexes: list[MetadataIndex] = []
         self._background = Background(CHUNKS_IN_WAIT)
@@ -136,14 +149,14 @@ class McapWriter:
         self._background.call(self._write_chunk, chunk)
         self._chunk = _Chunk()
 
-    def _write(self, block: bytes) -> None:
+    def _write(self, block: Buffer) -> None:
         self._data_crc = zlib.crc32(block, self._data_crc)
         self._stream.write(block)
         self._position += len(block)
 
     def _write_chunk(self, chunk: _Chunk) -> None:
         start, first_ns, last_ns = self._position, min(chunk.times_ns), max(chunk.times_ns)
-        data = b"".join(chunk.parts)
+        data = chunk.joined(self._room)
         packed, name = self._compress(data), self._compression.encode()
         head = _CHUNK.pack(
             Opcode.CHUNK,

@@ -9,7 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from textwrap import indent
 from types import TracebackType
 from typing import IO
 
@@ -22,6 +24,8 @@ from advpipe.pipeline.bag.topics import RawMessage, Topic, qos_to_yaml
 from advpipe.pipeline.bag.types import schema_text, serialise, type_hash
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
 from advpipe.pipeline.partial import PartialFolder
+
+_qos_text = cache(qos_to_yaml)
 
 
 @dataclass
@@ -130,7 +134,7 @@ class BagWriter:
             if (schema_id := self._schema_ids.get((topic.type, schema))) is None:
                 schema_id = self._mcap.add_schema(topic.type, encoding, schema.encode())
                 self._schema_ids[topic.type, schema] = schema_id
-            metadata = {"offered_qos_profiles": qos_to_yaml(topic.qos), "topic_type_hash": type_hash}
+            metadata = {"offered_qos_profiles": _qos_text(topic.qos), "topic_type_hash": type_hash}
             channel_id = self._mcap.add_channel(topic.name, schema_id, metadata)
             channel = self._channels[topic.name] = _Channel(channel_id, topic, type_hash)
         elif channel.topic.type != topic.type:
@@ -140,11 +144,11 @@ class BagWriter:
         return channel
 
     def _finish(self) -> None:
-        information = self._information()
-        self._mcap.add_metadata("rosbag2", {"serialized_metadata": _single_lines(information)})
+        information = _single_lines(self._information())
+        self._mcap.add_metadata("rosbag2", {"serialized_metadata": information})
         self._mcap.finish()
         self._file.close()
-        metadata = _single_lines({"rosbag2_bagfile_information": information})
+        metadata = f"rosbag2_bagfile_information:\n{indent(information, '  ')}"
         (self._folder.path / METADATA_NAME).write_text(metadata, encoding="utf-8")
 
     def _discard(self) -> None:
@@ -189,7 +193,7 @@ class BagWriter:
                         "name": channel.topic.name,
                         "type": channel.topic.type,
                         "serialization_format": "cdr",
-                        "offered_qos_profiles": qos_to_yaml(channel.topic.qos),
+                        "offered_qos_profiles": _qos_text(channel.topic.qos),
                         "type_description_hash": channel.type_hash,
                     },
                     "message_count": channel.count,
