@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, Cloud
+from advpipe.pipeline.bag.cloud import POINT_DTYPE, Cloud, xyz
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.scenario.environment import Weather
 from advpipe.pipeline.scenario.sensors import LidarSensor
@@ -87,6 +87,15 @@ class Lidar:
             points = _outshone(points, self._air.echoes(len(hits.range_m), rng), hits.range_m)
         return self._cloud(points, velocities_mps)
 
+    def undistorted(self, cloud: Cloud, base_twist: Float64) -> Float64:
+        """Points (N, 3) of a cloud in the LiDAR's frame at its stamp: the vehicle's own motion undone.
+
+        What moves by itself stays where it was at each point's time.
+        """
+        if not self._sensor.motion_distortion:
+            return xyz(cloud).astype(np.float64)
+        return self._sweep.undistorted(xyz(cloud), cloud["time"], self.base_SE3_lidar, base_twist)
+
     def _received(self, clear: Float32, range_m: Float32) -> tuple[Float32, Float32, Float32]:
         """What arrives of the signal in clear air, the share that is noticed, and the range error."""
         sensor, air = self._sensor, self._air
@@ -145,11 +154,16 @@ def _outshone(points: _Points, echoes: Echoes, reach_m: Float32) -> _Points:
     power[points.rays] = points.signal / np.square(points.range_m)
     stronger = echoes.signal > power[echoes.rays] * np.square(echoes.range_m)
     stronger &= echoes.range_m < reach_m[echoes.rays]
-    both = [echoes.rays[stronger], echoes.range_m[stronger], echoes.signal[stronger]]
-    nobody = np.full(len(both[0]), -1, np.int32)
-    joined = [np.concatenate(pair) for pair in zip(points, [*both, nobody], strict=True)]
-    # The last that names a ray has it: the echo. Slots keep the order of the rays without sorting.
+    rays = echoes.rays[stronger]
+    air = _Points(rays, echoes.range_m[stronger], echoes.signal[stronger], np.full(len(rays), -1, np.int32))
+    # Of a ray that both name the echo has the slot; slots keep the order of the rays without sorting.
     slot = np.full(len(reach_m), -1, np.int64)
-    slot[joined[0]] = np.arange(len(joined[0]))
+    slot[points.rays] = np.arange(len(points.rays))
+    slot[air.rays] = len(points.rays) + np.arange(len(air.rays))
     order = slot[slot >= 0]
-    return _Points(*(column[order] for column in joined))
+    return _Points(
+        np.concatenate([points.rays, air.rays])[order],
+        np.concatenate([points.range_m, air.range_m])[order],
+        np.concatenate([points.signal, air.signal])[order],
+        np.concatenate([points.objects, air.objects])[order],
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.geometry.transforms import Float64, se3
+from advpipe.pipeline.geometry.transforms import Float64, invert, se3
 from advpipe.pipeline.scenario.sensors import LidarSensor
 
 Float32 = npt.NDArray[np.float32]
@@ -46,6 +46,16 @@ class Sweep:
         else:
             poses = map_SE3_base @ poses_at(base_twist, self._column_s) @ base_SE3_lidar
         return self._spread(poses[:, :3, :3], poses[:, :3, 3])
+
+    def undistorted(
+        self, points_m: Float32, times_s: Float32, base_SE3_lidar: Float64, base_twist: Float64
+    ) -> Float64:
+        """Points (N, 3), each in the LiDAR's frame at its own time (N,), in that frame at the turn's end."""
+        lidar_SE3_then = invert(base_SE3_lidar) @ poses_at(base_twist, self._column_s) @ base_SE3_lidar
+        column = np.rint((1 - times_s / min(self._column_s[0], -1e-9)) * (len(self._column_s) - 1))
+        pose = lidar_SE3_then[column.astype(np.int64)]
+        moved: Float64 = np.einsum("nij,nj->ni", pose[:, :3, :3], points_m) + pose[:, :3, 3]
+        return moved
 
     def _spread(self, rotation: Float64, origin_m: Float64) -> Float32:
         """Rays (R, 6) for the rotations (columns or 1, 3, 3) and origins (columns or 1, 3)."""

@@ -103,6 +103,9 @@ def test_undoing_the_motion_gives_back_the_world() -> None:
     points = undone(cloud, lidar)
     off_m = np.minimum(np.abs(points[:, 0] - 10), np.abs(points[:, 1] - 4.5))
     assert off_m.max() < 1e-3
+    assert np.allclose(
+        transform_points(lidar.base_SE3_lidar, lidar.undistorted(cloud, TWIST)), points, atol=1e-5
+    )
     as_they_came = transform_points(lidar.base_SE3_lidar, xyz(cloud))
     raw_m = np.minimum(np.abs(as_they_came[:, 0] - 10), np.abs(as_they_came[:, 1] - 4.5))
     assert np.median(raw_m) > 0.3

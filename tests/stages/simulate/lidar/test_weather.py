@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 from scipy.integrate import quad
 
 from advpipe.pipeline.bag.cloud import Cloud, xyz
@@ -191,6 +192,32 @@ def test_signs_are_seen_farther_into_the_fog_than_walls(facing: MakeHits) -> Non
     }
     assert seen["plaster"] < 0.01
     assert seen["sign"] > 0.3
+
+
+@pytest.mark.parametrize(("kind", "strength"), [("rain", 200), ("snow", 200), ("fog", 5)])
+@pytest.mark.filterwarnings("error")
+def test_the_worst_weather_leaves_a_cloud_of_numbers(kind: str, strength: float) -> None:
+    far = SENSOR.model_copy(update={"range": 500.0})
+    points = cloud(weather(kind, strength), 0, far)
+    assert np.isfinite(xyz(points)).all()
+    assert np.isfinite(points["intensity"]).all()
+
+
+BAD_WEATHER = {
+    "rain without a rate": ({"kind": "rain"}, "rain needs its rate_mm_per_h"),
+    "fog without a distance": ({"kind": "fog"}, "fog needs its visibility_m, of at most 1000"),
+    "a rate of nothing": ({"rate_mm_per_h": 3}, "kind is clear; make it rain or snow"),
+    "a rate of fog": ({"kind": "fog", "visibility_m": 90, "rate_mm_per_h": 3}, "kind is fog; make it rain"),
+    "a distance in rain": ({"kind": "rain", "rate_mm_per_h": 3, "visibility_m": 90}, "is rain; make it fog"),
+    "negative": ({"kind": "snow", "rate_mm_per_h": -1}, "greater than or equal to 0"),
+    "no air": ({"kind": "fog", "visibility_m": 0.1}, "greater than or equal to 5"),
+}
+
+
+@pytest.mark.parametrize(("keys", "message"), BAD_WEATHER.values(), ids=BAD_WEATHER)
+def test_bad_weather_is_refused(keys: dict[str, object], message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        Weather.model_validate(keys)
 
 
 def test_air_is_none_where_it_is_clear() -> None:
