@@ -57,11 +57,12 @@ class Receiver:
         senders = np.array([frame.sender for frame in final], np.int64)
         present = senders >= 0
         outcome[np.flatnonzero(present), senders[present]] = Outcome.OWN
-        message, sender_id = _columns(final, "message", "sender_id")
+        message, sender_id, request_ns = _columns(final, "message", "sender_id", "request_ns")
         arrival_ns = self._arrival_ns(end_ns, distance_m, keys, stations, outcome)
         return Fates(
             messages=message,
             senders=sender_id,
+            request_ns=request_ns,
             start_ns=start_ns,
             end_ns=end_ns,
             receivers=stations.ids,

@@ -107,7 +107,8 @@ class Reception(NamedTuple):
 class Fates:
     """What became of M messages at S stations.
 
-    messages, senders, start_ns, end_ns: (M,), in order of their ends; times on the air.
+    messages, senders, request_ns, start_ns, end_ns: (M,), in order of their ends; handed over, and on the
+    air from when to when.
     receivers: (S,), ids. outcome: (M, S), `Outcome`. power_dbm, sinr_db, distance_m: (M, S).
     arrival_ns: (M, S), when a received one reaches the station's facilities.
     dropped: (D,), messages that were never sent: the channel was busy too long, or their sender has gone.
@@ -115,6 +116,7 @@ class Fates:
 
     messages: Int64
     senders: Int64
+    request_ns: Int64
     start_ns: Int64
     end_ns: Int64
     receivers: Int64
