@@ -1,0 +1,127 @@
+"""Route files of the user's: driven as written, and refused in one line where they are wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.scenario import Scenario, load_scenario
+from advpipe.stages.simulate.road_users import RoadUser
+
+Driver = Callable[[Scenario, int], list[dict[str, RoadUser]]]
+ROUTES = """<routes>
+  <vType id="lorry" vClass="truck" length="8"/> <vType id="bike" vClass="bicycle" length="1.6"/>
+  <route id="r" edges="ab bc"/>
+  <vehicle id="one" type="lorry" route="r" depart="0"/>
+  <vehicle id="two" type="bike" depart="3" departSpeed="max"><route edges="ab bc"/></vehicle>
+  <trip id="three" type="sedan.1" from="ab" to="bc" depart="6"/>
+</routes>"""
+
+
+def scenario(folder: Path, net: Path, text: str, *settings: str) -> Scenario:
+    (folder / "own.rou.xml").write_text(text)
+    more = [f"map.sumo_net={net}", "simulation.warmup_s=8", f"traffic.routes={folder / 'own.rou.xml'}"]
+    return load_scenario("smoke", [*more, *settings])
+
+
+def test_they_drive_as_written_with_bodies_of_ours(
+    tmp_path: Path, road: Callable[..., Path], drive: Driver
+) -> None:
+    state = drive(scenario(tmp_path, road(600), ROUTES), 1)[-1]
+    assert set(state) == {"ego", "one", "two", "three"}
+    assert {name: user.variant.body.label for name, user in state.items()} == {
+        "ego": "car",
+        "one": "truck",
+        "two": "cyclist",
+        "three": "car",
+    }
+    assert abs(state["one"].variant.length_m - 8) < 1.5
+    assert state["three"].variant.name == "sedan.1"
+
+
+def test_a_configuration_names_routes_and_types(
+    tmp_path: Path, road: Callable[..., Path], drive: Driver
+) -> None:
+    """Types in an additional file, and a begin: who departs at 100 s is there 8 s later."""
+    types, rest = ROUTES.split("<route id", 1)
+    (tmp_path / "t.add.xml").write_text(types.replace("<routes>", "<additional>") + "</additional>")
+    rest = rest.replace('depart="', 'depart="10')  # 100, 103, 106
+    (tmp_path / "own.rou.xml").write_text("<routes><route id" + rest)
+    (tmp_path / "own.sumocfg").write_text(
+        '<configuration><input><net-file value="elsewhere.net.xml"/><route-files value="own.rou.xml"/>'
+        '<additional-files value="t.add.xml"/></input><time><begin value="100"/></time></configuration>'
+    )
+    settings = [f"map.sumo_net={road(600)}", "simulation.warmup_s=8"]
+    settings.append(f"traffic.sumo_config={tmp_path / 'own.sumocfg'}")
+    state = drive(load_scenario("smoke", settings), 1)[-1]
+    assert set(state) == {"ego", "one", "two", "three"}
+
+
+BAD = {
+    '<route id="r" edges="ab bd"/>': r"route 'r': no edge 'bd' on this network; the nearest name is",
+    '<route id="r" edges="ab nb"/>': r"route 'r': edge 'ab' does not lead to 'nb'; it leads to bc",
+    '<route id="r" edges=""/>': r"route 'r': the route is empty",
+    '<trip id="t" from="ab" to="x" depart="0"/>': r"trip 't': no edge 'x'",
+    '<vType id="t" vClass="tram"/>': r"vType 't' has vClass 'tram', for which there is no body",
+    '<vehicle id="v" type="x" depart="0"><route edges="ab"/></vehicle>': r"no vType 'x' is defined",
+    '<vehicle id="ego" depart="0"><route edges="ab"/></vehicle>': r"'ego' has the name of an instrumented",
+    '<vehicle id="v" route="none" depart="0"/>': r"traffic\.routes: SUMO refuses it: .*none",
+    '<vehicle id="v" depart="soon"><route edges="ab"/></vehicle>': r"traffic\.routes: SUMO refuses it",
+    '<vehicle id="v">': r"own\.rou\.xml is not a SUMO route file .* or is cut off",
+}
+
+
+@pytest.mark.parametrize(("text", "message"), BAD.items(), ids=range(len(BAD)))
+def test_bad_routes_are_named(
+    tmp_path: Path, road: Callable[..., Path], drive: Driver, text: str, message: str
+) -> None:
+    with pytest.raises(AdvpipeError, match=message) as caught:
+        drive(scenario(tmp_path, road(200), f"<routes>{text}</routes>"), 1)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_files_are_said(tmp_path: Path, road: Callable[..., Path], drive: Driver) -> None:
+    net = road(200)
+    with pytest.raises(AdvpipeError, match=r"traffic\.routes: .*gone\.rou\.xml does not exist"):
+        drive(scenario(tmp_path, net, ROUTES, f"traffic.routes={tmp_path / 'gone.rou.xml'}"), 1)
+    config = tmp_path / "own.sumocfg"
+    settings = [f"map.sumo_net={net}", f"traffic.sumo_config={config}"]
+    config.write_text("<configuration><input/></configuration>")
+    with pytest.raises(AdvpipeError, match=r"own\.sumocfg names no route-files"):
+        drive(load_scenario("smoke", settings), 1)
+    config.write_text('<configuration><input><route-files value="no.rou.xml"/></input></configuration>')
+    with pytest.raises(AdvpipeError, match=r"traffic\.sumo_config: .*no\.rou\.xml does not exist"):
+        drive(load_scenario("smoke", settings), 1)
+
+
+ROUTES_OF_EGO = {
+    "[ab, xx]": r"vehicles\.ego\.route: no edge 'xx' on this network; the nearest name is",
+    "[nb, ab]": r"vehicles\.ego\.route: edge 'nb' does not lead to 'ab'; it leads to bc",
+    "[]": r"vehicles\.ego\.route: the route is empty",
+}
+
+
+@pytest.mark.parametrize(("route", "message"), ROUTES_OF_EGO.items())
+@pytest.mark.parametrize("driver", ["traffic", "controller"])
+def test_bad_routes_of_instrumented_vehicles_are_named(
+    road: Callable[..., Path], drive: Driver, route: str, message: str, driver: str
+) -> None:
+    settings = [f"map.sumo_net={road(200)}", f"vehicles={{ego: {{route: {route}, driver: {driver}}}}}"]
+    with pytest.raises(AdvpipeError, match=message):
+        drive(load_scenario("smoke", settings), 1)
+
+
+def test_an_instrumented_vehicle_keeps_its_route_and_speed(
+    road: Callable[..., Path], drive: Driver
+) -> None:
+    """At 6 m/s it is some 200 m farther after 34 s, and it stops at the end of its route."""
+    settings = [f"map.sumo_net={road(300)}", "vehicles={ego: {route: [ab, bc], speed_mps: 6}}"]
+    settings += ["traffic.vehicles=0", "simulation.warmup_s=1"]
+    states = drive(load_scenario("smoke", settings), 900)
+    speeds = [float((state["ego"].velocity_mps**2).sum() ** 0.5) for state in states]
+    assert max(speeds) == pytest.approx(6, abs=0.7)
+    assert states[-1]["ego"].position_m[0] > 480
+    assert speeds[-1] < 0.1
