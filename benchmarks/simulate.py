@@ -147,7 +147,9 @@ def main() -> int:
     print(f"{scenario.name}: {frames} frames, {np.mean(bare.users):.0f} moving road users in range")
     for name, seconds in sorted(watch.seconds.items(), key=lambda item: -item[1]):
         print(f"  {name:22} {1000 * seconds / frames:7.1f} ms a frame")
-    print(f"whole stage            {1000 * stage_s / frames:9.1f} ms a frame, {frames / stage_s:.1f} frames/s")
+    print(
+        f"whole stage            {1000 * stage_s / frames:9.1f} ms a frame, {frames / stage_s:.1f} frames/s"
+    )
     print(f"bare casting           {1000 * bare.seconds / frames:9.1f} ms a frame")
     print(f"most memory            {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:9.0f} MB")
     ratio = stage_s / bare.seconds

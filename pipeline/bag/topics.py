@@ -48,6 +48,10 @@ TF_STATIC = Topic("/tf_static", "tf2_msgs/msg/TFMessage", _keep_last(1, latched=
 SCENARIO_INFO = Topic("/scenario/info", "std_msgs/msg/String", _keep_last(1, latched=True))
 
 
+V2X_STATIONS = Topic("/v2x/stations", "advpipe_msgs/msg/V2xStationArray", _keep_last(10))
+V2X_SENT = Topic("/v2x/sent", "advpipe_msgs/msg/V2xTransmission", _keep_last(100))
+
+
 @dataclass(frozen=True)
 class VehicleTopics:
     """The topics and frames of one instrumented vehicle and one of its LiDARs, under its own namespace.
@@ -113,6 +117,32 @@ class VehicleTopics:
     @property
     def imu(self) -> Topic:
         return Topic(f"/{self.vehicle}/imu", "sensor_msgs/msg/Imu", _keep_last(100))
+
+    @property
+    def sent_raw(self) -> Topic:
+        """What it sends: the bytes of its CAMs."""
+        return Topic(f"/{self.vehicle}/v2x/tx/raw", "udp_msgs/msg/UdpPacket", _keep_last(100))
+
+    @property
+    def sent_cam(self) -> Topic:
+        return Topic(f"/{self.vehicle}/v2x/tx/cam", "etsi_its_cam_msgs/msg/CAM", _keep_last(100))
+
+    @property
+    def received_raw(self) -> Topic:
+        """What it receives: the bytes, also of what turns out to be no CAM."""
+        return Topic(f"/{self.vehicle}/v2x/rx/raw", "udp_msgs/msg/UdpPacket", _keep_last(100))
+
+    @property
+    def received_cam(self) -> Topic:
+        return Topic(f"/{self.vehicle}/v2x/rx/cam", "etsi_its_cam_msgs/msg/CAM", _keep_last(100))
+
+    @property
+    def ldm(self) -> Topic:
+        return Topic(f"/{self.vehicle}/ldm", "advpipe_msgs/msg/LdmSnapshot")
+
+    @property
+    def ldm_objects(self) -> Topic:
+        return Topic(f"/{self.vehicle}/ldm/objects", "vision_msgs/msg/Detection3DArray")
 
     @property
     def gnss_fix(self) -> Topic:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from enum import Flag, auto
 
 from advpipe.pipeline.seeding import named_generator
-from advpipe.pipeline.v2x.cam import Cam, LowFrequency, cam_of_state
+from advpipe.pipeline.scenario.v2x import CamRules
+from advpipe.pipeline.v2x.cam import MAX_PATH_POINTS, Cam, LowFrequency, cam_of_state
 from advpipe.pipeline.v2x.cam_tree import encode_cam
 from advpipe.pipeline.v2x.ellipsoid import east_north_m
 from advpipe.pipeline.v2x.path_history import PathHistory
@@ -29,6 +30,20 @@ class GenerationRules:
     low_dynamics_cams: int = 3
     """N_GenCam: so many CAMs in a row for lack of dynamics return the interval to its maximum."""
     low_frequency_interval_s: float = 0.5
+    path_points: int = MAX_PATH_POINTS
+
+    @classmethod
+    def of(cls, section: CamRules) -> GenerationRules:
+        """The rules that a scenario sets."""
+        return cls(
+            min_interval_s=section.min_interval_s,
+            max_interval_s=section.max_interval_s,
+            heading_change_rad=math.radians(section.heading_deg),
+            position_change_m=section.position_m,
+            speed_change_mps=section.speed_mps,
+            low_frequency_interval_s=section.low_frequency_interval_s,
+            path_points=section.path_points,
+        )
 
 
 class Cause(Flag):
@@ -123,7 +138,7 @@ class CamGenerator:
         return LowFrequency(
             vehicle_role=state.vehicle_role,
             exterior_lights=state.exterior_lights,
-            path_history=self._path.points(*place),
+            path_history=self._path.points(*place)[: self._rules.path_points],
         )
 
 

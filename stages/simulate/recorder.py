@@ -3,28 +3,46 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
 from advpipe.pipeline.bag import messages, topics
 from advpipe.pipeline.bag.cloud import cloud_to_cdr
+from advpipe.pipeline.bag.ldm import ldm_detections, ldm_snapshot
 from advpipe.pipeline.bag.localisation import MAP_FRAME, initial_pose_message, onboard_messages
 from advpipe.pipeline.bag.markers import markers
-from advpipe.pipeline.bag.topics import VehicleTopics
+from advpipe.pipeline.bag.topics import Topic, VehicleTopics
+from advpipe.pipeline.bag.types import serialise
+from advpipe.pipeline.bag.v2x import (
+    RadioPlace,
+    StampedCdr,
+    own_messages,
+    received_messages,
+    sent_message,
+    stations_message,
+)
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.scenario.load import scenario_tree
 from advpipe.pipeline.scenario.models import Scenario
+from advpipe.pipeline.v2x.ldm import Snapshot as LdmSnapshot
 from advpipe.stages.simulate.instrumented import Instrumented, Snapshot
 from advpipe.stages.simulate.rig import View
+from advpipe.stages.simulate.v2x.communication import Exchange
 
 
 class Recorder:
-    """Turns snapshots into messages; but for the IMU's samples, all of a step carry its stamp."""
+    """Turns each step into messages.
+
+    What belongs to an instant carries the step's stamp; IMU samples, messages sent and messages received
+    carry their own, since the step before. All of a step is written in the order of its stamps.
+    """
 
     def __init__(self, scenario: Scenario, writer: BagWriter) -> None:
         self._scenario = scenario
-        self._write, self._write_cdr = writer.write, writer.write_cdr
+        self._writer = writer
+        self._step: list[StampedCdr] = []
 
     def start(self, stamp_ns: int, vehicles: Sequence[Instrumented]) -> None:
         """The latched topics: where the sensors sit, and what this drive is."""
@@ -39,27 +57,68 @@ class Recorder:
         info = json.dumps(scenario_tree(self._scenario), sort_keys=True)
         self._write(topics.SCENARIO_INFO, messages.string(info), stamp_ns)
 
-    def record(self, stamp_ns: int, snapshots: Sequence[Snapshot]) -> None:
-        """One step of all instrumented vehicles that are on the road."""
-        for snapshot in snapshots:
-            self._record_onboard(snapshot)
+    def record(
+        self,
+        exchange: Exchange,
+        snapshots: Sequence[Snapshot],
+        local_dynamic_maps: Sequence[tuple[str, LdmSnapshot]],
+    ) -> None:
+        """One step: what went over the air until then, and all instrumented vehicles on the road."""
+        stamp_ns = exchange.stamp_ns
         self._write(topics.CLOCK, messages.clock(stamp_ns), stamp_ns)
         estimates = [
             (MAP_FRAME, VehicleTopics(s.vehicle).base_frame, s.onboard.estimate.map_SE3_base)
             for s in snapshots
         ]
         self._write(topics.TF, messages.transforms(stamp_ns, estimates), stamp_ns)
+        self._record_exchange(exchange)
         for snapshot in snapshots:
+            self._record_onboard(snapshot)
             self._record_truth(stamp_ns, snapshot)
             if snapshot.view is not None:
                 self._record_view(stamp_ns, snapshot.vehicle, snapshot.view)
+        for vehicle, known in local_dynamic_maps:
+            topic = VehicleTopics(vehicle)
+            self._write(topic.ldm, ldm_snapshot(known), stamp_ns)
+            self._write(topic.ldm_objects, ldm_detections(known), stamp_ns)
+        for message in sorted(self._step, key=lambda message: message[2]):
+            self._writer.write_cdr(*message)
+        self._step.clear()
+
+    def _write(self, topic: Topic, message: Any, stamp_ns: int) -> None:
+        self._step.append((topic, serialise(message, topic.type), stamp_ns))
+
+    def _record_exchange(self, exchange: Exchange) -> None:
+        if not self._scenario.v2x.enabled:
+            return
+        places = [
+            RadioPlace(
+                station_id,
+                user.id,
+                user.map_SE3_base,
+                (user.variant.length_m, user.variant.width_m, user.variant.height_m),
+                user.velocity_mps,
+            )
+            for station_id, user in exchange.stations
+        ]
+        self._step.append(stations_message(exchange.stations_ns, places, MAP_FRAME))
+        names = {place.station_id: place.vehicle for place in places}
+        for sent in exchange.sent:
+            self._step.append(sent_message(sent))
+            if names[sent.station_id] in self._scenario.vehicles:
+                self._step += own_messages(VehicleTopics(names[sent.station_id]), sent)
+        for received in exchange.heard.received:
+            self._step += received_messages(VehicleTopics(received.listener), received)
 
     def _record_onboard(self, snapshot: Snapshot) -> None:
         topic = VehicleTopics(snapshot.vehicle)
         if snapshot.initial is not None:
             stamp_ns = snapshot.onboard.measured.stamp_ns
             self._write(*initial_pose_message(topic, snapshot.initial, stamp_ns))
-        for message in onboard_messages(topic, self._scenario.sensors.imu, snapshot.onboard):
+        self._write_all(onboard_messages(topic, self._scenario.sensors.imu, snapshot.onboard))
+
+    def _write_all(self, stamped: Iterable[tuple[Topic, Any, int]]) -> None:
+        for message in stamped:
             self._write(*message)
 
     def _record_truth(self, stamp_ns: int, snapshot: Snapshot) -> None:
@@ -77,7 +136,9 @@ class Recorder:
     def _record_view(self, stamp_ns: int, vehicle: str, view: View) -> None:
         for name, cloud in view.clouds.items():
             topic = VehicleTopics(vehicle, name)
-            self._write_cdr(topic.lidar_points, cloud_to_cdr(cloud, stamp_ns, topic.lidar_frame), stamp_ns)
+            self._step.append(
+                (topic.lidar_points, cloud_to_cdr(cloud, stamp_ns, topic.lidar_frame), stamp_ns)
+            )
         topic, boxes = VehicleTopics(vehicle), view.boxes
         self._write(topic.objects, messages.detections(stamp_ns, MAP_FRAME, boxes), stamp_ns)
         road_users = messages.road_users(stamp_ns, MAP_FRAME, boxes, view.lidar_points, view.occlusion)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.bag.cloud import Cloud, xyz
+from advpipe.pipeline.bag.cloud import Cloud
 from advpipe.pipeline.geometry.boxes import Boxes, count_points
 from advpipe.pipeline.geometry.transforms import Float64, invert
 from advpipe.pipeline.localisation.motion import MotionStep
@@ -65,7 +65,7 @@ class Rig:
             rng = named_generator(self._scenario.simulation.seed, "lidar", self.vehicle, name, frame)
             clouds[name] = lidar.measure(hits, rng, velocities_mps @ map_SE3_lidar[:3, :3])
             in_lidar = boxes.transformed(invert(map_SE3_lidar))
-            points += count_points(xyz(clouds[name]), in_lidar.geometry)
+            points += count_points(lidar.undistorted(clouds[name], twist), in_lidar.geometry)
             occlusion = np.minimum(occlusion, hits.occlusion[slots])
         return View(clouds, boxes, points, occlusion)
 

@@ -12,11 +12,11 @@ from advpipe.pipeline.partial import FolderKind, staged_folder
 from advpipe.pipeline.progress import track
 from advpipe.pipeline.scenario import Scenario, dump_scenario
 from advpipe.pipeline.seeding import named_generator
-from advpipe.stages.simulate.communication import Communication
 from advpipe.stages.simulate.instrumented import Instrumented, Snapshot
 from advpipe.stages.simulate.network import load_network
 from advpipe.stages.simulate.recorder import Recorder
 from advpipe.stages.simulate.traffic import Traffic
+from advpipe.stages.simulate.v2x.communication import Communication
 from advpipe.stages.simulate.walkers import draw_walkers
 from advpipe.stages.simulate.world.bodies import draw_variants
 from advpipe.stages.simulate.world.world import World
@@ -59,11 +59,11 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
         ):
             routes_m = [traffic.route_m(vehicle.name) for vehicle in vehicles]
             walkers = draw_walkers(scenario, world.roads, variants, routes_m)
-            communication = Communication(clock, traffic)
+            communication = Communication(scenario, traffic)
             recorder = Recorder(scenario, writer)
             recorder.start(clock.stamp_ns(0), vehicles)
             for frame in track(range(clock.frames), f"simulating {scenario.name}"):
-                stamp_ns = communication.simulate_until(frame)
+                exchange = communication.simulate_until(frame)
                 drivers = traffic.road_users()
                 people = [walker.at(frame * clock.step_s) for walker in walkers]
                 users = [*drivers.values(), *people]
@@ -71,8 +71,9 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
                 for vehicle in vehicles:
                     if vehicle.name in drivers:  # one that follows a trajectory comes and goes with it
                         carrier = drivers[vehicle.name]
-                        snapshots.append(vehicle.sense(stamp_ns, frame, carrier, users, world))
-                recorder.record(stamp_ns, snapshots)
+                        snapshots.append(vehicle.sense(exchange.stamp_ns, frame, carrier, users, world))
+                communication.update(drivers, {s.vehicle: s.onboard.estimate for s in snapshots})
+                recorder.record(exchange, snapshots, communication.local_dynamic_maps(frame))
                 for view in (snapshot.view for snapshot in snapshots):
                     if view is not None:
                         clouds += len(view.clouds)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from typing import NamedTuple
 
 import numpy as np
@@ -87,13 +89,13 @@ class Lidar:
             points = _outshone(points, self._air.echoes(len(hits.range_m), rng), hits.range_m)
         return self._cloud(points, velocities_mps)
 
-    def undistorted(self, cloud: Cloud, base_twist: Float64) -> Float64:
+    def undistorted(self, cloud: Cloud, base_twist: Float64) -> npt.NDArray[np.floating[Any]]:
         """Points (N, 3) of a cloud in the LiDAR's frame at its stamp: the vehicle's own motion undone.
 
         What moves by itself stays where it was at each point's time.
         """
         if not self._sensor.motion_distortion:
-            return xyz(cloud).astype(np.float64)
+            return xyz(cloud)
         return self._sweep.undistorted(xyz(cloud), cloud["time"], self.base_SE3_lidar, base_twist)
 
     def _received(self, clear: Float32, range_m: Float32) -> tuple[Float32, Float32, Float32]:
