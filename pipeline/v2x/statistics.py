@@ -22,11 +22,12 @@ INTERVAL_BINS = 24
 
 
 def delivery_by_distance(
-    distance_m: Float64, is_received: npt.NDArray[np.bool_], edges_m: Float64
+    distance_m: Float64, is_received: npt.NDArray[np.bool_], bin_m: float = BIN_M, bins: int = BINS
 ) -> tuple[Int64, Int64]:
-    """Pairs (B,) of message and receiver, and those received, between the edges (B + 1,)."""
-    pairs = np.histogram(distance_m, edges_m)[0]
-    return pairs, np.histogram(distance_m[is_received], edges_m)[0]
+    """Pairs (bins,) of message and receiver, and those received, for each `bin_m` of distance from zero."""
+    nth = np.minimum(distance_m / bin_m, bins).astype(np.int64)
+    pairs = np.bincount(nth, minlength=bins + 1)[:bins]
+    return pairs, np.bincount(nth[is_received], minlength=bins + 1)[:bins]
 
 
 @dataclass(frozen=True)
@@ -138,8 +139,7 @@ class Tally:
         fates = step.fates
         others = fates.outcome != Outcome.OWN
         is_received = fates.outcome == Outcome.RECEIVED
-        edges_m: Float64 = np.arange(BINS + 1) * np.float64(BIN_M)
-        pairs, received = delivery_by_distance(fates.distance_m[others], is_received[others], edges_m)
+        pairs, received = delivery_by_distance(fates.distance_m[others], is_received[others])
         self._pairs += pairs
         self._received += received
         self._outcomes += np.bincount(fates.outcome.ravel(), minlength=len(Outcome))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -14,8 +15,9 @@ Bool = npt.NDArray[np.bool_]
 Int64 = npt.NDArray[np.int64]
 
 _TURN = 2 * np.pi
-_ROW, _NOWHERE = 40.0, 25.0
-"""Angles of one sender are apart from those of the next; no edge is at the angle `_NOWHERE`."""
+_SECTORS = 1024
+"""Of the full turn around a sender; walls meet only receivers in the sectors that they fill."""
+_MARGIN_RAD = 1e-9
 
 
 class Buildings:
@@ -28,10 +30,16 @@ class Buildings:
     def __init__(self, footprints: Sequence[shapely.Polygon]) -> None:
         oriented = shapely.orient_polygons(np.array(footprints, dtype=object))
         self._tree = shapely.STRtree(oriented)
-        rings = [ring for polygon in oriented for ring in (polygon.exterior, *polygon.interiors)]
-        corners = [shapely.get_coordinates(ring) for ring in rings]
+        corners = [
+            shapely.get_coordinates(ring)
+            for polygon in oriented
+            for ring in (polygon.exterior, *polygon.interiors)
+        ]
         self._start = np.concatenate([np.empty((0, 2)), *(ring[:-1] for ring in corners)])
         self._end = np.concatenate([np.empty((0, 2)), *(ring[1:] for ring in corners)])
+        begin = np.cumsum([0, *(len(ring) - 1 for ring in corners)])
+        turns = [np.roll(np.arange(first, last), -1) for first, last in pairwise(begin)]
+        self._next = np.concatenate([np.empty(0, np.int64), *turns])
 
     def crossings(
         self, senders_m: Float64, receivers_m: Float64, wanted: Bool | None = None
@@ -43,13 +51,18 @@ class Buildings:
         if wanted is None:
             wanted = np.ones((len(senders_m), len(receivers_m)), np.bool_)
         row, edge, column = self._candidates(senders_m, receivers_m, wanted)
-        origin, start = senders_m[row], self._start[edge]
-        ray, wall = receivers_m[column] - origin, self._end[edge] - start
-        across = _cross(ray, wall)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            place = _cross(start - origin, wall) / across
-        hit = (across != 0) & (place >= 0) & (place < 1)
-        cell, place = (row * len(receivers_m) + column)[hit], place[hit]
+        origin = np.ascontiguousarray(senders_m.T)[:, row]
+        ray_x, ray_y = receivers_m.T[:, column] - origin
+        start_x, start_y = self._start.T[:, edge] - origin
+        end_x, end_y = self._end.T[:, edge] - origin
+        start_side = ray_x * start_y - ray_y * start_x
+        end_side = ray_x * end_y - ray_y * end_x
+        # A wall's end on the line counts to one side, so that of two walls that meet there one is crossed.
+        (met,) = np.nonzero((start_side > 0) != (end_side > 0))
+        across = end_side[met] - start_side[met]
+        place = (start_x[met] * end_y[met] - start_y[met] * end_x[met]) / across
+        hit = (place >= 0) & (place < 1)
+        cell, place = (row * len(receivers_m) + column)[met[hit]], place[hit]
         signed = np.where(across[hit] > 0, place, -place)
         walls = np.bincount(cell, minlength=wanted.size).reshape(wanted.shape)
         inside = np.bincount(cell, signed, minlength=wanted.size).reshape(wanted.shape)
@@ -60,24 +73,26 @@ class Buildings:
     def _candidates(
         self, senders_m: Float64, receivers_m: Float64, wanted: Bool
     ) -> tuple[Int64, Int64, Int64]:
-        """Sender, wall and receiver, where the receiver lies in the angle that the wall fills."""
-        rows = np.arange(len(senders_m))[:, None]
-        first, last = (_angles(senders_m, points) for points in (self._start, self._end))
-        width = (last - first + np.pi) % _TURN - np.pi
-        low = np.where(width >= 0, first, last) + _ROW * rows
-        angles = np.where(wanted, _angles(senders_m, receivers_m), _NOWHERE)
-        order = np.argsort(angles, axis=1, kind="stable")
-        angles = np.take_along_axis(angles, order, axis=1)
-        angles = np.hstack([angles, np.where(angles < _NOWHERE, angles + _TURN, _NOWHERE)]) + _ROW * rows
-        flat = angles.ravel()
-        margin = 1e-9  # of rounding; what is not crossed after all drops out later
-        begin = np.searchsorted(flat, low.ravel() - margin)
-        counts = np.searchsorted(flat, (low + np.abs(width)).ravel() + margin) - begin
+        """Sender, wall and receiver, where the receiver lies in or next to the angle that the wall fills."""
+        first = _angles(senders_m, self._start)
+        last = first[:, self._next]
+        width = np.remainder(last - first + np.pi, _TURN) - np.pi
+        low = np.where(width >= 0, first, last)
+        rows = 2 * _SECTORS * np.arange(len(senders_m))[:, None]
+        begin = rows + _sectors(low - _MARGIN_RAD)
+        end = rows + _sectors(low + np.abs(width) + _MARGIN_RAD) + 1
+
+        row, column = np.nonzero(wanted)
+        sector = np.minimum(_sectors(_angles(senders_m, receivers_m)[row, column]), _SECTORS - 1)
+        sector += rows[row, 0]
+        sector = np.concatenate([sector, sector + _SECTORS])  # once more, a turn later
+        order = np.argsort(sector, kind="stable")
+        before = np.concatenate([[0], np.cumsum(np.bincount(sector, minlength=rows.size * 2 * _SECTORS))])
+        counts = (before[end] - before[begin]).ravel()
         which = np.repeat(np.arange(len(counts)), counts)
         nth = np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)
-        row, edge = np.divmod(which, len(self._start))
-        place = begin[which] + nth - row * angles.shape[1]
-        return row, edge, order[row, place % len(receivers_m)]
+        found = order[before[begin].ravel()[which] + nth] % len(column)
+        return *np.divmod(which, len(self._start)), column[found]
 
     def _containing(self, points_m: Float64) -> Int64:
         """How many footprints (S,) hold each point."""
@@ -91,5 +106,6 @@ def _angles(origins_m: Float64, points_m: Float64) -> Float64:
     return np.arctan2(delta_m[..., 1], delta_m[..., 0])
 
 
-def _cross(one: Float64, other: Float64) -> Float64:
-    return one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
+def _sectors(angles_rad: Float64) -> Int64:
+    """Whole numbers from 0 for -pi on; just below, the first as well."""
+    return np.maximum((angles_rad + np.pi) * (_SECTORS / _TURN), 0).astype(np.int64)

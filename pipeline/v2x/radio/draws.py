@@ -33,10 +33,9 @@ def message_keys(station_ids: npt.ArrayLike, times_ns: npt.ArrayLike, copies: np
 
     What else a message says is not in its key: an attack that changes only the payload leaves its fate.
     """
-    station, time, copy = (np.asarray(part).astype(np.int64).view(np.uint64) for part in (
-        station_ids, times_ns, copies
-    ))  # fmt: skip
-    return mix(mix(mix(station + GOLDEN) + time) + copy)
+    parts = np.broadcast_arrays(*(np.asarray(part) for part in (station_ids, times_ns, copies)))
+    station, time, copy = (np.atleast_1d(part).astype(np.int64).view(np.uint64) for part in parts)
+    return mix(mix(mix(station + GOLDEN) + time) + copy).reshape(parts[0].shape)
 
 
 class Draws:

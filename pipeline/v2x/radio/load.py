@@ -30,11 +30,14 @@ def busy_ratio(frames: Sequence[Frame], stations: int, end_ns: int) -> Float64:
     frames: those sent before `end_ns` and on the air in the window, by start. A station counts what it hears
     at or above the carrier-sense threshold, -85 dBm in TS 102 687, and what it sends; overlaps count once.
     """
-    busy_ns = np.zeros(stations, np.int64)
-    taken_until_ns = np.full(stations, end_ns - WINDOW_NS)
-    for frame in frames:
-        stop_ns = min(frame.end_ns, end_ns)
-        more_ns = np.where(frame.hearing, stop_ns - np.maximum(taken_until_ns, frame.start_ns), 0)
-        busy_ns += np.maximum(more_ns, 0)
-        np.maximum(taken_until_ns, stop_ns, out=taken_until_ns, where=frame.hearing)
-    return busy_ns / WINDOW_NS
+    if not frames:
+        return np.zeros(stations)
+    window_ns = end_ns - WINDOW_NS
+    hearing = np.array([frame.hearing for frame in frames])
+    start_ns = np.array([max(frame.start_ns, window_ns) for frame in frames])[:, None]
+    stop_ns = np.array([min(frame.end_ns, end_ns) for frame in frames])[:, None]
+    stop_ns = np.where(hearing, stop_ns, window_ns)
+    taken_until_ns = np.vstack([np.full((1, stations), window_ns), np.maximum.accumulate(stop_ns)[:-1]])
+    busy_ns = np.maximum(stop_ns - np.maximum(start_ns, taken_until_ns), 0).sum(axis=0)
+    busy: Float64 = busy_ns / WINDOW_NS
+    return busy

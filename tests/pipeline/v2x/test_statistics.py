@@ -82,9 +82,9 @@ def test_json_and_back() -> None:
 
 
 def test_bins_are_half_open() -> None:
-    distance_m, received = np.array([0.0, 9.9, 10.0, 20.0]), np.array([True, False, True, True])
-    pairs, delivered = delivery_by_distance(distance_m, received, np.array([0.0, 10, 20]))
-    assert (pairs.tolist(), delivered.tolist()) == ([2, 2], [1, 2])
+    distance_m = np.array([0.0, 9.9, 10.0, 20.0, np.inf])
+    pairs, delivered = delivery_by_distance(distance_m, np.array([True, False, True, True, True]), 10, 2)
+    assert (pairs.tolist(), delivered.tolist()) == ([2, 1], [1, 1])
 
 
 def drive() -> Statistics:

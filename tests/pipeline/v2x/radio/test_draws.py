@@ -40,3 +40,7 @@ def test_a_draw_belongs_to_its_message_and_receiver_alone() -> None:
 def test_keys_tell_station_time_and_copy_apart() -> None:
     stations, times_ns, copies = np.meshgrid(np.arange(20), np.arange(20) * 10**8, np.arange(3))
     assert len(np.unique(message_keys(stations, times_ns, copies))) == 1200
+
+
+def test_one_key_is_the_same_alone() -> None:
+    assert message_keys(5, 7) == message_keys(np.array([4, 5]), 7)[1]
