@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64, se3_from_yaw, wrap_angle, yaw_of
-from advpipe.stages.simulate.lane_path import LanePath
+from advpipe.stages.simulate.lane_path import SPACING_M, LanePath
 from advpipe.stages.simulate.road_users import RoadUser
 from advpipe.stages.simulate.sumo_pose import footprints
 from advpipe.stages.simulate.world.bodies import Variant
@@ -181,9 +181,6 @@ class Controller:
                 if state in "rRuU" or (state in "yY" and needed_mps2 < YELLOW_MPS2):
                     room_m = min(room_m, ahead_m - STOP_BEFORE_M)
         return max(float(room_m) + self._idm.standstill_m, 0.1)
-
-
-SPACING_M = 1.0
 
 
 def _speed_profile(path: LanePath, wished_mps: float, braking_mps2: float) -> Float64:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -18,6 +19,9 @@ SPAWN_DISTANCE_M = 150.0
 
 STOP_EDGES = 5
 """A vehicle that carries sensors is told where to stop this many edges before its route's end."""
+
+SHORT_ROUTE_M = 500.0
+"""On a route shorter than this, a vehicle that carries sensors starts from rest: it has to stop in time."""
 
 STRANDED_AFTER_S = 4.0
 
@@ -55,7 +59,8 @@ class Population:
             start = self._routes.random_wide_start()
             index = self._routes.random_lane(start)
             route, lane = self._routes.random_walk(start, index, self._enough_m), str(index)
-        self._add(name, f"{vehicle.body}.0", route, lane)
+        is_short = sum(self._network.edges[edge].length_m for edge in route) < SHORT_ROUTE_M
+        self._add(name, f"{vehicle.body}.0", route, lane, speed="0" if is_short else "max")
         if vehicle.speed_mps is not None:
             libsumo.vehicle.setMaxSpeed(name, vehicle.speed_mps)
 
@@ -122,10 +127,17 @@ class Population:
             return
         edge = self._network.edges[ahead[-1]]
         stop_m = max(edge.length_m - 1.0, 0.5 * edge.length_m)
-        vehicle.setStop(name, edge.id, pos=stop_m, laneIndex=edge.car_lane, duration=1e6)
+        with suppress(libsumo.TraCIException):  # too close to brake
+            vehicle.setStop(name, edge.id, pos=stop_m, laneIndex=edge.car_lane, duration=1e6)
 
     def _add(
-        self, name: str, variant: str, route: list[str], lane: str, position_m: float | None = None
+        self,
+        name: str,
+        variant: str,
+        route: list[str],
+        lane: str,
+        position_m: float | None = None,
+        speed: str = "max",
     ) -> None:
         import libsumo
 
@@ -137,7 +149,7 @@ class Population:
             typeID=variant,
             departLane=lane,
             departPos="random_free" if position_m is None else f"{position_m:.2f}",
-            departSpeed="max",
+            departSpeed=speed,
         )
 
     def _new_name(self, body: str, loaded: set[str], others: Collection[str]) -> str:

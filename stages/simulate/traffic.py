@@ -11,8 +11,7 @@ from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.seeding import named_generator
-from advpipe.stages.simulate.controller import Controller
-from advpipe.stages.simulate.lane_path import lane_path
+from advpipe.stages.simulate.controllers import Controllers
 from advpipe.stages.simulate.network import RoadNetwork
 from advpipe.stages.simulate.own_traffic import own_traffic
 from advpipe.stages.simulate.population import SPAWN_DISTANCE_M, Population
@@ -20,9 +19,9 @@ from advpipe.stages.simulate.puppets import Puppets
 from advpipe.stages.simulate.road_users import RoadUser
 from advpipe.stages.simulate.routes import Routes
 from advpipe.stages.simulate.sumo_errors import sumo_errors
-from advpipe.stages.simulate.sumo_pose import base_poses
+from advpipe.stages.simulate.sumo_vehicles import SumoVehicles
 from advpipe.stages.simulate.trajectories import Trajectories
-from advpipe.stages.simulate.vehicle_types import stand_in, vehicle_types_xml
+from advpipe.stages.simulate.vehicle_types import vehicle_types_xml
 from advpipe.stages.simulate.world.bodies import Variant
 
 __all__ = ["SPAWN_DISTANCE_M", "Traffic"]
@@ -46,7 +45,7 @@ class Traffic:
     def __init__(
         self, scenario: Scenario, network: RoadNetwork, variants: dict[str, Variant], scratch: Path
     ) -> None:
-        self._scenario, self._network, self._variants = scenario, network, variants
+        self._scenario, self._network = scenario, network
         rng = named_generator(scenario.simulation.seed, "traffic")
         self._routes = Routes(network, rng)
         self._population = Population(scenario, network, variants, self._routes, rng)
@@ -59,12 +58,9 @@ class Traffic:
         self._own = own_traffic(scenario, network, self._routes, types)
         self._options = self._own.options(types)
         self._puppets = Puppets(network)
-        self._controllers: dict[str, Controller] = {}
+        self._controllers = Controllers(scenario, network, self._puppets)
         self._moved: dict[str, RoadUser] = {}  # who is moved from outside, as they are now
-        self._variant_of: dict[str, Variant] = {}
-        self._is_flat = all(
-            np.ptp(lane.centre_m[:, 2]) == 0 for edge in network.edges.values() for lane in edge.lanes
-        )
+        self._sumo = SumoVehicles(network, variants, scenario.simulation.seed)
         self._steps = 0
         self._frame: int | None = None  # the next frame of the recording; none in the warm-up
 
@@ -97,6 +93,7 @@ class Traffic:
         """Advances everybody by one step, and replaces vehicles whose road has ended."""
         with sumo_errors():
             self._advance()
+            self._check_instrumented()
             self._fill_up([self._position_m(name) for name in self._scenario.vehicles])
 
     def road_users(self) -> dict[str, RoadUser]:
@@ -104,7 +101,7 @@ class Traffic:
 
         Velocities are in the map's frame, with their vertical part; SUMO's vehicles move where they look.
         """
-        return {**self._driven_by_sumo(), **self._moved}
+        return {**self._sumo.now(self._puppets.images), **self._moved}
 
     def route_m(self, name: str) -> Float64:
         """The middle of the way along a vehicle's whole route (K, 3)."""
@@ -114,7 +111,7 @@ class Traffic:
         if driver == "trajectory":
             return self._trajectories.places_m(name)
         if driver == "controller":
-            return self._controllers[name].path_m
+            return self._controllers.path_m(name)
         edges = [self._network.edges[edge] for edge in libsumo.vehicle.getRoute(name)]
         return np.concatenate([edge.lanes[0].centre_m for edge in edges])
 
@@ -144,7 +141,7 @@ class Traffic:
 
     def _advance(self) -> None:
         """One step of everybody."""
-        moved = self._drive_controllers()
+        moved = self._controllers.step(self.road_users()) if self._controllers else {}
         upcoming: dict[str, RoadUser] = {}
         if self._frame is not None:
             moved |= self._trajectories.at(self._time_s(self._frame))
@@ -173,39 +170,6 @@ class Traffic:
     def _time_s(self, frame: int) -> float:
         return round(frame * self._scenario.simulation.step_s, 9)
 
-    def _drive_controllers(self) -> dict[str, RoadUser]:
-        import libsumo
-
-        def light(name: str, index: int) -> str:
-            return str(libsumo.trafficlight.getRedYellowGreenState(name)[index])
-
-        pupils = [name for name, vehicle in self._scenario.vehicles.items() if vehicle.driver == "controller"]
-        if not pupils:
-            return {}
-        everybody = self.road_users()
-        inserted = set(libsumo.vehicle.getIDList())
-        for name in pupils:
-            if name not in self._controllers and name in inserted:
-                self._controllers[name] = self._hand_over(name, everybody[name])
-        return {
-            name: controller.step(
-                self._scenario.simulation.step_s,
-                [user for other, user in everybody.items() if other != name],
-                light,
-            )
-            for name, controller in self._controllers.items()
-        }
-
-    def _hand_over(self, name: str, user: RoadUser) -> Controller:
-        """SUMO found a free place for it; from there on it drives itself."""
-        import libsumo
-
-        route = libsumo.vehicle.getRoute(name)[libsumo.vehicle.getRouteIndex(name) :]
-        path = lane_path(self._network, route, libsumo.vehicle.getLaneIndex(name))
-        wished_mps = self._scenario.vehicles[name].speed_mps or user.variant.body.max_speed_mps
-        self._puppets.adopt(name)
-        return Controller(name, user.variant, path, user.map_SE3_base, wished_mps)
-
     def _fill_up(self, keep_away_m: list[Float64]) -> None:
         import libsumo
 
@@ -217,10 +181,21 @@ class Traffic:
             others = {*self._scenario.vehicles, *self._trajectories.ids}
             self._population.fill_up(others, keep_away_m)
 
+    def _check_instrumented(self) -> None:
+        import libsumo
+
+        present = {*libsumo.vehicle.getIDList(), *self._moved}
+        for name in self._scenario.vehicles:
+            if name not in present:
+                raise AdvpipeError(
+                    f"{name} came to the end of its road too fast to stop there; "
+                    f"give vehicles.{name}.route a longer one, or choose another simulation.seed"
+                )
+
     def _make_way(self, first: dict[str, RoadUser]) -> None:
         import libsumo
 
-        for name, user in self._driven_by_sumo().items():
+        for name, user in self._sumo.now(self._puppets.images).items():
             if name in self._scenario.vehicles:
                 continue
             for other in first.values():
@@ -245,46 +220,4 @@ class Traffic:
         return [name for name in present if name not in fixed]
 
     def _position_m(self, name: str) -> Float64:
-        import libsumo
-
-        if name in self._moved:
-            return self._moved[name].position_m
-        return np.array(libsumo.vehicle.getPosition3D(name)) - self._network.offset_m
-
-    def _driven_by_sumo(self) -> dict[str, RoadUser]:
-        import libsumo
-
-        vehicle = libsumo.vehicle
-        outside = self._puppets.images
-        names = [name for name in sorted(vehicle.getIDList()) if name not in outside]
-        if not names:
-            return {}
-        variants = [self._variant(name) for name in names]
-        front_m = np.array([vehicle.getPosition3D(name) for name in names]) - self._network.offset_m
-        angles_deg = [vehicle.getAngle(name) for name in names]
-        slopes_deg = np.zeros(len(names)) if self._is_flat else [vehicle.getSlope(name) for name in names]
-        speeds_mps = np.array([vehicle.getSpeed(name) for name in names])
-        poses = base_poses(front_m, angles_deg, slopes_deg, [variant.length_m for variant in variants])
-        velocities = poses[:, :3, 0] * speeds_mps[:, None]
-        return {
-            name: RoadUser(name, variant, pose, velocity)
-            for name, variant, pose, velocity in zip(names, variants, poses, velocities, strict=True)
-        }
-
-    def _variant(self, name: str) -> Variant:
-        """The body of a vehicle that SUMO drives; one of the user's becomes as long as its stand-in."""
-        import libsumo
-
-        if name not in self._variant_of:
-            vehicle = libsumo.vehicle
-            variant = self._variants.get(vehicle.getTypeID(name))
-            if variant is None:
-                rng = named_generator(self._scenario.simulation.seed, "own traffic", name)
-                variant = stand_in(
-                    self._variants, vehicle.getVehicleClass(name), vehicle.getLength(name), rng
-                )
-                vehicle.setLength(name, variant.length_m)
-                vehicle.setWidth(name, variant.width_m)
-                vehicle.setHeight(name, variant.height_m)
-            self._variant_of[name] = variant
-        return self._variant_of[name]
+        return self._moved[name].position_m if name in self._moved else self._sumo.position_m(name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +13,10 @@ from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.seeding import named_generator
 from advpipe.stages.simulate.road_users import RoadUser
 from advpipe.stages.simulate.world.bodies import Variant
-from advpipe.stages.simulate.world.roads import KERB_M, Roads, offset_right
+from advpipe.stages.simulate.world.roads import KERB_M, Roads, offset_right, resample
 from advpipe.stages.simulate.world.scenery import WALKWAY_OFFSET_M
 
+PIECE_M = 4.0
 STRAY_M = 0.6
 NEAR_ROUTE_M = 30.0
 NEAR_ROUTE_SHARE = 0.5
@@ -46,15 +48,25 @@ class Walker:
 
 
 def draw_walkers(
-    scenario: Scenario, roads: Roads, variants: dict[str, Variant], routes_m: list[Float64]
+    scenario: Scenario,
+    roads: Roads,
+    variants: dict[str, Variant],
+    routes_m: list[Float64],
+    pavements_m: Sequence[Float64] = (),
 ) -> list[Walker]:
     """The people of a scenario, part of them near the routes (K, 3) of its instrumented vehicles.
 
-    SUMO's own pedestrians need pavements in the network, which most OpenDRIVE maps lack.
+    They walk on the network's own pavements (K, 3) where it has any, or else beside the kerb: SUMO's own
+    pedestrians need pavements in the network, which most OpenDRIVE maps lack.
     """
     rng = named_generator(scenario.simulation.seed, "walkers")
     bodies = [variant for variant in variants.values() if variant.body.label == "pedestrian"]
-    paths = [path for kerb in roads.kerbs_m for path in _pieces(kerb) if _has_room(path, roads)]
+    if pavements_m:
+        aside_m, raised_m = 0.0, 0.0
+        paths = [path for line in pavements_m for path in _pieces(resample(line, PIECE_M))]
+    else:
+        aside_m, raised_m = WALKWAY_OFFSET_M, KERB_M
+        paths = [path for kerb in roads.kerbs_m for path in _pieces(kerb) if _has_room(path, roads)]
     if not paths:
         return []
     lengths = np.array([np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths])
@@ -67,12 +79,12 @@ def draw_walkers(
     for index in range(scenario.traffic.pedestrians):
         weights = near if rng.random() < NEAR_ROUTE_SHARE else lengths
         path = paths[int(rng.choice(len(paths), p=weights / weights.sum()))]
-        side_m = WALKWAY_OFFSET_M + rng.uniform(-STRAY_M, STRAY_M)
+        side_m = aside_m + rng.uniform(-STRAY_M, STRAY_M)
         walkers.append(
             Walker(
                 f"pedestrian.{index}",
                 bodies[int(rng.integers(len(bodies)))],
-                offset_right(path, side_m) + (0, 0, KERB_M),
+                offset_right(path, side_m) + (0, 0, raised_m),
                 float(rng.uniform(0, 2 * lengths.max())),
                 float(rng.uniform(0.8, 1.7)),
             )

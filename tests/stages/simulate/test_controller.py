@@ -35,7 +35,7 @@ def run(controller: Controller, steps: int, others: list[RoadUser], light: str =
 
 
 def test_idm_at_rest_behind_a_leader_and_on_a_free_road() -> None:
-    """By hand from eq. 3: at v0 no acceleration, from rest a, and in equilibrium at s* / sqrt(1 - (v/v0)^4)."""
+    """By hand from eq. 3: none at v0, a from rest, none at the gap s* / sqrt(1 - (v/v0)^4)."""
     idm = Idm()
     assert idm(20.0, 20.0, np.inf, 0.0) == pytest.approx(0)
     assert idm(0.0, 20.0, np.inf, 0.0) == pytest.approx(1.4)
@@ -85,7 +85,9 @@ def test_it_stops_behind_who_stands_in_its_lane_and_passes_who_does_not(
 ) -> None:
     sedan = variants["sedan.0"]
     wall = RoadUser("wall", sedan, se3_from_yaw([200, beside_m, 0], 0), np.zeros(3))
-    users = run(Controller("ego", sedan, path_of(straight(300)), se3_from_yaw([5, 0, 0], 0), 50.0), 400, [wall])
+    users = run(
+        Controller("ego", sedan, path_of(straight(300)), se3_from_yaw([5, 0, 0], 0), 50.0), 400, [wall]
+    )
     if beside_m:
         assert users[-1].position_m[0] > 280
     else:
@@ -109,9 +111,7 @@ def test_it_stops_at_the_end_of_its_path(variants: dict[str, Variant]) -> None:
     assert 145 < users[-1].position_m[0] + sedan.length_m / 2 <= 150
 
 
-def test_a_path_keeps_to_lanes_and_changes_them_smoothly(
-    tmp_path: Path, road: Callable[..., Path]
-) -> None:
+def test_a_path_keeps_to_lanes_and_changes_them_smoothly(tmp_path: Path, road: Callable[..., Path]) -> None:
     network = load_network(load_scenario("smoke", [f"map.sumo_net={road(400, lanes=2)}"]).map, tmp_path)
     for lane in (0, 1):
         path = lane_path(network, ["ab", "bc"], lane)

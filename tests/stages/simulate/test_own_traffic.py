@@ -114,14 +114,12 @@ def test_bad_routes_of_instrumented_vehicles_are_named(
         drive(load_scenario("smoke", settings), 1)
 
 
-def test_an_instrumented_vehicle_keeps_its_route_and_speed(
-    road: Callable[..., Path], drive: Driver
-) -> None:
+def test_an_instrumented_vehicle_keeps_its_route_and_speed(road: Callable[..., Path], drive: Driver) -> None:
     """At 6 m/s it is some 200 m farther after 34 s, and it stops at the end of its route."""
     settings = [f"map.sumo_net={road(300)}", "vehicles={ego: {route: [ab, bc], speed_mps: 6}}"]
     settings += ["traffic.vehicles=0", "simulation.warmup_s=1"]
     states = drive(load_scenario("smoke", settings), 900)
-    speeds = [float((state["ego"].velocity_mps**2).sum() ** 0.5) for state in states]
+    speeds = [float((state["ego"].velocity_mps ** 2).sum() ** 0.5) for state in states]
     assert max(speeds) == pytest.approx(6, abs=0.7)
     assert states[-1]["ego"].position_m[0] > 480
     assert speeds[-1] < 0.1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import os
 import subprocess
 from collections.abc import Callable
 from itertools import pairwise
@@ -10,6 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
+from scipy.spatial import cKDTree
 
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import invert, transform_points
@@ -17,9 +20,12 @@ from advpipe.pipeline.scenario import Scenario, load_scenario
 from advpipe.stages.simulate.network import load_network
 from advpipe.stages.simulate.network_file import sumo_program
 from advpipe.stages.simulate.road_users import RoadUser
+from advpipe.stages.simulate.sumo_pose import footprints
 from advpipe.stages.simulate.traffic import SPAWN_DISTANCE_M, Traffic
 from advpipe.stages.simulate.world.bodies import draw_variants
+from advpipe.stages.simulate.world.roads import resample
 
+TOWN06 = Path(os.environ.get("ADVPIPE_TOWN06", "Town06.xodr"))
 BUSY = ["traffic.vehicles=150", "simulation.warmup_s=20"]
 
 
@@ -149,3 +155,67 @@ def test_the_ego_may_stop_where_a_road_has_a_pavement(tmp_path: Path, grid: Call
     settings = [f"map.sumo_net={path}", "traffic.vehicles=10", "simulation.warmup_s=1"]
     states = drive(load_scenario("smoke", settings), tmp_path, 5)
     assert all("ego" in state for state in states)
+
+
+def test_vehicles_on_the_highway_lie_on_its_slopes(tmp_path: Path) -> None:
+    """Front, middle and rear of every box are on the lanes' surface, within 5 cm, and pitch is its slope."""
+    scenario = load_scenario("highway", ["simulation.warmup_s=10"])
+    edges = load_network(scenario.map, tmp_path).drivable
+    lines = [lane.centre_m for edge in edges for lane in edge.lanes]
+    lines += [link.centre_m for edge in edges for link in edge.connections]
+    dense = np.concatenate([resample(line, 0.5) for line in lines])
+    tree = cKDTree(dense[:, :2])
+    climbs, speeds = [], []
+    for state in drive(scenario, tmp_path, 200)[::20]:
+        for user in state.values():
+            half_m = user.variant.length_m / 2
+            points = transform_points(user.map_SE3_base, [[x, 0, 0] for x in (-half_m, 0, half_m)])
+            apart_m, nearest = tree.query(points[:, :2])
+            assert apart_m.max() < 2.5
+            assert np.abs(points[:, 2] - dense[nearest, 2]).max() < 0.05, user.id
+            climbs.append(user.map_SE3_base[2, 0])
+            speeds.append(float(np.linalg.norm(user.velocity_mps)))
+            assert user.velocity_mps[2] == pytest.approx(climbs[-1] * speeds[-1], abs=1e-6)
+    assert max(climbs) > 0.035
+    assert min(climbs) < -0.035
+    assert np.percentile(speeds, 75) > 30
+
+
+def test_an_ego_that_comes_by_its_last_road_before_drives_on(
+    tmp_path: Path, grid: Callable[..., Path]
+) -> None:
+    """On a small grid a long walk uses each road many times, also its last."""
+    path = grid("--grid.number", "2", "--grid.length", "120", "--no-turnarounds")
+    settings = [f"map.sumo_net={path}", "traffic.vehicles=3", "simulation.duration_s=60"]
+    states = drive(load_scenario("smoke", settings), tmp_path, 600)
+    steps_m = [float(np.linalg.norm(b["ego"].position_m - a["ego"].position_m)) for a, b in pairwise(states)]
+    assert sum(steps_m[300:]) > 100
+
+
+@pytest.mark.skipif(not TOWN06.is_file(), reason="set ADVPIPE_TOWN06 to CARLA's Town06.xodr")
+def test_town06_flows(tmp_path: Path) -> None:
+    """100 s at the scenario's density: the ego drives on, among many, and boxes hardly ever overlap."""
+    scenario = load_scenario("town06", [f"map.opendrive={TOWN06}"])
+    states = drive(scenario, tmp_path, 1000)
+    egos = [state["ego"] for state in states]
+    standing = np.mean([np.linalg.norm(ego.velocity_mps) < 0.3 for ego in egos])
+    assert standing < 0.4
+    assert sum(np.linalg.norm(b.position_m - a.position_m) for a, b in pairwise(egos)) > 400
+    near = [
+        sum(np.linalg.norm(user.position_m - state["ego"].position_m) < 100 for user in state.values()) - 1
+        for state in states[::10]
+    ]
+    assert np.mean(near) > 15
+    overlaps = [_overlaps(list(state.values())) for state in states[::20]]
+    assert np.mean(overlaps) < 2  # of some 240 boxes
+
+
+def _overlaps(users: list[RoadUser]) -> int:
+    corners = footprints(
+        np.stack([user.map_SE3_base for user in users]),
+        [(user.variant.length_m, user.variant.width_m) for user in users],
+    )
+    boxes = shapely.polygons(corners)
+    first, second = shapely.STRtree(boxes).query(boxes, predicate="intersects")
+    shared = shapely.area(shapely.intersection(boxes[first], boxes[second]))
+    return int(np.sum((first < second) & (shared > 0.05)))

@@ -49,7 +49,12 @@ def test_it_is_there_from_first_to_last_row(variants: dict[str, Variant]) -> Non
 def scenario(folder: Path, net: Path, rows: str, *settings: str) -> Scenario:
     (folder / "t.csv").write_text(HEAD + rows)
     more = [f"map.sumo_net={net}", "trajectories.file=" + str(folder / "t.csv"), "simulation.warmup_s=2"]
-    more += ["traffic.vehicles=0", "traffic.pedestrians=0", "traffic.parked_per_km=0", "simulation.duration_s=10"]
+    more += [
+        "traffic.vehicles=0",
+        "traffic.pedestrians=0",
+        "traffic.parked_per_km=0",
+        "simulation.duration_s=10",
+    ]
     return load_scenario("smoke", [*more, *settings])
 
 
