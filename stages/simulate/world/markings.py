@@ -9,7 +9,7 @@ from shapely.ops import substring
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.stages.simulate.network import Edge, RoadNetwork
 from advpipe.stages.simulate.world.mesh import Mesh, strip
-from advpipe.stages.simulate.world.roads import FAST_MPS, Roads, offset_right
+from advpipe.stages.simulate.world.roads import FAST_MPS, offset_right
 
 WIDTH_M = 0.14
 HEIGHT_M = 0.004
@@ -19,22 +19,31 @@ CROSSING_M = (0.9, 3.4)
 """A crossing lies so far beyond the end of the lanes, inside the junction."""
 
 STRIPE_M = 0.5
-SIGNAL_REACH_M = 30.0
+PAVEMENT_M = 1.9
+"""Paved width of a lane for people on foot."""
 
 
-def build_markings(network: RoadNetwork, roads: Roads, rng: np.random.Generator) -> list[Mesh]:
+def build_markings(network: RoadNetwork, rng: np.random.Generator) -> list[Mesh]:
     """Lines beside every edge and between its lanes; at signals, stop lines and crossings."""
+    signalled = [edge for edge in network.drivable if has_signal(edge)]
+    leaving = {turn.to_edge for edge in signalled for turn in edge.connections if turn.light}
     meshes = []
     for edge in network.drivable:
         material = "marking_worn" if rng.random() < 0.3 else "marking"
         meshes += _lines(edge, material)
         meshes += _patches(edge, rng)
-        for at_end in (True, False):
-            end_m = edge.lanes[0].centre_m[-1 if at_end else 0, :2]
-            signals_m = roads.signals_m[:, :2]
-            if len(signals_m) and np.linalg.norm(signals_m - end_m, axis=1).min() < SIGNAL_REACH_M:
-                meshes += _crossing(edge, at_end, material)
+        if has_signal(edge):
+            meshes += _crossing(edge, True, material)
+        if edge.id in leaving:
+            meshes += _crossing(edge, False, material)
+    for pavement in network.pavements_m:
+        meshes.append(_line(pavement, "paving", PAVEMENT_M, PATCH_HEIGHT_M))
     return meshes
+
+
+def has_signal(edge: Edge) -> bool:
+    """Whether the edge leads to a traffic light."""
+    return any(turn.light is not None for turn in edge.connections)
 
 
 def _lines(edge: Edge, material: str) -> list[Mesh]:

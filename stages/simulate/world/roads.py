@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -66,7 +65,7 @@ class Roads:
     area: the union of all lanes and junctions in x, y. decks: level by level, the lowest first.
     kerbs_m: polylines (K, 3) along streets with a pavement, the road on their left, closed where it
     runs around a block. verges_m: the same along fast roads and bridges, which have none.
-    medians: narrow islands between carriageways. signals_m: middles (N, 3) of signalled junctions.
+    medians: narrow islands between carriageways.
     """
 
     area: MultiPolygon
@@ -74,7 +73,6 @@ class Roads:
     kerbs_m: tuple[Float64, ...]
     verges_m: tuple[Float64, ...]
     medians: MultiPolygon
-    signals_m: Float64
     is_flat: bool
 
     def height_at(self, xy_m: Float64) -> Float64:
@@ -90,7 +88,8 @@ class Roads:
 
 def lay_out_roads(network: RoadNetwork) -> Roads:
     """The outlines of all lanes and junctions; gaps of under two metres are closed."""
-    turns_m, signals_m = _junctions(network)
+    turns_m = [turn.centre_m for edge in network.edges.values() for turn in edge.connections]
+    turns_m = [turn for turn in turns_m if len(turn) > 1]
     pieces, lines, fast = [], [], []
     for edge in network.edges.values():
         ribbons = [
@@ -119,26 +118,7 @@ def lay_out_roads(network: RoadNetwork) -> Roads:
     union = shapely.unary_union([deck.area for deck in decks])
     medians = _medians(decks[0].area)
     kerbs, verges = _edges(decks)
-    return Roads(_multi(union), decks, kerbs, verges, medians, signals_m, is_flat)
-
-
-def _junctions(network: RoadNetwork) -> tuple[list[Float64], Float64]:
-    """The lanes (K, 3) across junctions, and the middles (N, 3) of those with signals."""
-    root = ElementTree.parse(network.sumo_file).getroot()
-    turns = [
-        np.array([[*map(float, point.split(","))] for point in lane.get("shape", "").split()])
-        for edge in root.iter("edge")
-        if edge.get("function") == "internal"
-        for lane in edge.iter("lane")
-    ]
-    turns = [np.pad(line, ((0, 0), (0, 3 - line.shape[1]))) for line in turns if len(line) > 1]
-    signals = [
-        [float(node.get(axis, 0)) for axis in "xyz"]
-        for node in root.iter("junction")
-        if node.get("type", "").startswith("traffic_light")
-    ]
-    offset_m = network.offset_m
-    return [line - offset_m for line in turns], np.array(signals).reshape(-1, 3) - offset_m
+    return Roads(_multi(union), decks, kerbs, verges, medians, is_flat)
 
 
 def _levels(pieces: Sequence[shapely.Geometry], lines: Sequence[list[Float64]]) -> npt.NDArray[np.int64]:

@@ -10,11 +10,13 @@ import numpy as np
 from advpipe.pipeline.geometry.transforms import Float64, se3_from_yaw
 from advpipe.pipeline.scenario.environment import UserObject
 from advpipe.pipeline.scenario.models import Scenario
+from advpipe.stages.simulate.network import RoadNetwork
 from advpipe.stages.simulate.road_users import RoadUser
 from advpipe.stages.simulate.world import furniture, trees
 from advpipe.stages.simulate.world.bodies import Variant
 from advpipe.stages.simulate.world.buildings import building
 from advpipe.stages.simulate.world.ground import terrain_at
+from advpipe.stages.simulate.world.markings import has_signal
 from advpipe.stages.simulate.world.mesh import Mesh, box, merge
 from advpipe.stages.simulate.world.occupied import Occupied
 from advpipe.stages.simulate.world.roads import KERB_M, Roads
@@ -28,7 +30,6 @@ TREE_OFFSET_M = (5.8, 9.5)
 BUILDING_OFFSET_M = (8.0, 20.0)
 BUILDING_PLOTS_PER_KM = 60.0
 FAR_OFFSET_M = (6.0, 25.0)
-SIGNAL_REACH_M = 30.0
 PARKED_BODIES = ("sedan", "hatchback", "estate", "suv", "pickup", "van")
 PARKED_SHARES = (0.26, 0.26, 0.12, 0.25, 0.04, 0.07)
 
@@ -104,7 +105,9 @@ def park_cars(
     return parked
 
 
-def build_scenery(scenario: Scenario, roads: Roads, occupied: Occupied, rng: np.random.Generator) -> Mesh:
+def build_scenery(
+    scenario: Scenario, network: RoadNetwork, roads: Roads, occupied: Occupied, rng: np.random.Generator
+) -> Mesh:
     """Furniture, trees and buildings, and the user's own objects."""
     environment = scenario.environment
     streets: list[tuple[float, Draw]] = [
@@ -119,7 +122,7 @@ def build_scenery(scenario: Scenario, roads: Roads, occupied: Occupied, rng: np.
         (1.5 * environment.trees_per_km, _far_tree),
     ]
     meshes = [_object(index, given, roads) for index, given in enumerate(environment.objects)]
-    meshes += _signals(roads, occupied, rng)
+    meshes += _signals(network, occupied, rng)
     for lines, kinds in ((roads.kerbs_m, streets), (roads.verges_m, fast)):
         for per_km, draw in kinds:
             for plot, _ in _plots(lines, per_km, rng):
@@ -140,21 +143,18 @@ def _object(index: int, given: UserObject, roads: Roads) -> Mesh:
     return mesh.transformed(se3_from_yaw((given.x_m, given.y_m, ground_m + given.z_m), given.yaw_rad))
 
 
-def _signals(roads: Roads, occupied: Occupied, rng: np.random.Generator) -> list[Mesh]:
-    """A signal before each corner of a signalled junction: where a kerb begins to turn away."""
+def _signals(network: RoadNetwork, occupied: Occupied, rng: np.random.Generator) -> list[Mesh]:
+    """A signal to the right of every stop line."""
     meshes = []
-    for middle_m in roads.signals_m:
-        for kerb in roads.kerbs_m:
-            away_m = np.linalg.norm(kerb[:, :2] - middle_m[:2], axis=1)
-            for index in np.flatnonzero((away_m < SIGNAL_REACH_M) & (np.gradient(away_m) < 0)).tolist():
-                step = kerb[min(index + 1, len(kerb) - 1)] - kerb[index - 1]
-                plot = Plot(kerb[index], float(np.arctan2(step[1], step[0])))
-                inward = float(np.dot(step[:2], middle_m[:2] - kerb[index, :2]))
-                if inward < 0.8 * away_m[index] * np.linalg.norm(step[:2]):
-                    continue
-                pose = plot.at(0.6, KERB_M)
-                if occupied.take(pose, 8.0, 0.3):  # one on each approach, not one at each point
-                    meshes.append(furniture.signal(rng).transformed(pose))
+    for edge in filter(has_signal, network.drivable):
+        lane = edge.lanes[0]
+        step = lane.centre_m[-1] - lane.centre_m[-2]
+        plot = Plot(lane.centre_m[-1], float(np.arctan2(step[1], step[0])))
+        for aside_m in (0.7, 1.4, 2.4):
+            pose = plot.at(lane.width_m / 2 + aside_m, KERB_M)
+            if occupied.take(pose, 0.4, 0.4):
+                meshes.append(furniture.signal(rng).transformed(pose))
+                break
     return meshes
 
 

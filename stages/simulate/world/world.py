@@ -45,8 +45,8 @@ class World:
         self.parked: list[RoadUser] = park_cars(scenario, self.roads, variants, occupied, chance("parked"))
         static = [
             build_ground(network, self.roads, chance("ground")),
-            *build_markings(network, self.roads, chance("markings")),
-            build_scenery(scenario, self.roads, occupied, chance("scenery")),
+            *build_markings(network, chance("markings")),
+            build_scenery(scenario, network, self.roads, occupied, chance("scenery")),
             *build_barriers(scenario.environment.barriers, self.roads, occupied, chance("barriers")),
         ]
         self._static = Scene(merge(static))
