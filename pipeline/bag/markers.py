@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -40,18 +41,25 @@ def markers(stamp_ns: int, frame_id: str, boxes: Boxes) -> Any:
     return message_class("visualization_msgs/msg/MarkerArray")(markers=[clear, *cubes])
 
 
+@cache
 def _colour(class_name: str) -> Any:
     red, green, blue = CLASS_COLOURS_RGB[class_name]
     return message_class("std_msgs/msg/ColorRGBA")(r=red, g=green, b=blue, a=OPACITY)
 
 
 def _marker(stamp_ns: int, frame_id: str, **values: Any) -> Any:
+    parts = {**_defaults(), "header": header(stamp_ns, frame_id), **values}
+    return message_class("visualization_msgs/msg/Marker")(**parts)
+
+
+@cache
+def _defaults() -> dict[str, Any]:
+    """What no marker of ours uses; made once, since there are many markers."""
     empty_image = message_class("sensor_msgs/msg/CompressedImage")(
         header=header(0, ""), format="", data=np.zeros(0, np.uint8)
     )
     empty_mesh = message_class("visualization_msgs/msg/MeshFile")(filename="", data=np.zeros(0, np.uint8))
-    defaults = {
-        "header": header(stamp_ns, frame_id),
+    return {
         "ns": "",
         "id": 0,
         "type": 0,
@@ -71,4 +79,3 @@ def _marker(stamp_ns: int, frame_id: str, **values: Any) -> Any:
         "mesh_file": empty_mesh,
         "mesh_use_embedded_materials": False,
     }
-    return message_class("visualization_msgs/msg/Marker")(**{**defaults, **values})
