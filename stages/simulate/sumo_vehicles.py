@@ -61,7 +61,6 @@ class SumoVehicles:
             variant = self._variants.get(vehicle.getTypeID(name))
             if variant is None:
                 rng = named_generator(self._seed, "own traffic", name)
-                vclass = vehicle.getVehicleClass(name)
                 variant = stand_in(
                     self._variants, vehicle.getVehicleClass(name), vehicle.getLength(name), rng
                 )
