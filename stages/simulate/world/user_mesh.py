@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import open3d as o3d
 
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.stages.simulate.world.materials import MATERIAL_ID
 from advpipe.stages.simulate.world.mesh import Mesh
 
@@ -32,13 +38,8 @@ def load_mesh(path: str, key: str, material: str, scale: float) -> Mesh:
         raise AdvpipeError(f"{key}.mesh: {file} {state}; give the path of an {', '.join(FORMATS)} file")
     if file.suffix.lower() not in FORMATS:
         raise AdvpipeError(f"{key}.mesh: {file} is none of {', '.join(FORMATS)}; convert it")
-    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
-        try:
-            read = o3d.io.read_triangle_mesh(str(file))
-        except (RuntimeError, ValueError, MemoryError, UnicodeError):
-            read = o3d.geometry.TriangleMesh()
-    vertices_m = np.asarray(read.vertices, dtype=np.float64) * scale
-    triangles = np.asarray(read.triangles, dtype=np.int64)
+    vertices, triangles = _read(file)
+    vertices_m = vertices * scale
     problem = _problem(vertices_m, triangles)
     if problem is not None:
         raise AdvpipeError(f"{key}.mesh: {file} {problem}")
@@ -49,7 +50,48 @@ def load_mesh(path: str, key: str, material: str, scale: float) -> Mesh:
     return Mesh(vertices_m, triangles, np.full(len(triangles), MATERIAL_ID[material], np.uint8))
 
 
-def _problem(vertices_m: np.ndarray, triangles: np.ndarray) -> str | None:
+def _read(file: Path) -> tuple[Float64, npt.NDArray[np.int64]]:
+    """Vertices (V, 3) and triangles (T, 3); none of either where the file is no mesh."""
+    mesh = o3d.geometry.TriangleMesh()
+    if not _is_cut_off(file):
+        with _silence(), o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
+            try:
+                mesh = o3d.io.read_triangle_mesh(str(file))
+            except (RuntimeError, ValueError, MemoryError):
+                pass
+    return np.array(mesh.vertices, dtype=np.float64), np.array(mesh.triangles, dtype=np.int64)
+
+
+def _is_cut_off(file: Path) -> bool:
+    """Whether a binary .stl is shorter than it says: Open3D would make room for all that it promises."""
+    if file.suffix.lower() != ".stl":
+        return False
+    with file.open("rb") as stream:
+        head = stream.read(84)
+    if head.lstrip().startswith(b"solid"):
+        return False
+    return len(head) < 84 or file.stat().st_size < 84 + 50 * int.from_bytes(head[80:], "little")
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Keeps quiet what the readers' C libraries write to stdout and stderr: our one line says it."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    kept = [(stream, os.dup(stream)) for stream in (1, 2)]
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        for stream, _ in kept:
+            os.dup2(nowhere, stream)
+        yield
+    finally:
+        for stream, copy in kept:
+            os.dup2(copy, stream)
+            os.close(copy)
+        os.close(nowhere)
+
+
+def _problem(vertices_m: Float64, triangles: npt.NDArray[np.int64]) -> str | None:
     """What is wrong with a mesh, as the end of a sentence about its file."""
     if not len(vertices_m) or not len(triangles):
         return "holds no triangles, or is no mesh at all; export it again"
