@@ -227,6 +227,46 @@ def inspect(
         description.print()
 
 
+@app.command()
+def recover(
+    path: Annotated[
+        Path, typer.Argument(help="What a killed run was to make, or a damaged data set, bag or .mcap.")
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Where to.", show_default="PATH-recovered")
+    ] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Save what was written of a recording that was cut off, as a whole bag or data set beside it.
+
+    What a killed run wrote stays in a hidden folder until a later run for the same output has finished.
+    """
+    from advpipe.pipeline.bag.recover import recover as run
+
+    print(run(path, out, overwrite=overwrite))
+
+
+@app.command()
+def schema(
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="File to write.", show_default="standard output")
+    ] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """The JSON Schema of scenario files, for editors and checkers.
+
+    Editors with a YAML language server complete and check a scenario that starts with the line
+    `# yaml-language-server: $schema=FILE`.
+    """
+    from advpipe.pipeline.scenario.schema import schema_json, write_schema
+
+    if out is None:
+        print(schema_json())
+    else:
+        write_schema(out, overwrite)
+        print(out)
+
+
 def _version(wanted: bool) -> None:
     if wanted:
         from importlib.metadata import version

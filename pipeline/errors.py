@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+
 
 class AdvpipeError(Exception):
     """A mistake outside advpipe's code, said in one line: what, where, and how to mend it.
@@ -22,4 +24,6 @@ class OutputExistsError(AdvpipeError):
 def os_error_line(error: OSError) -> str:
     """What the operating system refused, as one line: the file, and why."""
     reason = error.strerror or str(error) or type(error).__name__
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        reason += "; make room there, or write elsewhere (--out)"
     return f"{error.filename}: {reason}" if error.filename else reason

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -10,32 +12,78 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
+from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, os_error_line
 
 try:
     import fcntl
 except ImportError:  # Windows: leftovers of killed runs stay until removed by hand
     fcntl = None  # type: ignore[assignment]
 
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _LOCK_NAME = ".lock"
+_HIDDEN = re.compile(r"\.(.+)\.partial-[^.]+")
+
+
+def final_path(path: Path) -> Path:
+    """The path that a file in a hidden folder is to get.
+
+    >>> final_path(Path("datasets/.town.partial-x1/clean"))
+    PosixPath('datasets/town/clean')
+    """
+    return Path(*(match[1] if (match := _HIDDEN.fullmatch(part)) else part for part in path.parts))
+
+
+def leftovers(final: Path) -> list[Path]:
+    """The hidden folders of runs for this name, of killed and of living ones; the newest first."""
+    if not final.parent.is_dir():
+        return []
+    found = [
+        path for path in final.parent.iterdir() if path.name.startswith(_prefix(final)) and path.is_dir()
+    ]
+    return sorted(found, key=lambda path: (_changed_ns(path), path.name), reverse=True)
+
+
+def _changed_ns(path: Path) -> int:
+    with suppress(OSError):  # another run removes it just now
+        return path.stat().st_mtime_ns
+    return 0
+
+
+@contextmanager
+def held(leftover: Path) -> Iterator[bool]:
+    """Whether the run that filled it is dead; then no other run removes it within the block."""
+    if fcntl is None:
+        yield True
+        return
+    with (leftover / _LOCK_NAME).open("a") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            yield False
+        else:
+            yield True
+
+
+def _prefix(final: Path) -> str:
+    return f".{final.name}.partial-"
 
 
 class PartialFolder:
     """A hidden folder beside `final`, renamed to it by `commit` or removed by `discard`.
 
-    A killed run leaves only the hidden folder; its lock died with it, so the next run for the same name
-    removes it, and never one that a living run still fills.
+    A killed run leaves only the hidden folder. It stays, for `advpipe recover`, until a later run for the
+    same name has finished; of several, the newest stays. One that a living run still fills is never
+    touched: its lock tells.
     """
 
     def __init__(self, final: Path) -> None:
         self.final = final
-        self._prefix = f".{final.name}.partial-"
         self._new_parents = [parent for parent in final.parents if not parent.exists()]
         try:
             final.parent.mkdir(parents=True, exist_ok=True)
             with _one_at_a_time(final.parent):
-                self._remove_leftovers()
-                self.path = Path(tempfile.mkdtemp(prefix=self._prefix, dir=final.parent))
+                self._remove_leftovers(kept=1)
+                self.path = Path(tempfile.mkdtemp(prefix=_prefix(final), dir=final.parent))
                 self.path.chmod(0o755)  # mkdtemp's 0700 would hide the bag from everybody else
                 self._lock = (self.path / _LOCK_NAME).open("w")
                 if fcntl is not None:
@@ -53,8 +101,9 @@ class PartialFolder:
             self._lock.close()
             if not self.final.exists():
                 self.path.rename(self.final)
+                self._remove_leftovers()
                 return
-            old = Path(tempfile.mkdtemp(prefix=self._prefix, dir=self.final.parent)) / "replaced"
+            old = Path(tempfile.mkdtemp(prefix=_prefix(self.final), dir=self.final.parent)) / "replaced"
             try:
                 self.final.rename(old)
                 self.path.rename(self.final)
@@ -64,10 +113,16 @@ class PartialFolder:
                 raise
             finally:
                 shutil.rmtree(old.parent, ignore_errors=True)
+            self._remove_leftovers()
 
-    def discard(self) -> None:
-        """Remove the folder, and the folders above it that were made for it and hold nothing else."""
+    def discard(self, is_finished: bool = False) -> None:
+        """Remove the folder, and the folders above it that were made for it and hold nothing else.
+
+        is_finished: what was in it found its place elsewhere.
+        """
         self._lock.close()
+        if is_finished:
+            self._remove_leftovers()
         shutil.rmtree(self.path, ignore_errors=True)
         self._remove_new_parents()
 
@@ -76,18 +131,16 @@ class PartialFolder:
             for parent in self._new_parents:
                 parent.rmdir()
 
-    def _remove_leftovers(self) -> None:
+    def _remove_leftovers(self, kept: int = 0) -> None:
+        """All of killed runs, but for the `kept` newest."""
         if fcntl is None:
             return
-        for leftover in self.final.parent.iterdir():
-            if not leftover.name.startswith(self._prefix):
-                continue
-            try:
-                with (leftover / _LOCK_NAME).open("w") as lock:
-                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        for leftover in leftovers(self.final):
+            with suppress(OSError), held(leftover) as is_dead:  # not ours to remove, perhaps
+                if is_dead and kept:
+                    kept -= 1
+                elif is_dead:
                     shutil.rmtree(leftover, ignore_errors=True)
-            except OSError:  # locked by a living run, or not ours to remove
-                continue
 
 
 @dataclass(frozen=True)
@@ -134,11 +187,13 @@ def staged_folder(final: Path, overwrite: bool, kind: FolderKind) -> Iterator[Pa
         refuse()  # again: it may have appeared meanwhile
         if final.is_dir():
             _replace_items(partial.path, final)
-            partial.discard()
+            partial.discard(is_finished=True)
         else:
             partial.commit(may_replace=lambda _: False)
-    except BaseException:
+    except BaseException as error:
         partial.discard()
+        if isinstance(error, OSError) and error.errno in _FULL and not error.filename:
+            raise AdvpipeError(f"{final}: cannot be written: {os_error_line(error)}") from None
         raise
 
 

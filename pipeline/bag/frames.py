@@ -66,7 +66,7 @@ def count_frames(path: Path, lidar_topic: str | None = None) -> int:
 def has_ground_truth(path: Path, lidar_topic: str | None = None) -> bool:
     """Whether the bag holds boxes of the road users."""
     reader = BagReader(path)
-    return objects_topic(reader, _vehicle_topics(find_lidar_topic(reader, lidar_topic))) is not None
+    return objects_topic(reader, vehicle_topics(find_lidar_topic(reader, lidar_topic))) is not None
 
 
 def read_frames(
@@ -86,7 +86,7 @@ def read_frames(
 
 
 def _frames(reader: BagReader, topic: str, indices: range) -> Iterator[Frame]:
-    topics = _vehicle_topics(topic)
+    topics = vehicle_topics(topic)
     objects = objects_topic(reader, topics)
     truth = GroundTruth(reader, topics, objects) if objects else None
     times_ns = reader.log_times_ns(topic)
@@ -129,6 +129,6 @@ def _with_truth(
     yield from waiting
 
 
-def _vehicle_topics(lidar_topic: str) -> VehicleTopics:
+def vehicle_topics(lidar_topic: str) -> VehicleTopics:
     """The topics of the vehicle under whose name the LiDAR lies: `/ego/lidar/points` is ego's."""
     return VehicleTopics(*lidar_topic.strip("/").split("/")[:2])

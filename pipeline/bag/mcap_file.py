@@ -15,7 +15,7 @@ import numpy.typing as npt
 import zstandard
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader, make_reader
-from mcap.records import Channel, MessageIndex, Statistics
+from mcap.records import Channel, MessageIndex, Schema, Statistics
 from mcap.stream_reader import StreamReader
 from mcap.summary import Summary
 from mcap.writer import MCAP0_MAGIC
@@ -26,6 +26,19 @@ from advpipe.pipeline.errors import AdvpipeError
 _FOOTER = struct.Struct("<BQQQI")  # opcode, length, summary start, summary offset start, summary CRC
 _qos = lru_cache(256)(qos_from_yaml)
 _SCHEMA_ENCODINGS = ("ros2msg", "ros2idl")
+DAMAGE = (
+    McapError,
+    zstandard.ZstdError,
+    struct.error,
+    ValueError,  # also failed checksums and bytes that are no UTF-8
+    LookupError,
+    EOFError,
+    RuntimeError,
+    MemoryError,
+    OverflowError,
+    StopIteration,
+)
+"""What the libraries raise on bytes that are not what was written."""
 
 
 @contextmanager
@@ -35,18 +48,7 @@ def mcap_errors(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise AdvpipeError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except (
-        McapError,
-        zstandard.ZstdError,
-        struct.error,
-        ValueError,  # also failed checksums and bytes that are no UTF-8
-        LookupError,
-        EOFError,
-        RuntimeError,
-        MemoryError,
-        OverflowError,
-        StopIteration,
-    ) as error:
+    except DAMAGE as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise AdvpipeError(f"{path}: damaged or cut off ({reason})") from None
 
@@ -63,7 +65,7 @@ class McapFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         with mcap_errors(path):
-            self._check_ends()
+            check_ends(path)
             with path.open("rb") as stream:
                 reader = make_reader(stream, validate_crcs=True)
                 summary = reader.get_summary()
@@ -74,7 +76,10 @@ class McapFile:
                 raise AdvpipeError(f"{path}: damaged (a metadata record has another name than its index)")
             self.is_indexed = summary is not None and _is_indexed(summary)
             self._summary = summary if summary is not None and self.is_indexed else self._scan()
-            self.topics = {channel.id: self._topic(channel) for channel in self._summary.channels.values()}
+            self.topics = {
+                channel.id: ros2_topic(path, channel, self._summary.schemas[channel.schema_id])
+                for channel in self._summary.channels.values()
+            }
             self.counts = self._counts()
 
     def log_times_ns(self, topic_name: str) -> npt.NDArray[np.int64]:
@@ -133,29 +138,6 @@ class McapFile:
                     times_ns += [log_time_ns for log_time_ns, _ in record.records]
         return times_ns
 
-    def _check_ends(self) -> None:
-        """Whole at both ends, and a summary that its checksum covers is as it was written."""
-        size = self.path.stat().st_size
-        magic_bytes = len(MCAP0_MAGIC)
-        with self.path.open("rb") as stream:
-            if size == 0:
-                raise AdvpipeError(f"{self.path} is empty, no MCAP file")
-            if stream.read(magic_bytes) != MCAP0_MAGIC:
-                raise AdvpipeError(f"{self.path} is no MCAP file (wrong first bytes)")
-            if size < 2 * magic_bytes + _FOOTER.size:
-                raise AdvpipeError(f"{self.path} is cut off: {size} bytes are too few for an MCAP file")
-            stream.seek(-(_FOOTER.size + magic_bytes), 2)
-            footer = stream.read(_FOOTER.size)
-            if stream.read() != MCAP0_MAGIC:
-                raise AdvpipeError(f"{self.path} is cut off: the end of the MCAP file is missing")
-            _, _, summary_start, _, summary_crc = _FOOTER.unpack(footer)
-            if not summary_crc or not summary_start:
-                return
-            stream.seek(summary_start)
-            length = size - magic_bytes - 4 - summary_start
-            if length < 0 or zlib.crc32(stream.read(length)) != summary_crc:
-                raise AdvpipeError(f"{self.path}: damaged (summary checksum)")
-
     def _scan(self) -> Summary:
         """A summary of a file that has none, by reading all of it."""
         summary, counts = Summary(), dict[int, int]()
@@ -178,23 +160,48 @@ class McapFile:
             counts[self.topics[channel_id].name] += count
         return counts
 
-    def _topic(self, channel: Channel) -> Topic:
-        if channel.message_encoding != "cdr":
+
+def check_ends(path: Path) -> None:
+    """Whole at both ends, and a summary that its checksum covers is as it was written."""
+    size = path.stat().st_size
+    magic_bytes = len(MCAP0_MAGIC)
+    with path.open("rb") as stream:
+        if size == 0:
+            raise AdvpipeError(f"{path} is empty, no MCAP file")
+        if stream.read(magic_bytes) != MCAP0_MAGIC:
+            raise AdvpipeError(f"{path} is no MCAP file (wrong first bytes)")
+        if size < 2 * magic_bytes + _FOOTER.size:
+            raise AdvpipeError(f"{path} is cut off: {size} bytes are too few for an MCAP file")
+        stream.seek(-(_FOOTER.size + magic_bytes), 2)
+        footer = stream.read(_FOOTER.size)
+        if stream.read() != MCAP0_MAGIC:
             raise AdvpipeError(
-                f"{self.path}: {channel.topic} is encoded as {channel.message_encoding!r}; "
-                "advpipe reads ROS 2 bags, where all topics are 'cdr'"
+                f"{path} is cut off: the end of the MCAP file is missing; `advpipe recover` saves the rest"
             )
-        schema = self._summary.schemas[channel.schema_id]
-        if schema.encoding not in _SCHEMA_ENCODINGS:
-            raise AdvpipeError(
-                f"{self.path}: {channel.topic} has a schema in {schema.encoding!r}, not ROS 2's"
-            )
-        return Topic(
-            name=channel.topic,
-            type=schema.name,
-            qos=_qos(channel.metadata.get("offered_qos_profiles", "")),
-            type_hash=channel.metadata.get("topic_type_hash", ""),
+        _, _, summary_start, _, summary_crc = _FOOTER.unpack(footer)
+        if not summary_crc or not summary_start:
+            return
+        stream.seek(summary_start)
+        length = size - magic_bytes - 4 - summary_start
+        if length < 0 or zlib.crc32(stream.read(length)) != summary_crc:
+            raise AdvpipeError(f"{path}: damaged (summary checksum)")
+
+
+def ros2_topic(path: Path, channel: Channel, schema: Schema) -> Topic:
+    """What a channel says; AdvpipeError where it is none of a ROS 2 recording."""
+    if channel.message_encoding != "cdr":
+        raise AdvpipeError(
+            f"{path}: {channel.topic} is encoded as {channel.message_encoding!r}; "
+            "advpipe reads ROS 2 bags, where all topics are 'cdr'"
         )
+    if schema.encoding not in _SCHEMA_ENCODINGS:
+        raise AdvpipeError(f"{path}: {channel.topic} has a schema in {schema.encoding!r}, not ROS 2's")
+    return Topic(
+        name=channel.topic,
+        type=schema.name,
+        qos=_qos(channel.metadata.get("offered_qos_profiles", "")),
+        type_hash=channel.metadata.get("topic_type_hash", ""),
+    )
 
 
 def _is_indexed(summary: Summary) -> bool:

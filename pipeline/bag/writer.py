@@ -22,8 +22,8 @@ from advpipe.pipeline.bag.mcap_writer import COMPRESSIONS, McapWriter
 from advpipe.pipeline.bag.provenance import RECORD_NAME, seal
 from advpipe.pipeline.bag.topics import RawMessage, Topic, qos_to_yaml
 from advpipe.pipeline.bag.types import schema_text, serialise, type_hash
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
-from advpipe.pipeline.partial import PartialFolder
+from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, os_error_line
+from advpipe.pipeline.partial import PartialFolder, final_path
 
 _qos_text = cache(qos_to_yaml)
 
@@ -119,6 +119,11 @@ class BagWriter:
         channel = self._channel(raw.topic, raw.schema, raw.schema_encoding, raw.topic.type_hash)
         self._append(channel, raw.cdr, raw.log_time_ns, raw.publish_time_ns, raw.sequence)
 
+    def add_metadata(self, name: str, record: Mapping[str, str]) -> None:
+        """Keep a metadata record, such as one of another tool's, beside those that every bag has."""
+        with self._disk_errors():
+            self._mcap.add_metadata(name, record)
+
     def _append(self, channel: _Channel, cdr: bytes, log_ns: int, publish_ns: int, sequence: int) -> None:
         if not 0 <= log_ns < 2**63:
             raise AdvpipeError(f"{channel.topic.name}: the stamp {log_ns} ns is outside of a bag's time")
@@ -179,7 +184,10 @@ class BagWriter:
         try:
             yield
         except OSError as error:
-            raise AdvpipeError(f"{self.path}: cannot be written: {error.strerror or error}") from None
+            error.filename = None  # one in the hidden folder would tell nobody anything
+            raise AdvpipeError(
+                f"{final_path(self.path)}: cannot be written: {os_error_line(error)}"
+            ) from None
 
     def _information(self) -> dict[str, object]:
         """The content of metadata.yaml (rosbag2_storage's BagMetadata, version 8)."""

@@ -1,0 +1,167 @@
+"""Save what was written of a recording that was cut off, as a whole bag."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from advpipe.pipeline.bag.checksums import validate_checksums
+from advpipe.pipeline.bag.frames import vehicle_topics
+from advpipe.pipeline.bag.locate import CLEAN_NAME
+from advpipe.pipeline.bag.provenance import RECORD_NAME, unseal
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.remains import SCENARIO_NAME, Remains, find_remains
+from advpipe.pipeline.bag.salvage import Salvage
+from advpipe.pipeline.bag.topics import VehicleTopics
+from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
+from advpipe.pipeline.partial import FolderKind, staged_folder
+
+DATA_SET = FolderKind("data set", (SCENARIO_NAME, CLEAN_NAME), (f"{CLEAN_NAME}/metadata.yaml",))
+RECOVERED_KEY = "recovered"
+"""Where the provenance of a recovered bag says what was saved and lost, as JSON."""
+
+_CLOUD_TYPE = VehicleTopics().lidar_points.type
+_TRUTH_TYPES = (VehicleTopics().objects.type, VehicleTopics().true_odometry.type)
+
+
+@dataclass
+class Recovery:
+    """What was saved to `out` (None: nothing needs saving), and what was lost; `str` is one line."""
+
+    remains: Remains
+    out: Path | None = None
+    messages: int = 0
+    clouds: int = 0
+    lost_bytes: int = 0
+    lost_chunks: int = 0
+    lost_messages: int = 0
+    clouds_without_truth: int = 0
+
+    def __str__(self) -> str:
+        if self.out is None:
+            return f"{self.remains.bag}: whole, with {self.messages:,} messages; nothing to recover"
+        lost = [
+            f"{what} {count:,}"
+            for what, count in {
+                "bytes outside of whole chunks": self.lost_bytes,
+                "damaged chunks": self.lost_chunks,
+                "messages known to be in them": self.lost_messages,
+                "clouds without their ground truth": self.clouds_without_truth,
+            }.items()
+            if count
+        ]
+        saved = f"{self.messages:,} messages ({self.clouds:,} clouds) saved from {self.remains.found}"
+        return f"{self.out}: {saved}; lost besides the index: {', '.join(lost) or 'what was not written yet'}"
+
+    def to_json(self) -> str:
+        """The counts."""
+        counts = {key: value for key, value in vars(self).items() if isinstance(value, int)}
+        return json.dumps(counts, sort_keys=True)
+
+
+@dataclass
+class _Survey:
+    """What the first of two passes over the files finds."""
+
+    provenance: dict[str, str] = field(default_factory=dict)
+    clouds_ns: dict[str, set[int]] = field(default_factory=dict)
+    truth_ns: dict[str, set[int]] = field(default_factory=dict)
+
+    def lone_clouds(self) -> set[tuple[str, int]]:
+        """Topic and log time of clouds that a cut parted from their truth, which nothing can use.
+
+        In advpipe's own bags, both have one log time; other tools' clouds are all kept.
+        """
+        found: set[tuple[str, int]] = set()
+        for name, times_ns in self.clouds_ns.items() if self.provenance else ():
+            vehicle = vehicle_topics(name)
+            for truth in (vehicle.objects.name, vehicle.true_odometry.name):
+                found |= {(name, time_ns) for time_ns in times_ns - self.truth_ns.get(truth, times_ns)}
+        return found
+
+
+def recover(path: Path, out: Path | None = None, *, overwrite: bool = False) -> Recovery:
+    """Write a whole bag of what is whole in a cut-off one, as `out` or `<name>-recovered` beside it.
+
+    path: see `find_remains`. The source stays as it is, and an intact bag is left alone. A data set
+    becomes a data set. Attachments are not kept. Raises AdvpipeError where nothing can be saved, an output
+    exists, or a living run is still writing.
+    """
+    with find_remains(Path(path)) as remains:
+        if not remains.is_leftover and _is_whole(remains):
+            topics = BagReader(remains.bag).topics.values()
+            return Recovery(remains, messages=sum(topic.count for topic in topics))
+        target = Path(out) if out else remains.name.with_name(f"{remains.name.name}-recovered")
+        if target.exists() and not overwrite:
+            raise OutputExistsError(target)
+        recovery = Recovery(remains, target)
+        survey = _survey(recovery)
+        if not remains.is_data_set:
+            _write(recovery, survey, target, overwrite)
+            return recovery
+        with staged_folder(target, overwrite, DATA_SET) as folder:
+            if scenario := _scenario(remains, survey):
+                (folder / SCENARIO_NAME).write_text(scenario, encoding="utf-8")
+            _write(recovery, survey, folder / CLEAN_NAME, overwrite=False)
+    return recovery
+
+
+def _is_whole(remains: Remains) -> bool:
+    try:
+        BagReader(remains.bag)
+        for file in remains.files:
+            validate_checksums(file)
+    except AdvpipeError:
+        return False
+    return True
+
+
+def _survey(recovery: Recovery) -> _Survey:
+    """Reads all once, and counts in `recovery`."""
+    survey = _Survey()
+    for salvage in map(Salvage, recovery.remains.filled_files):
+        for raw in salvage.messages():
+            recovery.messages += 1
+            if raw.topic.type == _CLOUD_TYPE:
+                recovery.clouds += 1
+                survey.clouds_ns.setdefault(raw.topic.name, set()).add(raw.log_time_ns)
+            elif raw.topic.type in _TRUTH_TYPES:
+                survey.truth_ns.setdefault(raw.topic.name, set()).add(raw.log_time_ns)
+        recovery.lost_bytes += salvage.lost_bytes
+        recovery.lost_chunks += salvage.lost_chunks
+        recovery.lost_messages += salvage.lost_messages
+        survey.provenance = survey.provenance or _provenance(salvage)
+    recovery.clouds_without_truth = len(survey.lone_clouds())
+    recovery.messages -= recovery.clouds_without_truth
+    recovery.clouds -= recovery.clouds_without_truth
+    if not recovery.messages:
+        files = ", ".join(map(str, recovery.remains.files))
+        raise AdvpipeError(f"{files}: holds no whole chunk of messages; nothing can be saved")
+    return survey
+
+
+def _provenance(salvage: Salvage) -> dict[str, str]:
+    try:
+        return unseal(salvage.metadata.get(RECORD_NAME, {}), salvage.path)
+    except AdvpipeError:  # missing or damaged: the bag is of unknown origin, like another tool's
+        return {}
+
+
+def _scenario(remains: Remains, survey: _Survey) -> str | None:
+    file = remains.found / SCENARIO_NAME
+    return file.read_text(encoding="utf-8") if file.is_file() else survey.provenance.get("scenario")
+
+
+def _write(recovery: Recovery, survey: _Survey, bag: Path, overwrite: bool) -> None:
+    provenance = {**survey.provenance, RECOVERED_KEY: recovery.to_json()}
+    lone_clouds = survey.lone_clouds()
+    with BagWriter(bag, provenance=provenance, overwrite=overwrite) as writer:
+        for salvage in map(Salvage, recovery.remains.filled_files):
+            for raw in salvage.messages():
+                if (raw.topic.name, raw.log_time_ns) not in lone_clouds:
+                    writer.copy(raw)
+            for name, record in salvage.metadata.items():
+                if name not in (RECORD_NAME, "rosbag2"):  # which the writer makes anew
+                    writer.add_metadata(name, record)
