@@ -58,7 +58,7 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
             ) as writer,
         ):
             routes_m = [traffic.route_m(vehicle.name) for vehicle in vehicles]
-            walkers = draw_walkers(scenario, world.roads, variants, routes_m)
+            walkers = draw_walkers(scenario, world.roads, variants, routes_m, network.pavements_m)
             communication = Communication(scenario, traffic)
             recorder = Recorder(scenario, writer)
             recorder.start(clock.stamp_ns(0), vehicles)
