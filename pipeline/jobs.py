@@ -8,12 +8,13 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
-from typing import Any
+from typing import Any, TypeVar
 
 from advpipe.pipeline.errors import AdvpipeError, os_error_line
 from advpipe.pipeline.progress import track
 
 Work = Callable[[int], None]
+T = TypeVar("T")
 
 JOBS_WORTH_A_WORKER = 4
 """A worker takes seconds to load its libraries: below this many jobs each, fewer workers are faster."""
@@ -28,21 +29,43 @@ def run_jobs(
     workers: processes, by default one for each core. Work keeps its own results, such as in a file
     for each job. Raises the AdvpipeError of the first job that fails.
     """
-    count = min(workers or os.cpu_count() or 1, max(len(jobs) // JOBS_WORTH_A_WORKER, 1))
-    done = _in_processes(prepare, jobs, count) if count > 1 else _here(prepare, jobs)
-    for _ in track(done, description, len(jobs)):
+    for _ in _done(prepare, jobs, description, workers):
         pass
 
 
-def _here(prepare: Callable[[], Work], jobs: Sequence[int]) -> Iterator[int]:
+def map_jobs(
+    prepare: Callable[[], Callable[[int], T]],
+    jobs: Sequence[int],
+    description: str,
+    workers: int | None = None,
+) -> list[T]:
+    """As `run_jobs`, for work whose results are small and can be pickled: they come in the jobs' order.
+
+    A process is given its jobs in their order.
+    """
+    results = dict(_done(prepare, jobs, description, workers))
+    return [results[job] for job in jobs]
+
+
+def _done(
+    prepare: Callable[[], Callable[[int], T]], jobs: Sequence[int], description: str, workers: int | None
+) -> Iterator[tuple[int, T]]:
+    """Each job with its result, as they end."""
+    count = min(workers or os.cpu_count() or 1, max(len(jobs) // JOBS_WORTH_A_WORKER, 1))
+    done = _in_processes(prepare, jobs, count) if count > 1 else _here(prepare, jobs)
+    return track(done, description, len(jobs))
+
+
+def _here(prepare: Callable[[], Callable[[int], T]], jobs: Sequence[int]) -> Iterator[tuple[int, T]]:
     work = prepare() if jobs else None
     for job in jobs:
         assert work is not None
-        work(job)
-        yield job
+        yield job, work(job)
 
 
-def _in_processes(prepare: Callable[[], Work], jobs: Sequence[int], count: int) -> Iterator[int]:
+def _in_processes(
+    prepare: Callable[[], Callable[[int], T]], jobs: Sequence[int], count: int
+) -> Iterator[tuple[int, T]]:
     context = get_context("spawn")  # a fork would inherit the threads of the libraries loaded here
     processes, pipes = [], []
     try:
@@ -63,8 +86,8 @@ def _in_processes(prepare: Callable[[], Work], jobs: Sequence[int], count: int) 
             process.join()
 
 
-def _finished(pipes: list[Connection]) -> Iterator[int]:
-    """Jobs as they end; a worker says None when it has no more."""
+def _finished(pipes: list[Connection]) -> Iterator[tuple[int, Any]]:
+    """Jobs and their results as they end; a worker says None when it has no more."""
     waiting = list(pipes)
     while waiting:
         for pipe in wait(waiting):
@@ -84,14 +107,13 @@ def _finished(pipes: list[Connection]) -> Iterator[int]:
                 yield message
 
 
-def _serve(pipe: Connection, prepare: Callable[[], Work], jobs: list[int]) -> None:
+def _serve(pipe: Connection, prepare: Callable[[], Callable[[int], Any]], jobs: list[int]) -> None:
     """A worker's life; ctrl-C is the parent's business, and a parent that is gone ends the worker."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         work = prepare()
         for job in jobs:
-            work(job)
-            pipe.send(job)
+            pipe.send((job, work(job)))
         pipe.send(None)
     except BrokenPipeError:
         return

@@ -1,20 +1,28 @@
-"""Average precision of 3D detections, after KITTI with 40 recall positions (R40).
-
-A frame and a class are matched once (`match_frame`). The matching is greedy by descending score, so
-it does not depend on a score threshold, and the average precision of any collection of frames, such
-as a bootstrap draw, follows from the stored matches (`RankedMatches`).
-"""
+"""Average precision of 3D detections, after KITTI with 40 recall positions (R40) or 11 (R11)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.geometry.iou import iou_3d
+from advpipe.pipeline.metrics.matching import FrameMatches, MatchTable, match_frame
+
+__all__ = [
+    "LOOSE_IOU",
+    "R11",
+    "R40",
+    "STRICT_IOU",
+    "FrameMatches",
+    "RankedMatches",
+    "RecallPositions",
+    "average_precision",
+    "match_frame",
+    "mean_average_precision",
+]
 
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
@@ -26,70 +34,26 @@ STRICT_IOU: Mapping[str, float] = {"car": 0.7, "truck": 0.7, "cyclist": 0.5, "pe
 LOOSE_IOU: Mapping[str, float] = {"car": 0.5, "truck": 0.5, "cyclist": 0.25, "pedestrian": 0.25}
 """KITTI's loose overlaps."""
 
-RECALL_POSITIONS = 40
+_CHUNK = 1 << 20
 
 
 @dataclass(frozen=True)
-class FrameMatches:
-    """What became of the detections and the ground truth of one class in one frame.
+class RecallPositions:
+    """The recalls 1/steps, 2/steps, ... 1, and recall 0 where asked for, at which precision is read."""
 
-    scores: (K,) float64, one a detection.
-    is_true_positive, is_ignored: (K,) bool; a detection that is neither is a false positive.
-    found_by: (M,) int64, the detection that a ground truth was matched to, -1 for none.
-    is_evaluated: (M,) bool; ground truth that is not evaluated counts for nothing.
-    """
-
-    scores: Float64
-    is_true_positive: Bool
-    is_ignored: Bool
-    found_by: Int64
-    is_evaluated: Bool
+    steps: int
+    with_zero: bool = False
 
     @property
-    def n_truth(self) -> int:
-        return int(self.is_evaluated.sum())
-
-    def found(self, min_score: float = 0.0) -> Bool:
-        """Which of the ground truth (M,) is evaluated and found with at least this score."""
-        hit = self.is_evaluated & (self.found_by >= 0)
-        hit[hit] = self.scores[self.found_by[hit]] >= min_score
-        return hit
-
-    def is_false_positive(self, min_score: float = 0.0) -> Bool:
-        """Which of the detections (K,) have at least this score and find nothing."""
-        return ~self.is_true_positive & ~self.is_ignored & (self.scores >= min_score)
+    def count(self) -> int:
+        return self.steps + self.with_zero
 
 
-def match_frame(
-    truth: Float64,
-    is_evaluated: Bool,
-    detections: Float64,
-    scores: Float64,
-    min_iou: float,
-    iou: Callable[[Float64, Float64], Float64] = iou_3d,
-) -> FrameMatches:
-    """Match the detections (K, 7) of one class with the ground truth (M, 7) of one frame.
+R40 = RecallPositions(40)
+"""Simonelli et al., ICCV 2019: what KITTI ranks by since then."""
 
-    The best score chooses first, equal scores in the order given. A detection takes the free
-    ground truth of the highest overlap, if that is at least `min_iou`, and rather an evaluated one
-    than an ignored one. Each ground truth is taken once, so a second detection of it is a false
-    positive.
-    """
-    found_by = np.full(len(truth), -1, dtype=np.int64)
-    is_true_positive = np.zeros(len(detections), dtype=bool)
-    is_ignored = np.zeros(len(detections), dtype=bool)
-    if len(truth) and len(detections):
-        overlap = iou(detections, truth)
-        for k in np.argsort(-scores, kind="stable"):
-            free = (found_by < 0) & (overlap[k] >= min_iou)
-            for mine, fate in ((free & is_evaluated, is_true_positive), (free & ~is_evaluated, is_ignored)):
-                if mine.any():
-                    found_by[np.argmax(np.where(mine, overlap[k], -1.0))] = k
-                    fate[k] = True
-                    break
-    return FrameMatches(
-        np.asarray(scores, np.float64), is_true_positive, is_ignored, found_by, np.asarray(is_evaluated, bool)
-    )
+R11 = RecallPositions(10, with_zero=True)
+"""PASCAL VOC 2007 (Everingham et al., IJCV 2010, section 4.2), and KITTI before 2019."""
 
 
 @dataclass(frozen=True)
@@ -107,48 +71,78 @@ class RankedMatches:
     n_truth: Int64
 
     @classmethod
-    def of(cls, frames: Sequence[FrameMatches]) -> RankedMatches:
-        counted = [~m.is_ignored for m in frames]
-        scores = np.concatenate([m.scores[c] for m, c in zip(frames, counted, strict=True)] or [np.zeros(0)])
-        hits = [m.is_true_positive[c] for m, c in zip(frames, counted, strict=True)]
-        is_true_positive = np.concatenate(hits or [np.zeros(0, bool)])
-        frame = np.repeat(np.arange(len(frames)), [len(h) for h in hits])
-        order = np.argsort(-scores, kind="stable")
-        n_truth = np.array([m.n_truth for m in frames], dtype=np.int64)
-        return cls(scores[order], is_true_positive[order], frame[order], n_truth)
+    def of(cls, frames: Sequence[FrameMatches] | MatchTable) -> RankedMatches:
+        table = frames if isinstance(frames, MatchTable) else MatchTable.of(frames)
+        counted = np.flatnonzero(~table.matches.is_ignored)
+        order = counted[np.argsort(-table.matches.scores[counted], kind="stable")]
+        return cls(
+            table.matches.scores[order],
+            table.matches.is_true_positive[order],
+            table.detection_frame[order],
+            np.bincount(table.truth_frame[table.matches.is_evaluated], minlength=table.n_frames),
+        )
 
     @cached_property
     def _threshold(self) -> Int64:
         """(G,) the last detection of each group of equal scores: no threshold cuts a group."""
         return np.flatnonzero(np.append(self.scores[1:] != self.scores[:-1], True)[: len(self.scores)])
 
-    def curve(self, weights: Int64 | None = None) -> tuple[Int64, Int64, int]:
-        """True positives (G,) and detections (G,) at each score threshold, and the objects to find.
+    def curve(self) -> tuple[Int64, Int64, int]:
+        """True positives (G,) and detections (G,) at each score threshold, and the objects to find."""
+        found = np.cumsum(self.is_true_positive, dtype=np.int64)[self._threshold]
+        return found, self._threshold + 1, int(self.n_truth.sum())
+
+    def precision_recall(self) -> tuple[Float64, Float64]:
+        """Recall and precision (G,) at each score threshold, from the highest score down."""
+        found, detected, n_truth = self.curve()
+        return found / max(n_truth, 1), found / detected
+
+    def average_precision(self, weights: Int64 | None = None, positions: RecallPositions = R40) -> float:
+        """Average precision in [0, 1]; NaN if there is nothing to find.
 
         weights: (F,) how often each frame counts; once if not given.
+
+        The mean, over the recall positions, of the best precision at that recall or a higher one
+        (Simonelli et al., ICCV 2019, Eq. 7; precision is taken at every score, where KITTI's own
+        program samples it).
         """
+        frames = len(self.n_truth)
         if weights is None:
-            weights = np.ones(len(self.n_truth), dtype=np.int64)
-        each = weights[self.frame]
-        detected = np.cumsum(each)[self._threshold]
-        found = np.cumsum(each * self.is_true_positive)[self._threshold]
-        return found, detected, int(weights @ self.n_truth)
+            return float(self.average_precisions(np.ones((1, 1)), np.zeros(frames, np.int64), positions)[0])
+        return float(self.average_precisions(weights[None], np.arange(frames), positions)[0])
 
-    def average_precision(self, weights: Int64 | None = None) -> float:
-        """R40 average precision in [0, 1]; NaN if there is nothing to find.
+    def average_precisions(
+        self, times: npt.ArrayLike, block: Int64, positions: RecallPositions = R40
+    ) -> Float64:
+        """The average precision (W,) of each of W draws of the frames.
 
-        The mean, over the recalls 1/40, 2/40, ... 1, of the best precision at that recall or a
-        higher one (Simonelli et al., ICCV 2019, Eq. 7; precision is taken at every score, where
-        KITTI's own program samples it).
+        times: (W, B) how often each block of frames stands in each draw. block: (F,) of each frame.
         """
-        found, detected, n_truth = self.curve(weights)
-        if n_truth == 0:
-            return float("nan")
-        precision = found / np.maximum(detected, 1)
-        envelope = np.append(np.maximum.accumulate(precision[::-1])[::-1], 0.0)
-        position = np.arange(1, RECALL_POSITIONS + 1)
-        reached = np.searchsorted(found * RECALL_POSITIONS, position * n_truth)  # exact in integers
-        return float(envelope[reached].mean())
+        times = np.asarray(times, dtype=np.float64)
+        found, detected = self._by_block(block, times.shape[1])
+        n_truth: Float64 = times @ np.bincount(block, self.n_truth, minlength=times.shape[1])
+        step = max(1, _CHUNK // max(len(found), 1))
+        parts = [
+            _interpolated(times[s : s + step] @ found.T, times[s : s + step] @ detected.T,
+                          n_truth[s : s + step], positions)
+            for s in range(0, len(times), step)
+        ]  # fmt: skip
+        return np.concatenate([np.zeros(0), *parts])
+
+    def _by_block(self, block: Int64, n_blocks: int) -> tuple[Float64, Float64]:
+        """True positives and detections (T, B) of each block down to each threshold that finds something.
+
+        Between them precision only falls. Sums of whole numbers are exact in any order, so that no
+        number of threads changes a bit.
+        """
+        found = np.cumsum(self.is_true_positive)[self._threshold]
+        useful = self._threshold[np.diff(found, prepend=0) > 0]
+        segment = np.searchsorted(useful, np.arange(len(self.scores)))
+        cell = segment * n_blocks + block[self.frame]
+        shape = (len(useful) + 1, n_blocks)  # what follows the last true positive is dropped
+        detected = np.bincount(cell, minlength=shape[0] * n_blocks).reshape(shape)[:-1]
+        hits = np.bincount(cell, self.is_true_positive, minlength=shape[0] * n_blocks).reshape(shape)[:-1]
+        return np.cumsum(hits, axis=0, dtype=np.float64), np.cumsum(detected, axis=0, dtype=np.float64)
 
     def best_f1_score(self) -> float:
         """The score threshold with the best F1, a natural working point; 0 without detections.
@@ -163,13 +157,30 @@ class RankedMatches:
         return float(levels[best : best + 2].mean())
 
 
+def _interpolated(found: Float64, detected: Float64, n_truth: Float64, positions: RecallPositions) -> Float64:
+    """Average precision (W,) from true positives and detections (W, T) at falling thresholds."""
+    if not found.shape[1]:
+        return np.where(n_truth > 0, 0.0, np.nan)
+    precision = found / np.maximum(detected, 1)
+    envelope = np.maximum.accumulate(precision[:, ::-1], axis=1)[:, ::-1]
+    # A quotient of whole numbers that is whole comes out exactly: no position is missed by rounding.
+    reached = np.floor(found * positions.steps / np.maximum(n_truth, 1)[:, None]) + positions.with_zero
+    total = (np.diff(reached, axis=1, prepend=0) * envelope).sum(axis=1)
+    return np.where(n_truth > 0, total / positions.count, np.nan)
+
+
 def average_precision(frames: Sequence[FrameMatches]) -> float:
     """R40 average precision of one class over frames; see `RankedMatches.average_precision`."""
     return RankedMatches.of(frames).average_precision()
 
 
-def mean_average_precision(ranked: Sequence[RankedMatches], weights: Int64 | None = None) -> float:
-    """The mean over classes; a class with nothing to find in these frames is left out."""
-    values = [r.average_precision(weights) for r in ranked]
-    defined = [v for v in values if not np.isnan(v)]
-    return float(np.mean(defined)) if defined else float("nan")
+def mean_average_precision(values: npt.ArrayLike) -> Float64:
+    """The mean over the first axis, the classes, of average precisions (C, ...).
+
+    A class with nothing to find, NaN, is left out; NaN where all are.
+    """
+    array = np.asarray(values, dtype=np.float64)
+    defined = np.isfinite(array)
+    count = defined.sum(axis=0)
+    total = np.where(defined, array, 0.0).sum(axis=0)
+    return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))

@@ -40,13 +40,13 @@ def time_blocks(stamps_ns: npt.ArrayLike, min_block_s: float = MIN_BLOCK_S) -> l
 
 @dataclass(frozen=True)
 class BlockBootstrap:
-    """Draws of blocks with replacement.
+    """Draws of blocks with replacement; none where there are fewer than two blocks.
 
-    weights: (draws, F) int64, how often each frame stands in each draw.
+    times: (draws, B) int64, how often each block stands in each draw. block: (F,) int64, of each frame.
     """
 
-    weights: Int64
-    n_blocks: int
+    times: Int64
+    block: Int64
 
     @classmethod
     def of(
@@ -58,15 +58,29 @@ class BlockBootstrap:
     ) -> BlockBootstrap:
         blocks = time_blocks(stamps_ns, min_block_s)
         n = len(blocks)
+        block = np.repeat(np.arange(n), [len(each) for each in blocks])
         if n < 2:
-            return cls(np.zeros((0, sum(map(len, blocks))), dtype=np.int64), n)
+            return cls(np.zeros((0, n), dtype=np.int64), block)
         chosen = rng.integers(0, n, size=(draws, n))
-        times = np.stack([(chosen == block).sum(axis=1) for block in range(n)], axis=1)
-        return cls(np.repeat(times, [len(block) for block in blocks], axis=1).astype(np.int64), n)
+        times = np.stack([(chosen == each).sum(axis=1) for each in range(n)], axis=1)
+        return cls(times.astype(np.int64), block)
 
-    def samples(self, statistic: Callable[[Int64], float]) -> Float64:
-        """The statistic (draws,), a function of the frames' weights (F,), in every draw."""
-        return np.array([statistic(weights) for weights in self.weights], dtype=np.float64)
+    @property
+    def n_blocks(self) -> int:
+        return int(self.times.shape[1])
+
+    @property
+    def weights(self) -> Int64:
+        """How often each frame stands in each draw: (draws, F)."""
+        return self.times[:, self.block]
+
+    def samples(self, statistic: Callable[[Int64], Float64]) -> Float64:
+        """The statistic (draws,) of all draws.
+
+        statistic: of W draws, given as `times` (W, B), to (W,). Draws that are alike are computed once.
+        """
+        distinct, place = np.unique(self.times, axis=0, return_inverse=True)
+        return statistic(distinct)[place.reshape(-1)] if len(distinct) else np.zeros(0)
 
 
 def percentile_interval(samples: Float64, level: float = 0.95) -> tuple[float, float] | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,25 +14,31 @@ from advpipe.pipeline.bag.frames import Frame
 from advpipe.pipeline.detector.protocol import Detections, Detector, Range
 from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS, Boxes, count_points
 from advpipe.pipeline.geometry.iou import iou_3d, iou_bev
-from advpipe.pipeline.metrics.average_precision import LOOSE_IOU, STRICT_IOU, FrameMatches, match_frame
+from advpipe.pipeline.metrics.average_precision import LOOSE_IOU, STRICT_IOU
+from advpipe.pipeline.metrics.matching import FrameMatches, match_overlaps
 
 Bool = npt.NDArray[np.bool_]
+Int64 = npt.NDArray[np.int64]
 Float64 = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Criterion:
-    """When a detection counts as the object: an overlap, and how much of it for each class."""
+    """When a detection counts as the object: an overlap in `space`, and how much of it for each class."""
 
-    iou: Callable[[Float64, Float64], Float64]
+    title: str
+    space: str
     min_iou: Mapping[str, float]
 
 
 CRITERIA: Mapping[str, Criterion] = {
-    "strict": Criterion(iou_3d, STRICT_IOU),
-    "loose": Criterion(iou_3d, LOOSE_IOU),
-    "bev": Criterion(iou_bev, STRICT_IOU),
+    "strict": Criterion("3D strict", "3d", STRICT_IOU),
+    "loose": Criterion("3D loose", "3d", LOOSE_IOU),
+    "bev": Criterion("bird's-eye strict", "bev", STRICT_IOU),
+    "bev_loose": Criterion("bird's-eye loose", "bev", LOOSE_IOU),
 }
+
+_OVERLAP = {"3d": iou_3d, "bev": iou_bev}
 
 Matches = Mapping[tuple[str, str], FrameMatches]
 """By criterion and class."""
@@ -40,13 +46,16 @@ Matches = Mapping[tuple[str, str], FrameMatches]
 
 @dataclass(frozen=True)
 class Truth:
-    """The objects of a frame in the LiDAR's frame; both masks are (M,).
+    """The M objects of a frame, in the LiDAR's frame.
 
-    is_evaluated: in the detector's range, of a class it finds, with enough points in the clean cloud.
+    is_evaluated: (M,), in the detector's range, of a class it finds, with enough points in the clean cloud.
+    points: (M,) in the clean cloud. occlusion: (M,) share that something hides; NaN where unknown.
     """
 
     boxes: Boxes
     is_evaluated: Bool
+    points: Int64
+    occlusion: Float64
 
     def enough_points(self, cloud: Cloud) -> Bool:
         """Which objects (M,) have enough points in a cloud."""
@@ -54,23 +63,45 @@ class Truth:
         return enough
 
 
-def ground_truth(clean: Frame, classes: tuple[str, ...], range_m: Range) -> Truth:
-    """The ground truth of a clean frame for a detector of these classes and this range."""
+def ground_truth(
+    clean: Frame, classes: tuple[str, ...], range_m: Range, occlusion: Mapping[str, float] | None = None
+) -> Truth:
+    """The ground truth of a clean frame for a detector of these classes and this range.
+
+    occlusion: of the objects by their id, where it is known.
+    """
     boxes = clean.boxes
     known = np.isin(boxes.labels, [CLASSES.index(name) for name in classes])
     points = count_points(xyz(clean.cloud), boxes.geometry)
-    return Truth(boxes, known & range_m.contains_centres(boxes.geometry) & (points >= MIN_POINTS))
+    evaluated = known & range_m.contains_centres(boxes.geometry) & (points >= MIN_POINTS)
+    hidden = [(occlusion or {}).get(name, np.nan) for name in boxes.ids]
+    return Truth(boxes, evaluated, points, np.array(hidden, dtype=np.float64))
+
+
+def labelled(labels: Int64, name: str) -> Bool:
+    """Which of the boxes with these labels (M,) are of a class."""
+    mine: Bool = labels == CLASSES.index(name)
+    return mine
+
+
+def known_classes(detector: Detector) -> tuple[str, ...]:
+    """The classes that a detector finds, in the order of `geometry.boxes.CLASSES`."""
+    return tuple(name for name in CLASSES if name in detector.classes)
 
 
 class Eye:
-    """A detector that looks at each cloud once, however many bags and baselines share it."""
+    """A detector that looks at a cloud once, however many bags and baselines of a frame share it."""
 
     def __init__(self, detector: Detector) -> None:
-        self.classes = tuple(name for name in CLASSES if name in detector.classes)
+        self.classes = known_classes(detector)
         self.range_m = detector.range_m
         self._detector = detector
         self._labels = np.array([CLASSES.index(name) for name in detector.classes], dtype=np.int64)
         self._seen: dict[bytes, Detections] = {}
+
+    def forget(self) -> None:
+        """The next frame comes: its clouds are others."""
+        self._seen.clear()
 
     def detect(self, cloud: Cloud) -> Detections:
         """The detections in the detector's range, labelled by `geometry.boxes.CLASSES`, best first."""
@@ -87,18 +118,16 @@ class Eye:
 
 def match(truth: Truth, detections: Detections, classes: tuple[str, ...]) -> Matches:
     """The matches of a frame by every criterion and class."""
+    overlaps = {space: iou(detections.boxes, truth.boxes.geometry) for space, iou in _OVERLAP.items()}
     matches = {}
     for name in classes:
-        label = CLASSES.index(name)
-        of_truth, of_detections = truth.boxes.labels == label, detections.labels == label
+        mine, theirs = labelled(truth.boxes.labels, name), labelled(detections.labels, name)
         for word, criterion in CRITERIA.items():
-            matches[word, name] = match_frame(
-                truth.boxes.geometry[of_truth],
-                truth.is_evaluated[of_truth],
-                detections.boxes[of_detections],
-                detections.scores[of_detections],
+            matches[word, name] = match_overlaps(
+                overlaps[criterion.space][np.ix_(theirs, mine)],
+                truth.is_evaluated[mine],
+                detections.scores[theirs],
                 criterion.min_iou[name],
-                criterion.iou,
             )
     return matches
 
@@ -108,7 +137,7 @@ def found_objects(truth: Truth, matches: Matches, min_score: float) -> Bool:
     found = np.zeros(len(truth.boxes), dtype=bool)
     for (word, name), frame in matches.items():
         if word == "loose":
-            found[truth.boxes.labels == CLASSES.index(name)] = frame.found(min_score)
+            found[labelled(truth.boxes.labels, name)] = frame.found(min_score)
     return found
 
 
@@ -117,7 +146,7 @@ def false_positives(detections: Detections, matches: Matches, min_score: float) 
     wrong = np.zeros(len(detections), dtype=bool)
     for (word, name), frame in matches.items():
         if word == "loose":
-            wrong[detections.labels == CLASSES.index(name)] = frame.is_false_positive(min_score)
+            wrong[labelled(detections.labels, name)] = frame.is_false_positive(min_score)
     return wrong
 
 

@@ -11,9 +11,10 @@ import numpy.typing as npt
 
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import MIN_POINTS
-from advpipe.pipeline.metrics.average_precision import RankedMatches, mean_average_precision
+from advpipe.pipeline.metrics.average_precision import R11, RankedMatches
 from advpipe.pipeline.metrics.bootstrap import MIN_BLOCK_S, BlockBootstrap, percentile_interval
 from advpipe.pipeline.seeding import named_generator
+from advpipe.stages.evaluate.detection.arm import Arm, Precision
 from advpipe.stages.evaluate.detection.comparison import Comparison, FrameResult
 from advpipe.stages.evaluate.detection.frame_row import frame_row
 from advpipe.stages.evaluate.detection.scoring import CRITERIA
@@ -26,6 +27,9 @@ MIN_BOXES = 50
 
 FEW_BLOCKS = 10
 
+STRATA_CRITERIA = {"clean": tuple(CRITERIA), "adv": ("strict",), "baseline": ("strict",)}
+"""By which criteria near and far objects and the like are scored by themselves."""
+
 
 @dataclass(frozen=True)
 class Summary:
@@ -33,28 +37,16 @@ class Summary:
 
     row: what `report.json` holds of it. per_frame: its rows of `results.parquet`.
     min_score: the working point for counts and pictures: the best F1 on the clean clouds.
+    precisions: average precisions of the clouds `clean`, `adv` and `baseline`, as far as there are any.
+    curves: by cloud, criterion and class, recall and precision (G,) from the highest score down.
     """
 
     comparison: Comparison
     row: Row
     per_frame: tuple[dict[str, int | float | None], ...]
     min_score: float
-
-
-@dataclass(frozen=True)
-class _Arm:
-    """The clean, the adversarial or the baseline clouds of all frames.
-
-    ranked: matches by criterion and class. in_map: the classes of the mAP.
-    map_draws: (draws,) mAP in each draw of the bootstrap.
-    """
-
-    ranked: Mapping[tuple[str, str], RankedMatches]
-    in_map: Sequence[str]
-    map_draws: Float64
-
-    def mean_ap(self, criterion: str = "strict") -> float:
-        return mean_average_precision([self.ranked[criterion, name] for name in self.in_map])
+    precisions: Mapping[str, tuple[Precision, ...]]
+    curves: Mapping[tuple[str, str, str], tuple[Float64, Float64]]
 
 
 def summarise(
@@ -74,7 +66,7 @@ def summarise(
     in_map, notes = classes_in_map(boxes)
     stamps_ns = [frame.stamp_ns for frame in frames]
     bootstrap = BlockBootstrap.of(stamps_ns, draws, named_generator(seed, "evaluate", "bootstrap"))
-    arms = {word: _arm(frames, word, classes, in_map, bootstrap) for word in frames[0].clouds()}
+    arms = {word: Arm.of(frames, word, classes, in_map, bootstrap) for word in frames[0].clouds()}
     min_score = _working_score(frames)
     per_frame = tuple(frame_row(frame, min_score) for frame in frames)
     if bootstrap.n_blocks < 2:
@@ -100,9 +92,11 @@ def summarise(
         "points_clean": _sum(per_frame, "points_clean"),
         **{f"boxes_{name}": boxes[name] for name in classes},
         "map_clean": clean.mean_ap(),
-        "map_clean_ci95": percentile_interval(clean.map_draws),
+        "map_clean_ci95": percentile_interval(clean.map_draws()),
+        "map_r11_clean": clean.mean_ap(positions=R11),
         "map_loose_clean": clean.mean_ap("loose"),
         "map_bev_clean": clean.mean_ap("bev"),
+        "map_bev_loose_clean": clean.mean_ap("bev_loose"),
         **_precisions(clean, "clean"),
     }
     for word, prefix in (("adv", ""), ("baseline", "baseline_")):
@@ -112,7 +106,16 @@ def summarise(
     if hidden := row["objects_below_min_points"]:
         notes.append(f"{hidden} of the objects have fewer than {MIN_POINTS} points left; they still count.")
     row["notes"] = [*notes, *remarks]
-    return Summary(comparison, row, per_frame, min_score)
+    precisions = {
+        word: tuple(arm.precisions(frames, word, bootstrap, STRATA_CRITERIA[word]))
+        for word, arm in arms.items()
+    }
+    curves = {
+        (word, criterion, name): ranked.precision_recall()
+        for word, arm in arms.items()
+        for (criterion, name), ranked in arm.ranked.items()
+    }
+    return Summary(comparison, row, per_frame, min_score, precisions, curves)
 
 
 def count_boxes(frames: Sequence[FrameResult], classes: Sequence[str]) -> dict[str, int]:
@@ -129,25 +132,7 @@ def classes_in_map(boxes: Mapping[str, int]) -> tuple[list[str], list[str]]:
     return some, [f"No class has {MIN_BOXES} evaluated boxes: mAP over those with any ({', '.join(some)})."]
 
 
-def _arm(
-    frames: Sequence[FrameResult],
-    word: str,
-    classes: Sequence[str],
-    in_map: Sequence[str],
-    bootstrap: BlockBootstrap,
-) -> _Arm:
-    ranked = {
-        (criterion, name): RankedMatches.of(
-            [frame.clouds()[word].matches[criterion, name] for frame in frames]
-        )
-        for criterion in CRITERIA
-        for name in classes
-    }
-    strict = [ranked["strict", name] for name in in_map]
-    return _Arm(ranked, in_map, bootstrap.samples(lambda weights: mean_average_precision(strict, weights)))
-
-
-def _figures(arm: _Arm, clean: _Arm, per_frame: Sequence[Mapping[str, int | float | None]], word: str) -> Row:
+def _figures(arm: Arm, clean: Arm, per_frame: Sequence[Mapping[str, int | float | None]], word: str) -> Row:
     """What the attacked clouds, or the baseline's, lead to."""
     counts = ("points_added", "points_removed", "points_moved", "objects_below_min_points")
     losses = ("found_objects", "false_positives", "lost_objects", "new_false_positives")
@@ -158,6 +143,7 @@ def _figures(arm: _Arm, clean: _Arm, per_frame: Sequence[Mapping[str, int | floa
         "map_loose_adv": arm.mean_ap("loose"),
         "map_loose_ratio_percent": 100 * _ratio(arm.mean_ap("loose"), clean.mean_ap("loose")),
         "map_bev_adv": arm.mean_ap("bev"),
+        "map_bev_loose_adv": arm.mean_ap("bev_loose"),
         **_precisions(arm, "adv"),
         "chamfer_distance_m2": _sum(per_frame, f"chamfer_distance_m2_{word}") / len(per_frame),
         "max_displacement_m": max(_column(per_frame, f"max_displacement_m_{word}"), default=0.0),
@@ -165,7 +151,7 @@ def _figures(arm: _Arm, clean: _Arm, per_frame: Sequence[Mapping[str, int | floa
     }
 
 
-def _difference_to_baseline(arms: Mapping[str, _Arm]) -> Row:
+def _difference_to_baseline(arms: Mapping[str, Arm]) -> Row:
     """How many points of mAP ratio the attack costs beyond the same budget spent at random."""
     if "baseline" not in arms:
         return {"map_ratio_minus_baseline": None, "map_ratio_minus_baseline_ci95": None}
@@ -177,14 +163,15 @@ def _difference_to_baseline(arms: Mapping[str, _Arm]) -> Row:
     }
 
 
-def _precisions(arm: _Arm, word: str) -> Row:
+def _precisions(arm: Arm, word: str) -> Row:
     """Average precision of each class: strict 3D without a further word, then loose, then bird's-eye."""
-    return {
-        f"ap_{name}_{word}" if criterion == "strict" else f"ap_{criterion}_{name}_{word}": (
-            ranked.average_precision()
-        )
-        for (criterion, name), ranked in arm.ranked.items()
-    }
+    row: Row = {}
+    for (criterion, name), ranked in arm.ranked.items():
+        key = f"ap_{name}_{word}" if criterion == "strict" else f"ap_{criterion}_{name}_{word}"
+        row[key] = ranked.average_precision()
+        if criterion == "strict":
+            row[f"{key}_ci95"] = percentile_interval(arm.draws[criterion, name])
+    return row
 
 
 def _attack(provenance: Mapping[str, str]) -> Row:
@@ -209,10 +196,10 @@ def _ratio(part: float, whole: float) -> float:
     return part / whole if whole else float("nan")
 
 
-def _ratio_draws(arm: _Arm, clean: _Arm) -> Float64:
+def _ratio_draws(arm: Arm, clean: Arm) -> Float64:
     """The mAP ratio in percent (draws,); NaN where the clean mAP is 0."""
-    whole = np.where(clean.map_draws > 0, clean.map_draws, np.nan)
-    return 100 * arm.map_draws / whole
+    whole = np.where(clean.map_draws() > 0, clean.map_draws(), np.nan)
+    return 100 * arm.map_draws() / whole
 
 
 def _column(per_frame: Sequence[Mapping[str, int | float | None]], name: str) -> list[int | float]:

@@ -35,14 +35,16 @@ class Picture:
         return "data:image/png;base64," + base64.b64encode(self.png).decode("ascii")
 
 
-def draw_pictures(clean: Path, summaries: Sequence[Summary], folder: Path) -> list[Picture]:
+def draw_pictures(
+    clean: Path, summaries: Sequence[Summary], folder: Path, lidar_topic: str | None = None
+) -> list[Picture]:
     """Draw all pictures of a report into a new folder: the ratios, then the worst frames of each bag."""
     pictures = []
     if any(summary.comparison.bag for summary in summaries):
         figure = draw_ratios([summary.row for summary in summaries])
         pictures.append(Picture("", "map_ratio.png", "mAP ratio of each attack", to_png(figure)))
     for summary in track(summaries, "pictures", len(summaries)):
-        for scene in load_scenes(clean, summary, SCENES_PER_BAG):
+        for scene in load_scenes(clean, summary, SCENES_PER_BAG, lidar_topic):
             png = to_png(draw_scene(scene))
             pictures.append(Picture(summary.comparison.name, f"{scene.name}.png", scene.title, png))
     folder.mkdir()

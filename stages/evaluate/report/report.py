@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import asdict, dataclass
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from advpipe.stages.evaluate.detection.summary import Row, Summary
 
 FORMULAS: Mapping[str, str] = {
-    "ap": "AP = (1/40) * sum over r in {1/40, ..., 1} of max precision at recall >= r",
+    "ap": "AP = (1/40) * sum over r in {1/40, ..., 1} of max precision at recall >= r (R40); R11 reads "
+    "precision at r in {0, 0.1, ..., 1} instead",
     "map": "mAP = mean AP over the classes with at least 50 evaluated boxes in the scored clean frames",
     "map_ratio": "mAP ratio = 100 % * mAP(adversarial clouds) / mAP(clean clouds), on the same frames",
     "iou": "strict 3D IoU: car and truck 0.7, cyclist and pedestrian 0.5; loose: 0.5 and 0.25",
     "ignored": "no object counts with fewer than 5 points in the clean cloud or out of the detector's range",
+    "strata": "by range (of the centre, in the plane), by LiDAR points in the clean cloud and by the share "
+    "hidden, as recorded: objects of other strata are ignored, and so is what finds them; a false positive "
+    "counts in the stratum of its own range and points, and in every stratum of occlusion",
+    "kitti_difficulty": "KITTI's easy, moderate and hard are defined in a camera's image (height of the box "
+    "in pixels, truncation), which there is none of here: AP by range, points and occlusion is given instead",
     "chamfer": "CD(P, Q) = mean over p of min |p - q|^2 + mean over q of min |q - p|^2, in m^2; "
     "the mean over frames",
     "interval": "95 % percentile interval of a bootstrap over blocks of at least 5 s, drawn together for "
@@ -37,33 +40,40 @@ class Report:
     """All figures of an evaluation.
 
     rows: one an adversarial bag, or one for the clean bag alone. provenance: detector, bags, seeds.
+    average_precision: one record a bag, cloud (`clean`, `adv`, `baseline`), class, criterion and stratum.
     """
 
     rows: tuple[Row, ...]
     provenance: Row
     formulas: Mapping[str, str]
+    average_precision: tuple[Row, ...] = ()
 
     def to_json(self) -> str:
-        """The same text for the same figures: sorted keys, rounded numbers, null for what is undefined."""
+        """The same text for the same figures: sorted keys, rounded numbers, null for what is undefined.
+
+        The records of `average_precision` take one line each.
+        """
         document = {"formulas": dict(self.formulas), "provenance": self.provenance, "rows": self.rows}
-        return json.dumps(_plain(document), indent=2, sort_keys=True, allow_nan=False) + "\n"
+        text = json.dumps(_plain(document), indent=2, sort_keys=True, allow_nan=False)
+        records = [
+            json.dumps(_plain(record), sort_keys=True, allow_nan=False) for record in self.average_precision
+        ]
+        listed = "[" + ",".join(f"\n    {record}" for record in records) + "\n  ]"
+        return f'{{\n  "average_precision": {listed},{text[1:]}\n'
 
 
-def write_results(summaries: Sequence[Summary], path: Path) -> None:
-    """`results.parquet`: one row a frame and bag."""
-    rows = [
-        {"bag": summary.row["bag"], "attack": summary.row["attack"], "recipe": summary.row["recipe"], **row}
+def precision_records(summaries: Sequence[Summary]) -> tuple[Row, ...]:
+    """What `report.json` lists as `average_precision`; of all objects: `by` is empty, `stratum` all."""
+    return tuple(
+        {
+            "bag": summary.row["bag"],
+            "cloud": cloud,
+            **{"class" if key == "name" else key: value for key, value in asdict(precision).items()},
+        }
         for summary in summaries
-        for row in summary.per_frame
-    ]
-    schema = pa.schema([(name, _arrow_type(name)) for name in rows[0]])
-    pq.write_table(pa.Table.from_pylist(rows, schema=schema), str(path))
-
-
-def _arrow_type(column: str) -> pa.DataType:
-    if column in ("bag", "attack", "recipe"):
-        return pa.string()
-    return pa.float64() if column.startswith(("max_displacement_m", "chamfer_distance_m2")) else pa.int64()
+        for cloud, precisions in summary.precisions.items()
+        for precision in precisions
+    )
 
 
 def _plain(value: object) -> object:

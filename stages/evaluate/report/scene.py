@@ -59,15 +59,15 @@ def choose_frames(summary: Summary, count: int) -> list[FrameResult]:
     return chosen
 
 
-def load_scenes(clean: Path, summary: Summary, count: int) -> list[Scene]:
+def load_scenes(clean: Path, summary: Summary, count: int, lidar_topic: str | None = None) -> list[Scene]:
     """The chosen frames of a comparison, with their clouds read again."""
-    return [_load_scene(clean, summary, frame) for frame in choose_frames(summary, count)]
+    return [_load_scene(clean, summary, frame, lidar_topic) for frame in choose_frames(summary, count)]
 
 
-def _load_scene(clean: Path, summary: Summary, frame: FrameResult) -> Scene:
+def _load_scene(clean: Path, summary: Summary, frame: FrameResult, lidar_topic: str | None) -> Scene:
     bag, lost = summary.comparison.bag, _lost(frame, summary.min_score)
     before = View(
-        _cloud(clean, frame.index),
+        _cloud(clean, frame.index, lidar_topic),
         _seen(frame.clean.detections.boxes, frame.clean.detections.scores, summary),
     )
     name = f"{summary.comparison.name}-{frame.index:06d}"
@@ -78,7 +78,7 @@ def _load_scene(clean: Path, summary: Summary, frame: FrameResult) -> Scene:
         return Scene(title, name, frame.truth, lost, before, None, None)
     found = int(found_objects(frame.truth, frame.clean.matches, summary.min_score).sum())
     seen = frame.adversarial.detections
-    after = View(_cloud(bag, frame.adversarial_index), _seen(seen.boxes, seen.scores, summary))
+    after = View(_cloud(bag, frame.adversarial_index, lidar_topic), _seen(seen.boxes, seen.scores, summary))
     return Scene(
         f"{attack_title(summary.row)}, frame {frame.index}: {int(lost.sum())} of {found} found objects lost",
         name,
@@ -110,8 +110,8 @@ def _seen(boxes: Float64, scores: Float64, summary: Summary) -> Float64:
     return boxes[scores >= summary.min_score]
 
 
-def _cloud(bag: Path, index: int) -> Cloud:
-    frame = next(iter(read_frames(bag, FrameSlice(index, index + 1))))
+def _cloud(bag: Path, index: int, lidar_topic: str | None) -> Cloud:
+    frame = next(iter(read_frames(bag, FrameSlice(index, index + 1), lidar_topic=lidar_topic)))
     return frame.cloud
 
 

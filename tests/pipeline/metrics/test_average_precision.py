@@ -136,8 +136,12 @@ def test_best_f1_score():
 
 def test_mean_leaves_out_a_class_without_objects():
     none, half = match(cars(), cars(0), [0.9]), match(cars(0, 10), cars(0), [0.9])
-    assert mean_average_precision([RankedMatches.of([none]), RankedMatches.of([half])]) == 0.5
+    values = [average_precision([none]), average_precision([half]), 1.0]
+    assert mean_average_precision(values) == 0.75
     assert np.isnan(mean_average_precision([]))
+    by_draw = mean_average_precision([[np.nan, 1.0], [np.nan, 0.5]])
+    assert np.isnan(by_draw[0])
+    assert by_draw[1] == 0.75
 
 
 # --- an independent implementation: shapely overlaps, one threshold at a time, plain loops

@@ -40,7 +40,7 @@ def test_a_gap_in_time_ends_a_block():
 def test_fewer_than_two_blocks_give_no_interval():
     few = BlockBootstrap.of(stamps(30), 100, np.random.default_rng(0))
     assert few.n_blocks == 1
-    assert percentile_interval(few.samples(lambda weights: float(weights.sum()))) is None
+    assert percentile_interval(few.samples(lambda times: times.sum(axis=1))) is None
 
 
 def test_whole_blocks_are_drawn_together():
@@ -64,7 +64,8 @@ def test_pairing_cancels_what_frames_have_in_common():
     clean = rng.normal(size=500)  # varies wildly from frame to frame
     attacked = clean - 0.3  # but the attack always costs the same
     drawn = BlockBootstrap.of(stamps(500), 300, rng)
-    low, high = percentile_interval(drawn.samples(lambda w: float((w @ attacked - w @ clean) / w.sum())))
+    loss = drawn.weights @ (attacked - clean) / drawn.weights.sum(axis=1)
+    low, high = percentile_interval(loss)
     assert low == pytest.approx(-0.3)
     assert high == pytest.approx(-0.3)
 
@@ -76,9 +77,23 @@ def test_covers_the_true_mean_about_as_often_as_it_says():
         per_block = rng.normal(size=40)
         values = np.repeat(per_block, 5)  # frames of a block are copies: worst case of dependence
         drawn = BlockBootstrap.of(stamps(200, 1.0), 200, rng)
-        low, high = percentile_interval(drawn.samples(lambda w, v=values: float(w @ v / w.sum())))
+        low, high = percentile_interval(drawn.weights @ values / drawn.weights.sum(axis=1))
         covered += low <= 0 <= high
     assert 0.88 <= covered / 200 <= 0.99
+
+
+def test_samples_are_those_of_each_draw_and_equal_draws_are_computed_once():
+    drawn = BlockBootstrap.of(stamps(150), 200, np.random.default_rng(0))
+    values = np.random.default_rng(1).normal(size=150)
+    asked = []
+
+    def mean(times):
+        asked.append(len(times))
+        weights = times[:, drawn.block]
+        return weights @ values / weights.sum(axis=1)
+
+    assert drawn.samples(mean) == pytest.approx(drawn.weights @ values / drawn.weights.sum(axis=1))
+    assert asked == [10]  # all multisets of 3 blocks out of 3
 
 
 def test_undefined_draws_are_left_out():

@@ -1,0 +1,133 @@
+"""The average precision on one kind of cloud: the clean, the adversarial or the baseline ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.metrics.average_precision import (
+    R11,
+    R40,
+    RankedMatches,
+    RecallPositions,
+    mean_average_precision,
+)
+from advpipe.pipeline.metrics.bootstrap import BlockBootstrap, percentile_interval
+from advpipe.pipeline.metrics.matching import MatchTable
+from advpipe.stages.evaluate.detection.comparison import FrameResult
+from advpipe.stages.evaluate.detection.scoring import CRITERIA
+from advpipe.stages.evaluate.detection.strata import STRATA, Measures
+
+Float64 = npt.NDArray[np.float64]
+Interval = tuple[float, float] | None
+
+WHOLE = "all"
+"""The stratum of all objects."""
+
+
+@dataclass(frozen=True)
+class Precision:
+    """One average precision: of a class by a criterion, in a stratum `stratum` of those cut `by` a measure.
+
+    boxes: how many objects were to be found. ap_r40, ap_r11: NaN without any. ap_r40_ci95: None where
+    there is no interval.
+    """
+
+    name: str
+    criterion: str
+    by: str
+    stratum: str
+    boxes: int
+    ap_r40: float
+    ap_r40_ci95: Interval
+    ap_r11: float
+
+
+@dataclass(frozen=True)
+class Arm:
+    """The matches on one kind of cloud, and average precisions from them.
+
+    tables, ranked: by criterion and class. in_map: the classes of the mAP. draws: by criterion and class,
+    the R40 average precision (draws,) in each draw of the bootstrap.
+    """
+
+    tables: Mapping[tuple[str, str], MatchTable]
+    ranked: Mapping[tuple[str, str], RankedMatches]
+    in_map: Sequence[str]
+    draws: Mapping[tuple[str, str], Float64]
+
+    @classmethod
+    def of(
+        cls,
+        frames: Sequence[FrameResult],
+        word: str,
+        classes: Sequence[str],
+        in_map: Sequence[str],
+        bootstrap: BlockBootstrap,
+    ) -> Arm:
+        """The clouds `word` of these frames."""
+        tables = {
+            (criterion, name): MatchTable.of(
+                [frame.clouds()[word].matches[criterion, name] for frame in frames]
+            )
+            for criterion in CRITERIA
+            for name in classes
+        }
+        ranked = {key: RankedMatches.of(table) for key, table in tables.items()}
+        draws = {key: ap_draws(each, bootstrap) for key, each in ranked.items()}
+        return cls(tables, ranked, in_map, draws)
+
+    def mean_ap(self, criterion: str = "strict", positions: RecallPositions = R40) -> float:
+        return float(
+            mean_average_precision(
+                [self.ranked[criterion, name].average_precision(positions=positions) for name in self.in_map]
+            )
+        )
+
+    def map_draws(self, criterion: str = "strict") -> Float64:
+        """The mAP (draws,) in each draw of the bootstrap."""
+        return mean_average_precision([self.draws[criterion, name] for name in self.in_map])
+
+    def precisions(
+        self,
+        frames: Sequence[FrameResult],
+        word: str,
+        bootstrap: BlockBootstrap,
+        criteria: Sequence[str] = tuple(CRITERIA),
+    ) -> Iterator[Precision]:
+        """Every class by every criterion; by each of `criteria`, in every stratum too."""
+        for (criterion, name), ranked in self.ranked.items():
+            yield _precision(name, criterion, "", WHOLE, ranked, self.draws[criterion, name])
+        for name in dict.fromkeys(name for _, name in self.ranked):
+            measures = Measures.of(frames, word, name)
+            known = {by for by, values in measures.truths.items() if np.isfinite(values).any()}
+            for criterion in criteria:
+                for stratum in (each for each in STRATA if each.by in known):
+                    part = RankedMatches.of(measures.cut(self.tables[criterion, name], stratum))
+                    yield _precision(
+                        name, criterion, stratum.by, stratum.name, part, ap_draws(part, bootstrap)
+                    )
+
+
+def ap_draws(ranked: RankedMatches, bootstrap: BlockBootstrap) -> Float64:
+    """The R40 average precision (draws,) in each draw of the bootstrap."""
+    return bootstrap.samples(partial(ranked.average_precisions, block=bootstrap.block))
+
+
+def _precision(
+    name: str, criterion: str, by: str, stratum: str, ranked: RankedMatches, draws: Float64
+) -> Precision:
+    return Precision(
+        name,
+        criterion,
+        by,
+        stratum,
+        int(ranked.n_truth.sum()),
+        ranked.average_precision(),
+        percentile_interval(draws),
+        ranked.average_precision(positions=R11),
+    )

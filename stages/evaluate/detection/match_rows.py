@@ -1,0 +1,78 @@
+"""Every detection and every object of a frame, and what became of each: rows of `results.parquet`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.geometry.boxes import BOX_COLUMNS, CLASSES
+from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult
+from advpipe.stages.evaluate.detection.scoring import CRITERIA, labelled
+
+Column = npt.NDArray[np.generic]
+
+DETECTION, TRUTH = "detection", "truth"
+FOUND, MISSED, FALSE, IGNORED = "found", "missed", "false positive", "ignored"
+"""A detection is `found`, a `false positive` or `ignored`; an object `found`, `missed` or `ignored`."""
+
+
+def match_rows(frame: FrameResult, word: str) -> Iterator[dict[str, object]]:
+    """One row a detection on the cloud `word`, then one an object, each with its number in the frame.
+
+    Beside its box: `points` (of a detection in the cloud it was made on, of an object in the clean one),
+    and by every criterion its `fate_<criterion>` and `match_<criterion>`, the number of the object or
+    detection that it was matched with, None for none.
+    """
+    cloud, truth = frame.clouds()[word], frame.truth
+    fates = _fates(frame, cloud)
+    shared = {"cloud": word, "frame": frame.index, "stamp_ns": frame.stamp_ns}
+    for kind, boxes, labels, points in (
+        (DETECTION, cloud.detections.boxes, cloud.detections.labels, cloud.box_points),
+        (TRUTH, truth.boxes.geometry, truth.boxes.labels, truth.points),
+    ):
+        is_truth = kind == TRUTH
+        for number in range(len(boxes)):
+            yield {
+                **shared,
+                "kind": kind,
+                "number": number,
+                "class": CLASSES[labels[number]],
+                "id": truth.boxes.ids[number] if is_truth else None,
+                "score": None if is_truth else float(cloud.detections.scores[number]),
+                **dict(zip(BOX_COLUMNS, map(float, boxes[number]), strict=True)),
+                "points": int(points[number]),
+                "occlusion": _known(truth.occlusion[number]) if is_truth else None,
+                **{name: values[number] for name, values in fates[kind].items()},
+            }
+
+
+def _fates(frame: FrameResult, cloud: CloudResult) -> dict[str, dict[str, list[object]]]:
+    """By kind, then by column, of all its boxes."""
+    truth_labels, labels = frame.truth.boxes.labels, cloud.detections.labels
+    fates: dict[str, dict[str, list[object]]] = {DETECTION: {}, TRUTH: {}}
+    for kind, count in ((DETECTION, len(labels)), (TRUTH, len(truth_labels))):
+        for criterion in CRITERIA:
+            fates[kind][f"fate_{criterion}"] = [IGNORED] * count  # classes that the detector does not know
+            fates[kind][f"match_{criterion}"] = [None] * count
+    for (criterion, name), matches in cloud.matches.items():
+        truths = np.flatnonzero(labelled(truth_labels, name))
+        detections = np.flatnonzero(labelled(labels, name))
+        fate, match = f"fate_{criterion}", f"match_{criterion}"
+        for k, finds in enumerate(matches.finds):
+            number = detections[k]
+            fates[DETECTION][fate][number] = (
+                FOUND if matches.is_true_positive[k] else IGNORED if matches.is_ignored[k] else FALSE
+            )
+            fates[DETECTION][match][number] = int(truths[finds]) if finds >= 0 else None
+        for m, found_by in enumerate(matches.found_by):
+            number = truths[m]
+            if matches.is_evaluated[m]:
+                fates[TRUTH][fate][number] = FOUND if found_by >= 0 else MISSED
+            fates[TRUTH][match][number] = int(detections[found_by]) if found_by >= 0 else None
+    return fates
+
+
+def _known(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,56 @@
+"""The frames of a clean bag, each with those of adversarial bags that have the same stamp."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from advpipe.pipeline.bag.frames import ALL_FRAMES, Frame, FrameSlice, count_frames, read_frames
+from advpipe.pipeline.errors import AdvpipeError
+
+
+def pair_frames(
+    clean: Path,
+    adversarial: Sequence[Path],
+    chosen: FrameSlice = ALL_FRAMES,
+    lidar_topic: str | None = None,
+) -> Iterator[tuple[Frame, list[Frame | None]]]:
+    """The chosen frames of the clean bag in time order, each with its frame of every adversarial bag.
+
+    An adversarial bag may lack frames; one that none of the chosen clean frames has is refused.
+    """
+    others = [read_frames(bag, lidar_topic=lidar_topic) for bag in adversarial]
+    waiting = [next(frames, None) for frames in others]
+    for before in read_frames(clean, chosen, lidar_topic=lidar_topic):
+        pairs: list[Frame | None] = []
+        for number, after in enumerate(waiting):
+            if after is not None and after.stamp_ns < before.stamp_ns:
+                raise _foreign(adversarial[number], after.stamp_ns, clean)
+            is_pair = after is not None and after.stamp_ns == before.stamp_ns
+            pairs.append(after if is_pair else None)
+            if is_pair:
+                waiting[number] = next(others[number], None)
+        yield before, pairs
+    for number, after in enumerate(waiting):
+        if after is not None:
+            raise _foreign(adversarial[number], after.stamp_ns, clean)
+
+
+def attacked_frames(slices: Sequence[FrameSlice]) -> FrameSlice:
+    """Frames of the clean bag that hold those of all adversarial bags, which name them by these slices.
+
+    Only a short cut: the same slice for all is that slice, and all frames are right in any case.
+    """
+    return slices[0] if slices and all(each == slices[0] for each in slices) else ALL_FRAMES
+
+
+def chosen_indices(clean: Path, chosen: FrameSlice, lidar_topic: str | None) -> range:
+    """Which clouds of the clean bag these are."""
+    return chosen.indices(count_frames(clean, lidar_topic))
+
+
+def _foreign(bag: Path, stamp_ns: int, clean: Path) -> AdvpipeError:
+    return AdvpipeError(
+        f"{bag} has a cloud of {stamp_ns} ns and {clean} has none: "
+        "it was made from another bag; give the clean bag that was attacked"
+    )
