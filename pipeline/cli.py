@@ -136,13 +136,23 @@ def evaluate(
     detector: DetectorName = "small",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the bootstrap and of the random baseline.")] = 0,
     baseline: Annotated[bool, typer.Option(help="Score the same budget spent at random.")] = True,
+    lidar: Annotated[
+        str | None, typer.Option(help="Topic of the clouds, such as /ego/lidar/points, among several.")
+    ] = None,
+    write_detections: Annotated[
+        bool, typer.Option("--write-detections", help="Also write bags that show the detections.")
+    ] = False,
+    with_clouds: Annotated[
+        bool, typer.Option("--with-clouds", help="Keep the clouds in those bags (implies them).")
+    ] = False,
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes.", show_default="one a core")] = None,
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="Report folder.", show_default="reports/ of the data set"),
     ] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Stage 3: run a detector on clean and adversarial bags; mAP ratio, Chamfer distance, report."""
+    """Stage 3: run a detector on clean and adversarial bags; AP, mAP ratio, Chamfer distance, report."""
     from advpipe.pipeline.bag.locate import adversarial_bags, newest_dataset, resolve_bag
     from advpipe.stages.evaluate.run import evaluate as run
     from advpipe.stages.evaluate.run import print_report
@@ -154,7 +164,17 @@ def evaluate(
         adversarial = adversarial_bags(clean.parent)
     target = out or clean.parent / "reports" / detector_slug(detector)
     report = run(
-        clean, adversarial, target, detector=detector, seed=seed, baseline=baseline, overwrite=overwrite
+        clean,
+        adversarial,
+        target,
+        detector=detector,
+        seed=seed,
+        baseline=baseline,
+        overwrite=overwrite,
+        lidar_topic=lidar,
+        workers=workers,
+        detections=write_detections or with_clouds,
+        with_clouds=with_clouds,
     )
     print_report(report)
     print(f"report: {target / 'report.html'}")
