@@ -12,7 +12,6 @@ STOREY_M = 3.0
 ROOM_M = 3.5
 """How far behind the facade the rooms end."""
 
-RECESS_M = 0.12
 FOOT_M = 1.5
 """Walls reach so far below the ground: it may slope."""
 
@@ -58,7 +57,7 @@ def _facade(
         panes += [(a, b, sill, head) for a, b in zip(piers[1::2], piers[2::2], strict=False)]
         bottom = head
     walls.append((-wide_m / 2, wide_m / 2, bottom, height_m))
-    return merge([_rectangles(np.array(walls), 0.0, wall), _rectangles(np.array(panes), RECESS_M, "pane")])
+    return merge([_rectangles(np.array(walls), 0.0, wall), _rectangles(np.array(panes), 0.0, "pane")])
 
 
 def _rectangles(sides_m: Float64, y_m: float, material: str) -> Mesh:

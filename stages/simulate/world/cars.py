@@ -148,12 +148,12 @@ def _ends(length_m: float, width_m: float, height_m: float, tail: float, nose: f
     """Number plates, head-lamps and tail-lamps."""
     plate, lamp = box((0.02, 0.52, 0.11), "plate"), box((0.1, 0.16 * width_m, 0.13), "lamp")
     parts = [
-        plate.moved(-length_m / 2, 0, 0.62 * tail * height_m),
-        plate.moved(length_m / 2, 0, 0.3 * height_m if height_m < 2 else 0.45),
+        plate.moved(-length_m / 2 - 0.01, 0, 0.62 * tail * height_m),
+        plate.moved(length_m / 2 + 0.01, 0, 0.3 * height_m if height_m < 2 else 0.45),
     ]
     for side in (-1, 1):
-        parts.append(lamp.moved(-length_m / 2 + 0.05, side * 0.36 * width_m, tail * height_m - 0.2))
-        parts.append(lamp.moved(length_m / 2 - 0.06, side * 0.34 * width_m, nose * height_m - 0.16))
+        parts.append(lamp.moved(-length_m / 2 + 0.03, side * 0.36 * width_m, tail * height_m - 0.2))
+        parts.append(lamp.moved(length_m / 2 - 0.03, side * 0.34 * width_m, nose * height_m - 0.16))
     return parts
 
 

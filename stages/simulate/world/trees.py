@@ -7,7 +7,7 @@ import numpy as np
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.stages.simulate.world.mesh import Mesh, merge, surface, tube
 
-CLUSTERS = 230
+CLUSTERS = 225
 LEAF_SHARE = 0.28
 """Side of a leaf cluster, a triangle, as a share of the crown's radius r. A sheet turned at random shows
 half its area, so that `CLUSTERS` of them spread over pi r^2 let exp(-n sqrt(3) s^2 / 8 pi), some 30 %,

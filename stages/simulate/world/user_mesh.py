@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -54,11 +54,9 @@ def _read(file: Path) -> tuple[Float64, npt.NDArray[np.int64]]:
     """Vertices (V, 3) and triangles (T, 3); none of either where the file is no mesh."""
     mesh = o3d.geometry.TriangleMesh()
     if not _is_cut_off(file):
-        with _silence(), o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
-            try:
-                mesh = o3d.io.read_triangle_mesh(str(file))
-            except (RuntimeError, ValueError, MemoryError):
-                pass
+        errors_only = o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error)
+        with _silence(), errors_only, suppress(RuntimeError, ValueError, MemoryError):
+            mesh = o3d.io.read_triangle_mesh(str(file))
     return np.array(mesh.vertices, dtype=np.float64), np.array(mesh.triangles, dtype=np.int64)
 
 

@@ -98,7 +98,7 @@ def users() -> Callable[[Place, int], list[RoadUser]]:
         names = list(place.variants)
         found: list[RoadUser] = []
         while len(found) < count:
-            offset = rng.uniform(-45, 45, 2) * (1, 0.3)
+            offset = rng.uniform(-70, 70, 2) * (1, 0.35)
             variant = place.variants[names[(7 * len(found)) % len(names)]]
             pose = se3_from_yaw(middle_m + (*offset, 0.02), rng.uniform(0, 6.28), rng.normal(0, 0.03))
             room_m = [(variant.length_m + user.variant.length_m) / 2 for user in found]

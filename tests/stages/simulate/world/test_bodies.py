@@ -53,14 +53,14 @@ def test_a_ray_from_the_side_hits_the_body_within_its_box(name: str) -> None:
 
 @pytest.mark.parametrize("name", VEHICLES)
 def test_behind_a_windscreen_there_are_people_and_seats(name: str) -> None:
-    """From ahead, slightly from above: panes are passed, and what lies behind them answers."""
+    """From ahead, a little aside: panes are passed, and what lies behind them answers."""
     body = BODIES[name]
     scene = Scene(body.mesh(body.length_m, body.width_m, body.height_m, "paint_red"))
     targets = np.stack(
         np.meshgrid(np.linspace(-0.4, 0.4, 41) * body.width_m, np.linspace(0.3, 0.95, 60) * body.height_m), -1
     ).reshape(-1, 2)
-    eye = np.array([body.length_m / 2 + 12.0, 0.3, 0.8 * body.height_m])
-    ends = np.column_stack([np.full(len(targets), body.length_m / 4), targets])
+    eye = np.array([body.length_m / 2 + 12.0, 3.0, min(0.8 * body.height_m, 2.1)])
+    ends = np.column_stack([np.full(len(targets), body.length_m / 2 - 1.5), targets])
     direction = (ends - eye) / np.linalg.norm(ends - eye, axis=1, keepdims=True)
     hits = scene.cast(np.column_stack([np.broadcast_to(eye, ends.shape), direction]).astype(np.float32))
     behind = (hits.transmission < 1) & np.isfinite(hits.range_m)

@@ -53,7 +53,7 @@ def first_returns(mesh: Mesh, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 @pytest.fixture(scope="module")
 def cast(boulevard: Any, sweep: Any, users: Any, middle_m: np.ndarray) -> Any:
     everyone = users(boulevard, COUNT)
-    rays = sweep(middle_m + (0, 0, 1.8))
+    rays = sweep(middle_m + (0, 0, 1.8), 2160)
     return rays, everyone, boulevard.world.cast(rays, everyone)
 
 
