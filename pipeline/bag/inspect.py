@@ -104,8 +104,9 @@ def _date(stamp_ns: int) -> str:
 
 @dataclass
 class _Tally:
-    """What is counted in one pass over the bag."""
+    """What is counted in one pass over the bag; truth: the topics whose boxes are of road users."""
 
+    truth: frozenset[str]
     first_ns: dict[str, int] = field(default_factory=dict)
     last_ns: dict[str, int] = field(default_factory=dict)
     points: list[int] = field(default_factory=list)
@@ -117,7 +118,7 @@ class _Tally:
         self.last_ns[raw.topic.name] = raw.log_time_ns
         if raw.topic.type == _CLOUD_TYPE:
             self.points.append(len(reader.cloud(raw).cloud))
-        elif raw.topic.type == _OBJECTS_TYPE:
+        elif raw.topic.name in self.truth:
             for detection in reader.decode(raw).detections:
                 name = detection.results[0].hypothesis.class_id if detection.results else "unknown"
                 self.boxes[name] += 1
@@ -133,7 +134,7 @@ def describe(path: Path) -> BagDescription:
     reader = BagReader(resolve_bag(path))
     files = mcap_files(reader.path)
     checksums = sum((validate_checksums(file) for file in files), ChecksumCoverage())
-    tally = _Tally()
+    tally = _Tally(_truth(reader))
     for raw in reader.raw_messages():
         tally.add(reader, raw)
     start_ns = min(tally.first_ns.values(), default=0)
@@ -160,6 +161,13 @@ def describe(path: Path) -> BagDescription:
         provenance=reader.provenance,
         checksums=checksums,
     )
+
+
+def _truth(reader: BagReader) -> frozenset[str]:
+    """The vehicles' ground truth; in another tool's bag, all boxes. What CAMs told a vehicle is none."""
+    names = reader.topics_of_type(_OBJECTS_TYPE)
+    own = [name for name in names if name == VehicleTopics(name.strip("/").split("/")[0]).objects.name]
+    return frozenset(own or names)
 
 
 def _in_words(profiles: tuple[Qos, ...]) -> str:

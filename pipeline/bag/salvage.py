@@ -69,6 +69,7 @@ class Salvage:
         """The summary where the file still has one: it repeats what a damaged chunk may have defined."""
         try:
             check_ends(self.path)
+            stream.seek(0)
             return make_reader(stream).get_summary() or Summary()
         except (AdvpipeError, *DAMAGE):
             return Summary()

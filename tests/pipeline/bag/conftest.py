@@ -20,6 +20,7 @@ from advpipe.pipeline.geometry.transforms import se3_from_yaw
 STEP_NS = 100_000_000
 START_NS = 1_700_000_000_000_000_000
 EGO = topics.VehicleTopics("ego")
+ROOF, BUS = topics.VehicleTopics("ego", "roof"), topics.VehicleTopics("bus_3", "front")
 
 CAR = Boxes(
     geometry=np.array([[10.0, 5.0, 0.8, 4.5, 1.8, 1.6, 0.0]]),
@@ -116,3 +117,38 @@ def carla_cloud(cloud: Cloud, stamp_ns: int) -> bytes:
         is_dense=True,
     )
     return serialise(message, "sensor_msgs/msg/PointCloud2")
+
+
+@pytest.fixture
+def record_fleet() -> Callable[..., Path]:
+    def record_fleet(path: Path) -> Path:
+        """Two LiDARs on the ego and one on a bus; each vehicle has its own place, LiDARs and truth.
+
+        The ego stands at (0, 0) with `lidar` 1 m up and `roof` 3 m up, the bus at (100, 0) with `front` 5 m
+        ahead. The car on the map is at (20, 0, 0); the bus knows only itself: a truck at its place.
+        """
+        static = [
+            (EGO.base_frame, EGO.lidar_frame, se3_from_yaw([0, 0, 1], 0)),
+            (ROOF.base_frame, ROOF.lidar_frame, se3_from_yaw([0, 0, 3], 0)),
+            (BUS.base_frame, BUS.lidar_frame, se3_from_yaw([5, 0, 0], 0)),
+        ]
+        car = Boxes(np.array([[20.0, 0, 0, 4, 2, 1.5, 0]]), np.array([0]), ("car1",), np.zeros((1, 3)))
+        truck = Boxes(np.array([[100.0, 0, 0, 9, 2.5, 3, 0]]), np.array([1]), ("truck1",), np.zeros((1, 3)))
+        with BagWriter(path, provenance={}) as bag:
+            bag.write(topics.TF_STATIC, messages.transforms(0, static), 0)
+            for stamp_ns in (0, 10**8):
+                for points, lidar in enumerate((EGO, ROOF, BUS), start=1):
+                    cloud = np.zeros(points, POINT_DTYPE)
+                    bag.write_cdr(
+                        lidar.lidar_points, cloud_to_cdr(cloud, stamp_ns, lidar.lidar_frame), stamp_ns
+                    )
+                for vehicle, x_m, boxes in ((EGO, 0.0, car), (BUS, 100.0, truck)):
+                    pose = se3_from_yaw([x_m, 0, 0], 0)
+                    odometry = messages.odometry(
+                        stamp_ns, pose, [0] * 3, [0] * 3, child_frame_id=vehicle.base_frame
+                    )
+                    bag.write(vehicle.true_odometry, odometry, stamp_ns)
+                    bag.write(vehicle.objects, messages.detections(stamp_ns, "map", boxes), stamp_ns)
+        return path
+
+    return record_fleet

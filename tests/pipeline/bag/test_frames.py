@@ -177,7 +177,10 @@ def test_which_lidar(tmp_path: Path) -> None:
         for name, points in (("a", 1), ("b", 2)):
             topic = topics.VehicleTopics(name).lidar_points
             bag.write_cdr(topic, cloud_to_cdr(np.zeros(points, POINT_DTYPE), 0, name), 0)
-    with pytest.raises(AdvpipeError, match="several LiDAR topics and none is /ego/lidar/points; name one: /a/lidar/points, /b"):
+    with pytest.raises(
+        AdvpipeError,
+        match="several LiDAR topics and none is /ego/lidar/points; name one: /a/lidar/points, /b",
+    ):
         read_frames(tmp_path / "two")
     with pytest.raises(AdvpipeError, match="no clouds on /c"):
         read_frames(tmp_path / "two", lidar_topic="/c")
@@ -205,3 +208,47 @@ def test_memory_stays_flat(tmp_path: Path) -> None:
     _, peak_bytes = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak_bytes < 10 * points.nbytes
+
+
+@pytest.mark.parametrize(
+    ("name", "points", "identity", "centre_m"),
+    [
+        (None, 1, "car1", [20, 0, -1]),
+        ("/ego/lidar/points", 1, "car1", [20, 0, -1]),
+        ("/ego/roof/points", 2, "car1", [20, 0, -3]),
+        ("/bus_3/front/points", 3, "truck1", [-5, 0, 0]),
+    ],
+)
+def test_each_lidar_has_its_vehicles_truth(
+    tmp_path: Path,
+    record_fleet: Record,
+    name: str | None,
+    points: int,
+    identity: str,
+    centre_m: list[float],
+) -> None:
+    record_fleet(tmp_path / "bag")
+    assert count_frames(tmp_path / "bag", name) == 2
+    assert has_ground_truth(tmp_path / "bag", name)
+    for frame in read_frames(tmp_path / "bag", lidar_topic=name):
+        assert len(frame.cloud) == points
+        assert frame.boxes.ids == (identity,)
+        np.testing.assert_allclose(frame.boxes.geometry[0, :3], centre_m, atol=1e-12)
+
+
+def test_clouds_are_unpacked_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Truth and clouds come from one pass; one chunk more tells when the truth was logged."""
+    import mcap.reader
+
+    with BagWriter(tmp_path / "bag", provenance={}) as bag:
+        for stamp_ns in range(10):
+            cdr = cloud_to_cdr(np.zeros(60_000, POINT_DTYPE), stamp_ns, "ego/lidar")
+            bag.write_cdr(EGO.lidar_points, cdr, stamp_ns)
+            bag.write(EGO.objects, messages.detections(stamp_ns, EGO.lidar_frame, ONE), stamp_ns)
+    unpacked = []
+    original = mcap.reader.breakup_chunk
+    monkeypatch.setattr(
+        mcap.reader, "breakup_chunk", lambda *args, **named: unpacked.append(1) or original(*args, **named)
+    )
+    assert len(list(read_frames(tmp_path / "bag"))) == 10
+    assert len(unpacked) <= 11 + 1  # the last truth lies in a chunk of its own

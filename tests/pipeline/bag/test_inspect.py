@@ -5,6 +5,9 @@ from pathlib import Path
 import pytest
 
 from advpipe.pipeline.bag.inspect import describe
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.topics import Topic
+from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.errors import AdvpipeError
 
 Record = Callable[..., Path]
@@ -44,3 +47,29 @@ def test_damage_between_the_chunks_is_found(tmp_path: Path, record: Record) -> N
     path.write_bytes(changed)
     with pytest.raises(AdvpipeError, match=r"bag_0\.mcap: damaged"):
         describe(tmp_path / "bag")
+
+
+def test_several_lidars_on_several_vehicles(
+    tmp_path: Path, record_fleet: Record, capsys: pytest.CaptureFixture[str]
+) -> None:
+    description = describe(record_fleet(tmp_path / "fleet"))
+    counts = {topic.name: topic.count for topic in description.topics}
+    assert [counts[f"/{name}/points"] for name in ("ego/lidar", "ego/roof", "bus_3/front")] == [2, 2, 2]
+    assert (description.clouds, description.points_least, description.points_most) == (6, 1, 3)
+    assert [(item.class_name, item.road_users, item.boxes) for item in description.objects] == [
+        ("car", 1, 2),
+        ("truck", 1, 2),
+    ]
+    description.print()
+    assert "/bus_3/front/points" in capsys.readouterr().out
+
+
+def test_what_others_told_a_vehicle_is_no_truth(tmp_path: Path, record: Record) -> None:
+    """The LDM's boxes have the type of the ground truth."""
+    with BagWriter(tmp_path / "bag", provenance={}) as bag:
+        for raw in BagReader(record(tmp_path / "original", frames=2)).raw_messages():
+            bag.copy(raw)
+            if raw.topic.name == "/ego/ground_truth/objects":
+                bag.write_cdr(Topic("/ego/ldm/objects", raw.topic.type), raw.cdr, raw.log_time_ns)
+    ((car),) = describe(tmp_path / "bag").objects
+    assert car.boxes == 2
