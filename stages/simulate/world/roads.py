@@ -24,6 +24,9 @@ MEDIAN_M = 5.0
 CLEARANCE_M = 2.5
 """Roads that cross with more than this between them are a bridge and what it spans."""
 
+REACH_M = 1.5
+"""A junction begins within so little of the end of a lane that leads to it."""
+
 SAMPLE_M = 2.0
 
 
@@ -101,13 +104,16 @@ def lay_out_roads(network: RoadNetwork) -> Roads:
         pieces.append(shapely.unary_union(ribbons))
         lines.append([lane.centre_m for lane in edge.lanes])
         fast.append(edge.speed_mps > FAST_MPS)
+    rapid = [edge for edge in network.edges.values() if edge.speed_mps > FAST_MPS]
+    ends = [lane.centre_m[[0, -1], :2] for edge in rapid for lane in edge.lanes]
+    fast_ends = shapely.points(np.concatenate(ends)) if ends else np.array([])
     for outline in network.junctions_m:
         area = shapely.make_valid(Polygon(outline[:, :2]))
         shapely.prepare(area)
         inside = [turn for turn in turns_m if shapely.contains_xy(area, *turn[len(turn) // 2, :2])]
         pieces.append(area)
         lines.append(inside or [np.concatenate([outline, outline[:1]])])
-        fast.append(False)
+        fast.append(bool(np.any(shapely.distance(area, fast_ends) < REACH_M)))
     heights = np.concatenate([line[:, 2] for group in lines for line in group])
     is_flat = bool(np.ptp(heights) < 0.01)
     levels = np.zeros(len(pieces), np.int64) if is_flat else _levels(pieces, lines)
