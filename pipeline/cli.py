@@ -109,6 +109,7 @@ def attack(
     """Stage 2: write an adversarial version of a bag; everything not attacked is copied byte for byte."""
     from advpipe.pipeline.bag.frames import FrameSlice
     from advpipe.pipeline.bag.locate import newest_dataset, resolve_bag
+    from advpipe.pipeline.errors import writing
     from advpipe.stages.attack.run import AttackRequest, attack_id
     from advpipe.stages.attack.run import attack as run
 
@@ -122,7 +123,8 @@ def attack(
         seed=seed,
     )
     target = out or clean.parent / attack_id(request)
-    print(run(clean, target, request, overwrite=overwrite, workers=workers))
+    with writing(target):
+        print(run(clean, target, request, overwrite=overwrite, workers=workers))
 
 
 @app.command()
@@ -200,7 +202,7 @@ def train(
 ) -> None:
     """Train a SECOND detector on clean bags; goes on where an interrupted run stopped."""
     from advpipe.pipeline.bag.locate import resolve_bag
-    from advpipe.pipeline.errors import AdvpipeError
+    from advpipe.pipeline.errors import AdvpipeError, writing
     from advpipe.stages.train.config import TrainConfig
     from advpipe.stages.train.run import train as run
 
@@ -217,7 +219,8 @@ def train(
         bf16=bf16,
         seed=seed,
     )
-    print(_trained(run(config, overwrite=overwrite)))
+    with writing(out):
+        print(_trained(run(config, overwrite=overwrite)))
 
 
 def _trained(summary: TrainSummary) -> str:
@@ -230,6 +233,27 @@ def _trained(summary: TrainSummary) -> str:
     return f"{summary.checkpoint}: {summary.steps} steps on {summary.frames} frames" + (
         f"; 3D AP on the held-out bag: {found}" if found else ""
     )
+
+
+@app.command("import-weights")
+def import_weights(
+    file: Annotated[Path, typer.Argument(help="Checkpoint (.pth) of OpenPCDet's SECOND for KITTI.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="The .safetensors file to write.")],
+    overwrite: Overwrite = False,
+) -> None:
+    """Turn a SECOND that OpenPCDet trained into a detector for --detector; runs no code from the file."""
+    from advpipe.pipeline.detector.second.checkpoint import save_checkpoint
+    from advpipe.pipeline.detector.second.openpcdet import import_openpcdet
+    from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
+
+    if out.suffix != ".safetensors":
+        raise AdvpipeError(f"--out is {out}; a detector's file is named .safetensors")
+    if out.exists() and not overwrite:
+        raise OutputExistsError(out)
+    net, provenance = import_openpcdet(file)
+    save_checkpoint(net, out, provenance, half=False, overwrite=overwrite)
+    parameters = sum(weight.numel() for weight in net.parameters())
+    print(f"{out}: preset {net.preset.name}, {parameters:,} parameters; use it as --detector {out}")
 
 
 @app.command()

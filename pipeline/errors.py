@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import errno
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 
 class AdvpipeError(Exception):
@@ -27,3 +29,14 @@ def os_error_line(error: OSError) -> str:
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         reason += "; make room there, or write elsewhere (--out)"
     return f"{error.filename}: {reason}" if error.filename else reason
+
+
+@contextmanager
+def writing(place: object) -> Iterator[None]:
+    """Names the output in a full disk's error, which the operating system does not."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG) or error.filename:
+            raise
+        raise AdvpipeError(f"{place}: cannot be written: {os_error_line(error)}") from None

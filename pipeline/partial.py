@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import re
 import shutil
@@ -12,14 +11,13 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, os_error_line
+from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, writing
 
 try:
     import fcntl
 except ImportError:  # Windows: leftovers of killed runs stay until removed by hand
     fcntl = None  # type: ignore[assignment]
 
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _LOCK_NAME = ".lock"
 _HIDDEN = re.compile(r"\.(.+)\.partial-[^.]+")
 
@@ -183,17 +181,16 @@ def staged_folder(final: Path, overwrite: bool, kind: FolderKind) -> Iterator[Pa
     refuse()
     partial = PartialFolder(final)
     try:
-        yield partial.path
+        with writing(final):
+            yield partial.path
         refuse()  # again: it may have appeared meanwhile
         if final.is_dir():
             _replace_items(partial.path, final)
             partial.discard(is_finished=True)
         else:
             partial.commit(may_replace=lambda _: False)
-    except BaseException as error:
+    except BaseException:
         partial.discard()
-        if isinstance(error, OSError) and error.errno in _FULL and not error.filename:
-            raise AdvpipeError(f"{final}: cannot be written: {os_error_line(error)}") from None
         raise
 
 

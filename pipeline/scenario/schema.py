@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from advpipe.pipeline.errors import OutputExistsError
+from advpipe.pipeline.errors import OutputExistsError, writing
 from advpipe.pipeline.scenario.models import Scenario
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -43,7 +43,8 @@ def write_schema(path: Path, overwrite: bool = False) -> None:
         raise OutputExistsError(path)
     beside = path.with_name(f".{path.name}.partial")
     try:
-        beside.write_text(schema_json() + "\n", encoding="utf-8")
+        with writing(path):
+            beside.write_text(schema_json() + "\n", encoding="utf-8")
         os.replace(beside, path)
     except BaseException:
         beside.unlink(missing_ok=True)

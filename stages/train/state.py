@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,7 +37,9 @@ class TrainState:
             "optimiser": self.optimiser.state_dict(),
             "random": torch.get_rng_state(),
         }
-        torch.save(state, beside)
+        buffer = io.BytesIO()
+        torch.save(state, buffer)  # to a file, it hides why a disk refused to be written
+        beside.write_bytes(buffer.getbuffer())
         os.replace(beside, path)
 
     def restore(self, path: Path) -> None:
