@@ -31,9 +31,10 @@ class AnchorGrid:
     def __init__(self, preset: Preset, height: int, width: int, device: torch.device | None = None) -> None:
         self.preset, self.height, self.width = preset, height, width
         r = preset.range_m
-        cell_x, cell_y = (r.x_max_m - r.x_min_m) / width, (r.y_max_m - r.y_min_m) / height
-        self.x = r.x_min_m + cell_x * (torch.arange(width, device=device) + 0.5)
-        self.y = r.y_min_m + cell_y * (torch.arange(height, device=device) + 0.5)
+        gaps, first = (1, 0.0) if preset.anchors_to_edges else (0, 0.5)
+        step_x, step_y = (r.x_max_m - r.x_min_m) / (width - gaps), (r.y_max_m - r.y_min_m) / (height - gaps)
+        self.x = r.x_min_m + step_x * (torch.arange(width, device=device) + first)
+        self.y = r.y_min_m + step_y * (torch.arange(height, device=device) + first)
         shapes, labels = [], []
         for anchor in preset.anchors:
             size = (anchor.length_m, anchor.width_m, anchor.height_m)

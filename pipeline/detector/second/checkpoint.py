@@ -21,9 +21,9 @@ SHIPPED = {"small": Path(__file__).parent / "checkpoints" / "small.safetensors"}
 
 
 def save_checkpoint(
-    net: SecondNet, path: Path, provenance: Mapping[str, str], *, overwrite: bool = False
+    net: SecondNet, path: Path, provenance: Mapping[str, str], *, half: bool = True, overwrite: bool = False
 ) -> None:
-    """Write the weights in half precision, the batch norms in single; beside, then renamed.
+    """Write the weights in half precision or single, the batch norms in single; beside, then renamed.
 
     provenance: how the weights were trained, kept as text.
     """
@@ -32,8 +32,8 @@ def save_checkpoint(
     tensors = {}
     for name, value in net.state_dict().items():
         if value.is_floating_point():
-            half = value.ndim > 1
-            tensors[name] = value.detach().cpu().to(torch.float16 if half else torch.float32).contiguous()
+            dtype = torch.float16 if half and value.ndim > 1 else torch.float32
+            tensors[name] = value.detach().cpu().to(dtype).contiguous()
     about = {
         "kind": KIND,
         "preset": net.preset.name,

@@ -12,37 +12,34 @@ from torch import Tensor
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.detector.second.anchors import AnchorGrid, decode
 from advpipe.pipeline.detector.second.head import Predictions
-from advpipe.pipeline.detector.second.loss import DIRECTION_OFFSET_RAD
 from advpipe.pipeline.geometry.iou import iou_bev
 from advpipe.pipeline.geometry.transforms import wrap_angle
 
 SCORE_THRESHOLD = 0.1
-NMS_IOU = 0.1
-MAX_CANDIDATES = 1000
-MAX_DETECTIONS = 100
 
 
 @torch.no_grad()
-def detections(
-    predictions: Predictions, batch: int, grid: AnchorGrid, vote_iou: float | None = None
-) -> Detections:
-    """At most 100 boxes of cloud `batch` that score at least 0.1, best first.
+def detections(predictions: Predictions, batch: int, grid: AnchorGrid) -> Detections:
+    """The boxes of cloud `batch` that score at least 0.1, best first, at most as many as the preset says.
 
-    Suppression knows no classes: one place on the road holds one object. `vote_iou`: see `vote`.
+    Suppression knows no classes: one place on the road holds one object.
     """
+    preset = grid.preset
     best, labels = predictions.scores[batch].max(1)
     scores = torch.sigmoid(best)
     chosen = (scores >= SCORE_THRESHOLD).nonzero().squeeze(1)
-    order = torch.sort(scores[chosen], descending=True, stable=True).indices[:MAX_CANDIDATES]
+    order = torch.sort(scores[chosen], descending=True, stable=True).indices[: preset.max_candidates]
     chosen = chosen[order]
     boxes = decode(predictions.codes[batch][chosen], grid.boxes(chosen))
-    boxes = _with_direction(boxes, predictions.directions[batch][chosen])
+    boxes = _with_direction(boxes, predictions.directions[batch][chosen], preset.direction_offset_rad)
     geometry = boxes.cpu().numpy().astype(np.float64)
     geometry[:, 6] = wrap_angle(geometry[:, 6])
     confidence = scores[chosen].cpu().numpy().astype(np.float64)
     names = labels[chosen].cpu().numpy()
-    kept = suppress(geometry, NMS_IOU)[:MAX_DETECTIONS]
-    voted = geometry[kept] if vote_iou is None else vote(geometry, confidence, names, kept, vote_iou)
+    kept = suppress(geometry, preset.nms_iou, preset.max_detections)
+    if preset.vote_iou is None:
+        return Detections(geometry[kept], confidence[kept], names[kept])
+    voted = vote(geometry, confidence, names, kept, preset.vote_iou)
     return Detections(voted, confidence[kept], names[kept])
 
 
@@ -68,18 +65,23 @@ def vote(
     return np.column_stack([weights @ boxes[:, :6], wrap_angle(yaw_rad)])
 
 
-def _with_direction(boxes: Tensor, directions: Tensor) -> Tensor:
+def _with_direction(boxes: Tensor, directions: Tensor, offset_rad: float) -> Tensor:
     """Boxes turned to the half of the circle that the direction bin names."""
-    half = torch.remainder(boxes[:, 6] - DIRECTION_OFFSET_RAD, pi)
-    yaw = half + DIRECTION_OFFSET_RAD + pi * directions.argmax(1)
+    half = torch.remainder(boxes[:, 6] - offset_rad, pi)
+    yaw = half + offset_rad + pi * directions.argmax(1)
     return torch.cat([boxes[:, :6], yaw[:, None]], dim=1)
 
 
-def suppress(boxes: npt.NDArray[np.float64], iou: float) -> npt.NDArray[np.int64]:
-    """Indices of the boxes (K, 7), best first, that overlap no better kept box by more than `iou`."""
-    overlaps = iou_bev(boxes, boxes) > iou
-    alive = np.ones(len(boxes), dtype=bool)
-    for i in range(len(boxes)):
-        if alive[i]:
-            alive[i + 1 :] &= ~overlaps[i, i + 1 :]
-    return np.flatnonzero(alive)
+def suppress(boxes: npt.NDArray[np.float64], iou: float, limit: int) -> npt.NDArray[np.int64]:
+    """Indices of the boxes (K, 7), best first, that overlap no better kept box by more than `iou`.
+
+    At most the first `limit` of them.
+    """
+    kept: list[int] = []
+    # Few boxes survive, so only their overlaps are computed.
+    alive = np.arange(len(boxes))
+    while len(alive) and len(kept) < limit:
+        best, rest = alive[0], alive[1:]
+        kept.append(int(best))
+        alive = rest[iou_bev(boxes[best], boxes[rest])[0] <= iou]
+    return np.array(kept, dtype=np.int64)

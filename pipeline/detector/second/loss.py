@@ -16,7 +16,6 @@ from advpipe.pipeline.detector.second.head import Predictions
 SCORE_WEIGHT, BOX_WEIGHT, DIRECTION_WEIGHT = 1.0, 2.0, 0.2
 ALPHA, GAMMA = 0.25, 2
 BETA = 1 / 9
-DIRECTION_OFFSET_RAD = pi / 4
 
 
 @dataclass(frozen=True)
@@ -52,7 +51,7 @@ def _of_cloud(scores: Tensor, codes: Tensor, directions: Tensor, target: Targets
     turn = torch.sin(code[:, 6] - wanted[:, 6])
     difference = torch.cat([code[:, :6] - wanted[:, :6], turn[:, None]], dim=1)
     box = F.smooth_l1_loss(difference, torch.zeros_like(difference), reduction="sum", beta=BETA) / count
-    bins = direction_bin(target.boxes[:, 6])
+    bins = direction_bin(target.boxes[:, 6], grid.preset.direction_offset_rad)
     direction = F.cross_entropy(directions[target.positive], bins, reduction="sum") / count
     return torch.stack([score, box, direction])
 
@@ -68,7 +67,7 @@ def focal_loss(scores: Tensor, target: Targets) -> Tensor:
     return background + (ALPHA * torch.sigmoid(-hit) ** GAMMA * F.softplus(-hit)).sum()
 
 
-def direction_bin(yaw: Tensor) -> Tensor:
-    """Which half of the circle, counted from `DIRECTION_OFFSET_RAD`, a heading lies in: 0 or 1."""
-    turned = torch.remainder(yaw - DIRECTION_OFFSET_RAD, 2 * pi)
+def direction_bin(yaw: Tensor, offset_rad: float) -> Tensor:
+    """Which half of the circle, counted from `offset_rad`, a heading lies in: 0 or 1."""
+    turned = torch.remainder(yaw - offset_rad, 2 * pi)
     return (turned >= pi).long()

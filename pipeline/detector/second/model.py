@@ -70,7 +70,7 @@ class Second:
         return self.preset.range_m
 
     def detect(self, cloud: npt.NDArray[np.void]) -> Detections:
-        """The objects in a cloud (N,), at most 100; points that are not finite are not read."""
+        """The objects in a cloud (N,), at most `preset.max_detections`; points not finite are not read."""
         points = torch.from_numpy(xyzi(cloud)).to(self._grid.x.device)
         return self.detect_batch([points])[0]
 
@@ -81,10 +81,7 @@ class Second:
         predictions = self.net(voxels)
         empty = torch.bincount(voxels.sites.bzyx()[0], minlength=len(clouds)) == 0
         none = Detections(np.zeros((0, 7)), np.zeros(0), np.zeros(0, np.int64))
-        return [
-            none if empty[b] else detections(predictions, b, self._grid, self.preset.vote_iou)
-            for b in range(len(clouds))
-        ]
+        return [none if empty[b] else detections(predictions, b, self._grid) for b in range(len(clouds))]
 
     def loss(self, points: Tensor, boxes: Tensor, labels: Tensor) -> Tensor:
         """The training loss of one cloud, as `Detector.loss`; all boxes in range count.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import pi
 
 from advpipe.pipeline.detector.protocol import Range
 from advpipe.pipeline.errors import AdvpipeError
@@ -32,8 +33,16 @@ class Preset:
 
     voxel_size_m: x, y, z. channels_3d: after the input layer, stages 1 to 4, and the z-compressing
     layer. bev_*: one entry a block of the 2D backbone. input_offset, input_scale: the mean VFE's
-    x, y, z, intensity enter the network as (value - offset) * scale. vote_iou: see `decode.vote`; None
-    is plain non-maximum suppression, as in OpenPCDet.
+    x, y, z, intensity enter the network as (value - offset) * scale. direction_offset_rad: where the
+    first of the two direction bins begins.
+
+    The rest is there for `kitti`, whose weights others have trained. layers_above: empty layers of voxels
+    above the range. points_per_voxel: only the first points of a voxel count, None: all. max_voxels,
+    max_voxels_training: only the first voxels of a cloud count. anchors_to_edges: the outermost anchors lie
+    on the faces of the range, not half a cell inside.
+
+    Decoding: at most `max_candidates` anchors enter non-maximum suppression at `nms_iou`, at most
+    `max_detections` come out. vote_iou: see `decode.vote`; None is plain suppression, as in OpenPCDet.
     """
 
     name: str
@@ -50,14 +59,23 @@ class Preset:
     yaws_rad: tuple[float, ...] = (0.0, 1.5707963267948966)
     input_offset: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     input_scale: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    direction_offset_rad: float = pi / 4
+    layers_above: int = 0
+    points_per_voxel: int | None = None
+    max_voxels: int | None = None
+    max_voxels_training: int | None = None
+    anchors_to_edges: bool = False
+    nms_iou: float = 0.1
+    max_candidates: int = 1000
+    max_detections: int = 100
     vote_iou: float | None = None
 
     @property
     def grid_zyx(self) -> tuple[int, int, int]:
-        """Voxels along z, y and x."""
+        """Voxels along z, y and x, empty layers above the range included."""
         r, (dx, dy, dz) = self.range_m, self.voxel_size_m
         return (
-            round((r.z_max_m - r.z_min_m) / dz),
+            round((r.z_max_m - r.z_min_m) / dz) + self.layers_above,
             round((r.y_max_m - r.y_min_m) / dy),
             round((r.x_max_m - r.x_min_m) / dx),
         )
@@ -87,7 +105,58 @@ SMALL = Preset(
 )
 """All around a roof LiDAR about 1.8 m above the road; 0.92 M parameters; trains on two CPU cores."""
 
-PRESETS = {"small": SMALL}
+ALL_AROUND = Preset(
+    name="360",
+    range_m=Range(-51.2, -51.2, -3.0, 51.2, 51.2, 1.8),
+    voxel_size_m=(0.1, 0.1, 0.1),
+    channels_3d=(16, 16, 32, 64, 64, 128),
+    bev_layers=(5, 5),
+    bev_strides=(1, 2),
+    bev_channels=(128, 256),
+    up_strides=(1, 2),
+    up_channels=(256, 256),
+    anchors=SMALL.anchors,
+    input_offset=SMALL.input_offset,
+    input_scale=SMALL.input_scale,
+    vote_iou=0.5,
+)
+"""`small` with the channels and layers of `kitti` and finer voxels along z; 5.36 M parameters."""
+
+KITTI = Preset(
+    name="kitti",
+    range_m=Range(0.0, -40.0, -3.0, 70.4, 40.0, 1.0),
+    voxel_size_m=(0.05, 0.05, 0.1),
+    channels_3d=(16, 16, 32, 64, 64, 128),
+    bev_layers=(5, 5),
+    bev_strides=(1, 2),
+    bev_channels=(128, 256),
+    up_strides=(1, 2),
+    up_channels=(256, 256),
+    classes=("car", "pedestrian", "cyclist"),
+    anchors=(
+        Anchor("car", 3.9, 1.6, 1.56, -1.78, 0.6, 0.45),
+        Anchor("pedestrian", 0.8, 0.6, 1.73, -0.6, 0.5, 0.35),
+        Anchor("cyclist", 1.76, 0.6, 1.73, -0.6, 0.5, 0.35),
+    ),
+    yaws_rad=(0.0, 1.57),
+    direction_offset_rad=0.78539,
+    layers_above=1,
+    points_per_voxel=5,
+    max_voxels=40_000,
+    max_voxels_training=16_000,
+    anchors_to_edges=True,
+    nms_iou=0.01,
+    max_candidates=4096,
+    max_detections=500,
+)
+"""OpenPCDet's `second.yaml` for KITTI, number by number: 5,325,576 parameters, for imported weights.
+
+It looks ahead only. Its LiDAR stands 1.73 m above the road and coordinates enter as they are measured:
+shift the z of a cloud from another height first. Points outside the camera's view were cut away in its
+training, and intensity is KITTI's reflectance in [0, 1].
+"""
+
+PRESETS = {"small": SMALL, "360": ALL_AROUND, "kitti": KITTI}
 
 
 def preset_named(name: str) -> Preset:

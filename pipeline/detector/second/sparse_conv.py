@@ -75,9 +75,9 @@ def submanifold_rules(sites: Sites) -> Rulebook:
         wanted = keys + ((dz * height + dy) * width + first_dx)
         at = rows + 1 if first_dx == 1 else torch.searchsorted(keys, wanted)
         for dx in range(first_dx, 2):
-            found = guarded[at] == wanted
+            found = guarded.index_select(0, at) == wanted
             here = found.nonzero().squeeze(1)
-            there = at[here]
+            there = at.index_select(0, here)
             offset = (dz * 3 + dy) * 3 + dx
             pairs += [(13 + offset, there, here), (13 - offset, here, there)]
             at, wanted = at + found, wanted + 1
@@ -89,19 +89,25 @@ def strided_rules(sites: Sites, kernel: Shape, stride: Shape, padding: Shape) ->
     sizes = zip(sites.shape, kernel, stride, padding, strict=True)
     shape: Shape = tuple((n + 2 * p - k) // s + 1 for n, k, s, p in sizes)  # type: ignore[assignment]
     batch, *position = sites.bzyx()
-    # Per axis and kernel index: which sites reach an output cell, and which cell.
+    # Per axis and kernel index: which sites reach an output cell, and its share of the cell's key.
+    steps = ((shape[1] + 2) * (shape[2] + 2), shape[2] + 2, 1)
     axes: list[list[tuple[Tensor, Tensor]]] = []
-    for x, n, k, s, p in zip(position, shape, kernel, stride, padding, strict=True):
+    for x, n, k, s, p, step in zip(position, shape, kernel, stride, padding, steps, strict=True):
         moved = [x + p - i for i in range(k)]
         out = [torch.div(m, s, rounding_mode="floor") for m in moved]
-        axes.append([((o * s == m) & (o >= 0) & (o < n), o) for m, o in zip(moved, out, strict=True)])
+        axes.append(
+            [((o * s == m) & (o >= 0) & (o < n), (o + 1) * step) for m, o in zip(moved, out, strict=True)]
+        )
+    first = batch * ((shape[0] + 2) * steps[0])
     found = []
     for iz, (z_ok, z) in enumerate(axes[0]):
         for iy, (y_ok, y) in enumerate(axes[1]):
-            zy_ok = z_ok & y_ok
+            zy_rows = (z_ok & y_ok).nonzero().squeeze(1)
+            zy = (first + z + y).index_select(0, zy_rows)
             for ix, (x_ok, x) in enumerate(axes[2]):
-                rows = (zy_ok & x_ok).nonzero().squeeze(1)
-                keys = Sites.key(batch[rows], z[rows], y[rows], x[rows], shape)
+                among = x_ok.index_select(0, zy_rows).nonzero().squeeze(1)
+                rows = zy_rows.index_select(0, among)
+                keys = zy.index_select(0, among) + x.index_select(0, rows)
                 found.append(((iz * kernel[1] + iy) * kernel[2] + ix, rows, keys))
     keys, inverse = torch.unique(torch.cat([k for _, _, k in found]), return_inverse=True)
     outputs = torch.split(inverse, [len(rows) for _, rows, _ in found])

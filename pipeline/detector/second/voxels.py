@@ -16,9 +16,9 @@ from advpipe.pipeline.detector.second.sparse_conv import Sites
 class Voxels:
     """The V occupied voxels of a batch of clouds.
 
-    features: (V, 4) mean x, y, z, intensity of the points inside.
+    features: (V, 4) mean x, y, z, intensity of the points inside that count.
     sites: where they are.
-    point_to_voxel: (N,) int64 row of each point of the concatenated clouds, -1 if not read.
+    point_to_voxel: (N,) int64 row of each point of the concatenated clouds, -1 if in no voxel that is read.
     """
 
     features: Tensor
@@ -26,27 +26,55 @@ class Voxels:
     point_to_voxel: Tensor
 
 
-def voxelise(clouds: Sequence[Tensor], preset: Preset) -> Voxels:
+def voxelise(clouds: Sequence[Tensor], preset: Preset, *, training: bool = False) -> Voxels:
     """The voxels of clouds (N_i, 4) x, y, z, intensity, one batch entry each.
 
-    Points out of range or not finite are not read. Every point of a voxel counts: unlike OpenPCDet
-    there is no limit of five, so the order of the points does not matter and each has a gradient.
+    Points out of range or not finite are not read. Every point of a voxel counts, so the order of the
+    points does not matter and each has a gradient; except where the preset limits the points of a voxel
+    or, in `training` to another number, the voxels of a cloud: the first ones then count, as in OpenPCDet.
     """
     points = torch.cat(list(clouds))
     batch = torch.cat([torch.full((len(c),), b, device=c.device) for b, c in enumerate(clouds)])
     r, size = preset.range_m, points.new_tensor(preset.voxel_size_m)
-    depth, height, width = preset.grid_zyx
+    depth, height, width = shape = preset.grid_zyx
     low = points.new_tensor([r.x_min_m, r.y_min_m, r.z_min_m])
-    upper = torch.tensor([width, height, depth], device=points.device)
+    upper = torch.tensor([width, height, depth - preset.layers_above], device=points.device)
     cells = torch.floor((points.detach()[:, :3] - low) / size)
     read = ((cells >= 0) & (cells < upper)).all(1) & torch.isfinite(points.detach()).all(1)
     rows = read.nonzero().squeeze(1)
     x, y, z = cells[rows].long().unbind(1)
-    shape = (depth, height, width)
-    keys, inverse = torch.unique(Sites.key(batch[rows], z, y, x, shape), return_inverse=True)
-    inside = points if len(rows) == len(points) else points.index_select(0, rows)
-    count = torch.bincount(inverse, minlength=len(keys)).to(points.dtype)
-    total = points.new_zeros(len(keys), points.shape[1]).index_add(0, inverse, inside)
+    keys, voxel = torch.unique(Sites.key(batch[rows], z, y, x, shape), return_inverse=True)
+    max_voxels = preset.max_voxels_training if training else preset.max_voxels
+    if max_voxels is not None and len(keys) > max_voxels:
+        kept = _first_voxels(batch[rows], voxel, len(keys), max_voxels)
+        rows, voxel = rows[kept[voxel]], (kept.cumsum(0) - 1)[voxel[kept[voxel]]]
+        keys = keys[kept]
     point_to_voxel = torch.full((len(points),), -1, dtype=torch.int64, device=points.device)
-    point_to_voxel[rows] = inverse
+    point_to_voxel[rows] = voxel
+    if preset.points_per_voxel is not None:
+        counts = _place_in_voxel(voxel) < preset.points_per_voxel
+        rows, voxel = rows[counts], voxel[counts]
+    inside = points if len(rows) == len(points) else points.index_select(0, rows)
+    count = torch.bincount(voxel, minlength=len(keys)).to(points.dtype)
+    total = points.new_zeros(len(keys), points.shape[1]).index_add(0, voxel, inside)
     return Voxels(total / count[:, None], Sites(keys, shape, len(clouds)), point_to_voxel)
+
+
+def _place_in_voxel(voxel: Tensor) -> Tensor:
+    """How many earlier points (N,) lie in the same voxel (N,)."""
+    order = torch.sort(voxel, stable=True).indices
+    ends = torch.bincount(voxel).cumsum(0)
+    starts = torch.cat([ends.new_zeros(1), ends])[voxel[order]]
+    places = torch.arange(len(voxel), device=voxel.device) - starts
+    return torch.empty_like(voxel).index_copy(0, order, places)
+
+
+def _first_voxels(batch: Tensor, voxel: Tensor, count: int, limit: int) -> Tensor:
+    """Which of `count` voxels are among the `limit` of their cloud that a point (N,) falls into first."""
+    places = torch.arange(len(voxel), device=voxel.device)
+    first = places.new_full((count,), len(voxel)).scatter_reduce(0, voxel, places, "amin")
+    # The points of a cloud follow one another, and so do its voxels in the order of their first points.
+    by_age = torch.sort(first).indices
+    kept = torch.empty(count, dtype=torch.bool, device=voxel.device)
+    kept[by_age] = _place_in_voxel(batch[first[by_age]]) < limit
+    return kept

@@ -28,7 +28,7 @@ def predictions(boxes, labels, scores):
         # The head learns the heading only up to half a turn: the direction bin has to mend it.
         code[:, 6] = code[:, 6] + pi
         out.codes[0, target.positive] = code
-        out.directions[0, target.positive, direction_bin(box[6:7])] = 3.0
+        out.directions[0, target.positive, direction_bin(box[6:7], pi / 4)] = 3.0
     return out
 
 
@@ -58,8 +58,9 @@ def test_no_detection_under_the_threshold():
 def test_suppression_is_greedy():
     # b overlaps a and c, a and c stay apart: a and c remain.
     boxes = np.array([[x, 0, 0, 4, 2, 2, 0] for x in (0.0, 2.0, 4.1)])
-    assert suppress(boxes, 0.1).tolist() == [0, 2]
-    assert suppress(np.zeros((0, 7)), 0.1).tolist() == []
+    assert suppress(boxes, 0.1, 9).tolist() == [0, 2]
+    assert suppress(boxes, 0.1, 1).tolist() == [0]
+    assert suppress(np.zeros((0, 7)), 0.1, 9).tolist() == []
 
 
 def test_votes_are_weighted_by_squared_score_within_the_class():

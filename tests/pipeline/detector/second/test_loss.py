@@ -43,7 +43,7 @@ def test_a_perfect_prediction_costs_almost_nothing_and_a_half_turn_only_directio
     )
     scores[0, target.positive, 0] = 20.0
     codes[0, target.positive] = encode(target.boxes, grid.boxes(target.positive))
-    directions[0, target.positive, direction_bin(box[:, 6])] = 20.0
+    directions[0, target.positive, direction_bin(box[:, 6], pi / 4)] = 20.0
     perfect = losses(Predictions(scores, codes, directions), [target], grid)
     assert float(perfect.total) < 1e-5
 
@@ -73,4 +73,4 @@ def test_smooth_l1_by_hand():
     [(pi / 4 + 0.01, 0), (pi, 0), (5 * pi / 4 - 0.01, 0), (0.0, 1), (pi / 4 - 0.01, 1), (-pi / 2, 1)],
 )
 def test_direction_bins(yaw, expected):
-    assert direction_bin(torch.tensor([yaw])).tolist() == [expected]
+    assert direction_bin(torch.tensor([yaw]), pi / 4).tolist() == [expected]

@@ -1,0 +1,146 @@
+"""Weights of a SECOND that OpenPCDet trained on KITTI, for the preset `kitti`."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+import re
+import warnings
+from collections.abc import Iterable
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from advpipe.pipeline.detector.second.backbone3d import STRIDED
+from advpipe.pipeline.detector.second.model import SecondNet
+from advpipe.pipeline.detector.second.presets import KITTI
+from advpipe.pipeline.errors import AdvpipeError
+
+LAYERS_3D = {
+    "stage1.0": "conv_input",
+    "stage1.1": "conv1.0",
+    **{f"stage{stage}.{layer}": f"conv{stage}.{layer}" for stage in (2, 3, 4) for layer in range(3)},
+    "fold": "conv_out",
+}
+"""Sparse layers here and there, where `.0` is the convolution and `.1` its batch norm."""
+
+HEADS = ("conv_cls", "conv_box", "conv_dir_cls")
+COUNTERS = re.compile(r"(^|\.)(global_step|num_batches_tracked)$")
+
+
+def import_openpcdet(path: Path) -> tuple[SecondNet, dict[str, str]]:
+    """The network of preset `kitti` with the weights of an OpenPCDet checkpoint, and where they are from.
+
+    No code from the file ever runs. Its sparse weights may lie as in spconv 1 or as in spconv 2.
+    Raises AdvpipeError for every other file, with the reason.
+    """
+    net = SecondNet(KITTI)
+    ours = {name: value for name, value in net.state_dict().items() if value.is_floating_point()}
+    theirs = _read_weights(path, {their for name in ours for their in their_names(name)})
+    converted = {}
+    for name, value in ours.items():
+        parts = {their: theirs[their] for their in their_names(name)}
+        sparse = name.startswith("backbone3d") and value.ndim == 3
+        converted[name] = (_sparse_weight if sparse else _joined)(path, parts, value)
+    # The bird's-eye map stacks the layers of a column: channel by channel there, layer by layer here.
+    first, channels = "backbone2d.blocks.0.0.weight", KITTI.channels_3d[-1]
+    rows, columns, *kernel = converted[first].shape
+    layers = columns // channels
+    stacked = converted[first].reshape(rows, channels, layers, *kernel).transpose(1, 2)
+    converted[first] = stacked.reshape(rows, columns, *kernel)
+    net.load_state_dict(converted, strict=False)
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    return net, {"source": "an OpenPCDet checkpoint", "source_sha256": digest}
+
+
+def their_names(name: str) -> tuple[str, ...]:
+    """OpenPCDet's names of a weight of ours; of the head's joint convolution, the three that it joins."""
+    part, _, rest = name.partition(".")
+    layer, _, leaf = rest.rpartition(".")
+    if part == "head":
+        return tuple(f"dense_head.{head}.{leaf}" for head in HEADS)
+    if part == "backbone3d":
+        place = int(layer.endswith(".norm"))
+        return (f"backbone_3d.{LAYERS_3D[layer.removesuffix('.norm')]}.{place}.{leaf}",)
+    kind, block, place_2d = layer.split(".")
+    if kind == "ups":
+        return (f"backbone_2d.deblocks.{block}.{place_2d}.{leaf}",)
+    # Their blocks begin with a layer for the padding.
+    return (f"backbone_2d.blocks.{block}.{int(place_2d) + 1}.{leaf}",)
+
+
+def _read_weights(path: Path, wanted: set[str]) -> dict[str, Tensor]:
+    """The tensors of `model_state`: those wanted, and besides them only counters of training steps."""
+    checkpoint = _load(path)
+    state = checkpoint.get("model_state") if isinstance(checkpoint, dict) else None
+    if not isinstance(state, dict) or not all(isinstance(value, Tensor) for value in state.values()):
+        raise AdvpipeError(f"{path} holds no `model_state` of tensors; it is no checkpoint of OpenPCDet")
+    given = {str(name) for name in state if not COUNTERS.search(str(name))}
+    found = {"lacks": wanted - given, "has": given - wanted}
+    wrong = [f"{verb} {_some(names)}" for verb, names in found.items() if names]
+    if wrong:
+        raise AdvpipeError(f"{path} is no SECOND of OpenPCDet's second.yaml: it {' and '.join(wrong)}")
+    for name in sorted(wanted):
+        if not state[name].is_floating_point() or not torch.isfinite(state[name]).all():
+            raise AdvpipeError(f"{path}: {name} holds values that are no finite numbers")
+    return {name: state[name].float() for name in wanted}
+
+
+def _some(names: Iterable[str], shown: int = 3) -> str:
+    """The first names and how many more there are."""
+    ordered = sorted(names)
+    more = f" and {len(ordered) - shown} more" if len(ordered) > shown else ""
+    return ", ".join(ordered[:shown]) + more
+
+
+def _load(path: Path) -> object:
+    if not path.is_file():
+        raise AdvpipeError(f"no OpenPCDet checkpoint at {path}")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return torch.load(path, map_location="cpu", weights_only=True)
+    except pickle.UnpicklingError as error:
+        code = re.search(r"GLOBAL ([\w.]+)", str(error))
+        if code is None:
+            raise AdvpipeError(f"{path} is no checkpoint that torch.save wrote") from None
+        raise AdvpipeError(
+            f"{path} holds {code[1]}, and what is no plain tensor is not loaded, since it could run code; if "
+            "you trust the file, save its `model_state` alone, as {'model_state': ...}, with torch.save"
+        ) from None
+    except Exception as error:  # whatever bytes that are no checkpoint lead torch.load into
+        raise AdvpipeError(
+            f"{path} is cut off or no checkpoint of torch.save ({type(error).__name__}); copy it again"
+        ) from None
+
+
+def _sparse_weight(path: Path, parts: dict[str, Tensor], ours: Tensor) -> Tensor:
+    """A sparse weight (K, C_in, C_out) of spconv 2, (C_out, z, y, x, C_in), or 1, (z, y, x, C_in, C_out)."""
+    ((name, weight),) = parts.items()
+    offsets, c_in, c_out = ours.shape
+    kernel = STRIDED[-1][0] if offsets == 3 else (3, 3, 3)
+    if weight.shape == (c_out, *kernel, c_in):
+        return weight.permute(1, 2, 3, 4, 0).reshape(ours.shape)
+    if weight.shape == (*kernel, c_in, c_out):
+        return weight.reshape(ours.shape)
+    raise _wrong_shape(path, name, weight, (c_out, *kernel, c_in))
+
+
+def _joined(path: Path, parts: dict[str, Tensor], ours: Tensor) -> Tensor:
+    """A dense weight, or the head's three one after another."""
+    rows = [len(ours)]
+    if len(parts) > 1:
+        anchors = len(KITTI.anchors) * len(KITTI.yaws_rad)
+        rows = [anchors * len(KITTI.classes), anchors * 7, anchors * 2]
+    for (name, weight), count in zip(parts.items(), rows, strict=True):
+        if weight.shape != (count, *ours.shape[1:]):
+            raise _wrong_shape(path, name, weight, (count, *ours.shape[1:]))
+    return torch.cat(list(parts.values()))
+
+
+def _wrong_shape(path: Path, name: str, weight: Tensor, wanted: tuple[int, ...]) -> AdvpipeError:
+    return AdvpipeError(
+        f"{path} is no SECOND of OpenPCDet's second.yaml: "
+        f"{name} has shape {tuple(weight.shape)}, not {tuple(wanted)}"
+    )
