@@ -10,7 +10,7 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from typing import Any, TypeVar
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, os_error_line
 from advpipe.pipeline.progress import track
 
 Work = Callable[[int], None]
@@ -120,4 +120,5 @@ def _serve(pipe: Connection, prepare: Callable[[], Callable[[int], Any]], jobs: 
     except AdvpipeError as error:
         pipe.send(AdvpipeError(str(error)))
     except OSError as error:
-        pipe.send(OSError(error.errno, error.strerror or str(error), error.filename))
+        # A full disk has no name: whoever knows the output gives it one.
+        pipe.send(AdvpipeError(os_error_line(error)) if error.filename else OSError(*error.args))

@@ -8,6 +8,7 @@ import math
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -34,7 +35,9 @@ def test_help_loads_nothing_heavy() -> None:
     assert int(length) > 300
 
 
-@pytest.mark.parametrize("command", ["simulate", "attack", "evaluate", "train", "inspect"])
+@pytest.mark.parametrize(
+    "command", ["simulate", "attack", "evaluate", "train", "inspect", "recover", "schema"]
+)
 def test_every_command_explains_itself(command: str) -> None:
     done = advpipe(command, "--help")
     assert done.returncode == 0
@@ -52,6 +55,10 @@ MISTAKES = {
     "no data set": (["attack"], "datasets"),
     "no data set to score": (["evaluate"], "datasets"),
     "missing bag": (["inspect", "nowhere"], "nowhere"),
+    "nothing to recover from": (["recover", "nowhere"], "nowhere holds no .mcap file, and no killed run"),
+    "no recording at all": (["recover", "file"], "file is empty"),
+    "schema over a file": (["schema", "-o", "file"], "--overwrite"),
+    "schema nowhere": (["schema", "-o", "nowhere/x"], "nowhere/.x.partial: No such file"),
     "missing bag to attack": (["attack", "nowhere"], "nowhere"),
     "no bag in the folder": (["attack", "empty"], "empty is no bag"),
     "output in /proc": (["simulate", "smoke", "-o", "/proc/foo/x"], "/proc/foo: No such file or directory"),
@@ -139,3 +146,59 @@ def test_training_is_summed_up_in_one_line(tmp_path: Path) -> None:
     assert _trained(summary) == (
         "run/a.safetensors: 3 steps on 40 frames; 3D AP on the held-out bag: car 61.2 %"
     )
+
+
+def test_the_schema_is_printed_and_written(tmp_path: Path) -> None:
+    printed = advpipe("schema", folder=tmp_path)
+    assert json.loads(printed.stdout)["additionalProperties"] is False
+    assert advpipe("schema", "-o", "s.json", folder=tmp_path).stdout == "s.json\n"
+    assert (tmp_path / "s.json").read_text() == printed.stdout
+
+
+LIMITED = """
+import resource
+resource.setrlimit(resource.RLIMIT_FSIZE, ({limit_bytes}, {limit_bytes}))
+from advpipe.pipeline.cli import app; app()
+"""
+
+
+@pytest.mark.parametrize("limit_bytes", [1000, 300_000])
+def test_a_disk_that_fills_up_costs_one_line_and_leaves_nothing(tmp_path: Path, limit_bytes: int) -> None:
+    """The kernel refuses files over the limit, as it does on a full disk: the scenario file, then the bag."""
+    command = [sys.executable, "-c", LIMITED.format(limit_bytes=limit_bytes), "simulate", "smoke"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=300)
+    assert done.returncode == 1
+    bag = "" if limit_bytes < 10_000 else "/clean"
+    assert done.stderr == f"advpipe: datasets/smoke{bag}: cannot be written: File too large\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.oracle
+def test_what_a_killed_simulation_wrote_is_recovered(tmp_path: Path) -> None:
+    """SIGKILL in the middle; rosbags reads what was saved, and so does the next stage."""
+    from rosbags.highlevel import AnyReader
+
+    command = [sys.executable, "-c", "from advpipe.pipeline.cli import app; app()", "simulate", "smoke"]
+    with subprocess.Popen([*command, "--set", "simulation.duration_s=600"], cwd=tmp_path) as process:
+        while sum(file.stat().st_size for file in tmp_path.rglob("*.mcap")) < 2_000_000:
+            assert process.poll() is None
+            time.sleep(0.02)
+        process.kill()
+    assert not (tmp_path / "datasets" / "smoke").exists()
+    recovered = advpipe("recover", "datasets/smoke", folder=tmp_path)
+    assert recovered.returncode == 0, recovered.stderr
+    assert recovered.stdout.startswith("datasets/smoke-recovered: ")
+    data_set = tmp_path / "datasets" / "smoke-recovered"
+    assert {path.name for path in data_set.iterdir()} == {"clean", "scenario.yaml"}
+    with AnyReader([data_set / "clean"]) as reader:
+        read = sum(reader.deserialize(cdr, c.msgtype) is not None for c, _, cdr in reader.messages())
+    described = json.loads(advpipe("inspect", str(data_set), "--json").stdout)
+    assert described["messages"] == read > 100
+    assert described["clouds"] > 3
+    assert described["provenance"]["scenario_name"] == "smoke"
+    assert json.loads(described["provenance"]["recovered"])["clouds"] == described["clouds"]
+    words = ["attack", "datasets/smoke-recovered", "--recipe", "random", "--frames", "1:3"]
+    attacked = advpipe(*words, folder=tmp_path)
+    assert attacked.returncode == 0, attacked.stderr
+    again = advpipe("recover", "datasets/smoke-recovered", folder=tmp_path)
+    assert (again.returncode, "nothing to recover" in again.stdout) == (0, True)
