@@ -90,7 +90,7 @@ def evaluate(
         write_results(summaries, folder / "results.parquet")
         write_frames(summaries, folder / "frames.parquet")
         pictures = draw_pictures(clean, summaries, folder / "figures", lidar_topic)
-        write_html(report, pictures, folder / "report.html")
+        write_html(report, summaries, pictures, folder / "report.html")
         if detections:
             _write_detections(clean, comparisons, folder / "detections", about, lidar_topic, with_clouds)
     return report

@@ -17,28 +17,33 @@ from matplotlib.lines import Line2D
 from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.geometry.boxes import box_corners
 from advpipe.stages.evaluate.report.scene import Scene, View, crop
+from advpipe.stages.evaluate.report.style import INK, LOST, PREDICTION, SOFT, TRUTH
 
 Float64 = npt.NDArray[np.float64]
 Limits = tuple[float, float, float, float]
 
-TRUTH, PREDICTION, LOST = "#1d5fd1", "#d61f26", "#f08c00"
 REMOVED, ADDED, MOVED = "#f08c00", "#c2189b", "#7a3ff2"
-INK = "#1b2430"
 HEIGHTS = LinearSegmentedColormap.from_list("heights", ["#c3cad3", "#8d98a6", "#4a5766", "#141b24"])
 
 ZOOM_M = 12.0
 """Side of the picture of one object."""
 
 SMALL_M2 = 4.0
-WIDTH_IN, HEAD_IN, FOOT_IN = 15.0, 0.85, 0.55
+WIDTH_IN, HEAD_IN, FOOT_IN, CLEAN_IN = 15.0, 0.85, 0.55, 8.0
 
 
 def draw_scene(scene: Scene) -> Figure:
-    """A frame as a figure: before, after, and beside them one lost object from near."""
+    """A frame as a figure: before, after, and beside them one lost object from near.
+
+    A frame of a clean bag alone is one square panel.
+    """
     evaluated = scene.truth.boxes.geometry[scene.truth.is_evaluated]
+    if scene.after is None:
+        shown = [evaluated, scene.before.predictions]
+        return _draw_clean(scene, _square(crop(shown, margin_m=6.0, least_m=50.0)))
     limits = crop([evaluated], margin_m=8.0, least_m=50.0)
     focus = _focus(scene)
-    views = [("Clean", scene.before)] + ([("After the attack", scene.after)] if scene.after else [])
+    views = [("Clean", scene.before), ("After the attack", scene.after)]
     widths = [1.0] * len(views) + ([0.58] if focus is not None else [])
     # The height that leaves no empty margin around panels of equal scale.
     panel = (WIDTH_IN - 0.3) / sum(widths)
@@ -65,6 +70,30 @@ def draw_scene(scene: Scene) -> Figure:
         bbox_to_anchor=(0.5, 0.002),
     )  # fmt: skip
     return figure
+
+
+def _draw_clean(scene: Scene, limits: Limits) -> Figure:
+    total = CLEAN_IN + HEAD_IN + FOOT_IN
+    figure = Figure(figsize=(CLEAN_IN + 0.3, total), dpi=110, facecolor="white")
+    width = CLEAN_IN / (CLEAN_IN + 0.3)
+    axes = figure.add_axes(((1 - width) / 2, FOOT_IN / total, width, CLEAN_IN / total))
+    _draw_view(axes, scene, scene.before, limits, point_area=0.6)
+    figure.text(0.022, 1 - 0.18 / total, scene.title, va="top", fontsize=13, fontweight="bold", color=INK)
+    points = f"{len(scene.before.cloud):,} points"
+    figure.text(0.022, 1 - 0.5 / total, points, va="top", fontsize=10, color=SOFT)
+    figure.legend(
+        handles=_legend(scene), loc="lower center", ncols=4, frameon=False, fontsize=10, labelcolor=INK,
+        bbox_to_anchor=(0.5, 0.002),
+    )  # fmt: skip
+    return figure
+
+
+def _square(limits: Limits) -> Limits:
+    """The same middle, both sides as long as the longer one."""
+    x_min, x_max, y_min, y_max = limits
+    half = max(x_max - x_min, y_max - y_min) / 2
+    x, y = (x_min + x_max) / 2, (y_min + y_max) / 2
+    return x - half, x + half, y - half, y + half
 
 
 def _focus(scene: Scene) -> Limits | None:

@@ -9,17 +9,19 @@ from pathlib import Path
 from jinja2 import Environment, StrictUndefined
 
 from advpipe.pipeline.geometry.boxes import CLASSES
-from advpipe.stages.evaluate.detection.summary import Row
-from advpipe.stages.evaluate.report.pictures import Picture
+from advpipe.stages.evaluate.detection.summary import Row, Summary
+from advpipe.stages.evaluate.report.clean import class_table, distinct_clean, lead, strata_tables
+from advpipe.stages.evaluate.report.numbers import number
+from advpipe.stages.evaluate.report.pictures import ATTACK, CLEAN, OVERVIEW, Picture
 from advpipe.stages.evaluate.report.report import Report
 from advpipe.stages.evaluate.report.scene import attack_title
-from advpipe.stages.evaluate.report.table import lines, number, remarks
+from advpipe.stages.evaluate.report.table import lines, remarks
 
 TEMPLATE = Path(__file__).with_name("template.html")
 
 
-def write_html(report: Report, pictures: Sequence[Picture], path: Path) -> None:
-    """Write report.html: table, pictures, precision by class, formulas and provenance."""
+def write_html(report: Report, summaries: Sequence[Summary], pictures: Sequence[Picture], path: Path) -> None:
+    """Write report.html: tables, pictures, formulas and provenance."""
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
@@ -28,20 +30,34 @@ def write_html(report: Report, pictures: Sequence[Picture], path: Path) -> None:
         detector=report.provenance["detector"],
         lines=lines(report),
         remarks=remarks(report),
-        overview=[picture for picture in pictures if not picture.bag],
+        overview=_of(pictures, OVERVIEW, ""),
+        clean_sections=[
+            {
+                "lead": lead(summary),
+                "bag": summary.comparison.name,
+                "by_class": class_table(summary),
+                "strata": strata_tables(summary),
+                "pictures": _of(pictures, CLEAN, summary.comparison.name),
+            }
+            for summary in distinct_clean(summaries)
+        ],
         sections=[
             {
-                "row": row,
-                "title": attack_title(row) if row["map_adv"] is not None else "Clean drive",
-                "pictures": [picture for picture in pictures if picture.bag == row["bag"]],
+                "title": attack_title(row),
+                "pictures": _of(pictures, ATTACK, str(row["bag"])),
                 "precisions": precisions(row),
             }
             for row in report.rows
+            if row["map_adv"] is not None
         ],
         formulas=report.formulas,
         provenance=json.dumps(json.loads(report.to_json())["provenance"], indent=2, sort_keys=True),
     )
     path.write_text(page, encoding="utf-8")
+
+
+def _of(pictures: Sequence[Picture], section: str, bag: str) -> list[Picture]:
+    return [picture for picture in pictures if (picture.section, picture.bag) == (section, bag)]
 
 
 def precisions(row: Row) -> list[list[str]]:

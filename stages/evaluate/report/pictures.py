@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,20 +15,32 @@ from matplotlib.figure import Figure
 from advpipe.pipeline.progress import track
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.birds_eye import draw_scene
+from advpipe.stages.evaluate.report.clean import distinct_clean
+from advpipe.stages.evaluate.report.curves import ATTACK_LINES, CLEAN_LINES, draw_curves
 from advpipe.stages.evaluate.report.ratios import draw_ratios
-from advpipe.stages.evaluate.report.scene import load_scenes
+from advpipe.stages.evaluate.report.scene import best_frames, load_scene, worst_frames
+from advpipe.stages.evaluate.report.strata_plot import draw_strata
 
-SCENES_PER_BAG = 3
+OVERVIEW, CLEAN, ATTACK = "overview", "clean", "attack"
+"""The sections of a report that pictures are in."""
+
+WORST, BEST = 3, 1
+WORST_CLEAN, BEST_CLEAN = 2, 2
 
 
 @dataclass(frozen=True)
 class Picture:
-    """One PNG of the report."""
+    """One PNG of the report.
 
+    bag: whose clouds it shows; in a clean section, the first bag with these frames.
+    """
+
+    section: str
     bag: str
     file_name: str
     caption: str
     png: bytes
+    is_wide: bool = True
 
     @property
     def data_uri(self) -> str:
@@ -38,19 +50,57 @@ class Picture:
 def draw_pictures(
     clean: Path, summaries: Sequence[Summary], folder: Path, lidar_topic: str | None = None
 ) -> list[Picture]:
-    """Draw all pictures of a report into a new folder: the ratios, then the worst frames of each bag."""
+    """Draw all pictures of a report into a new folder."""
     pictures = []
     if any(summary.comparison.bag for summary in summaries):
         figure = draw_ratios([summary.row for summary in summaries])
-        pictures.append(Picture("", "map_ratio.png", "mAP ratio of each attack", to_png(figure)))
+        pictures.append(Picture(OVERVIEW, "", "map_ratio.png", "mAP ratio of each attack", to_png(figure)))
+    for number, summary in enumerate(distinct_clean(summaries)):
+        pictures += _clean_pictures(summary, f"-{summary.comparison.name}" if number else "")
     for summary in track(summaries, "pictures", len(summaries)):
-        for scene in load_scenes(clean, summary, SCENES_PER_BAG, lidar_topic):
-            png = to_png(draw_scene(scene))
-            pictures.append(Picture(summary.comparison.name, f"{scene.name}.png", scene.title, png))
+        pictures += _bag_pictures(clean, summary, lidar_topic)
     folder.mkdir()
     for picture in pictures:
         (folder / picture.file_name).write_bytes(picture.png)
     return pictures
+
+
+def _clean_pictures(summary: Summary, suffix: str) -> Iterator[Picture]:
+    """Average precision on the clean clouds."""
+    bag = summary.comparison.name
+    yield Picture(
+        CLEAN,
+        bag,
+        f"precision_recall{suffix}.png",
+        "Precision over recall on the clean clouds, with AP R40",
+        to_png(draw_curves(summary, CLEAN_LINES)),
+    )
+    yield Picture(
+        CLEAN,
+        bag,
+        f"strata{suffix}.png",
+        "Average precision of parts of the objects, with its 95 % interval where there is one; the number is "
+        "that of the boxes",
+        to_png(draw_strata(summary.precisions["clean"])),
+    )
+
+
+def _bag_pictures(clean: Path, summary: Summary, lidar_topic: str | None) -> Iterator[Picture]:
+    """What an attack does to precision and recall, and the worst and best frames of a bag."""
+    bag, attacked = summary.comparison.name, summary.comparison.bag is not None
+    section = ATTACK if attacked else CLEAN
+    if attacked:
+        caption = "Precision over recall, strict 3D: attacked, at random and clean, with AP R40"
+        figure = draw_curves(summary, ATTACK_LINES)
+        yield Picture(section, bag, f"{bag}-precision_recall.png", caption, to_png(figure))
+    worst = worst_frames(summary, WORST if attacked else WORST_CLEAN)
+    best = best_frames(summary, BEST if attacked else BEST_CLEAN, worst)
+    for word, frames in (("Worst", worst), ("Best", best)):
+        for frame in frames:
+            scene = load_scene(clean, summary, frame, lidar_topic)
+            caption = f"{word} frames: {scene.title}"
+            png = to_png(draw_scene(scene))
+            yield Picture(section, bag, f"{scene.name}.png", caption, png, is_wide=attacked)
 
 
 def to_png(figure: Figure) -> bytes:

@@ -8,10 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from advpipe.stages.evaluate.detection.summary import Row
-from advpipe.stages.evaluate.report.birds_eye import INK, PREDICTION
 from advpipe.stages.evaluate.report.scene import attack_title
-
-BASELINE = "#7b8794"
+from advpipe.stages.evaluate.report.style import BASELINE, INK, PREDICTION
 
 
 def draw_ratios(rows: Sequence[Row]) -> Figure:

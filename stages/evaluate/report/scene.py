@@ -12,9 +12,9 @@ import numpy.typing as npt
 from advpipe.pipeline.bag.cloud import Cloud
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
 from advpipe.stages.evaluate.detection.cloud_difference import CloudDifference, cloud_difference
-from advpipe.stages.evaluate.detection.comparison import FrameResult
+from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult
 from advpipe.stages.evaluate.detection.frame_row import lost_objects
-from advpipe.stages.evaluate.detection.scoring import Truth, found_objects
+from advpipe.stages.evaluate.detection.scoring import Truth, false_positives, found_objects
 from advpipe.stages.evaluate.detection.summary import Summary
 
 Float64 = npt.NDArray[np.float64]
@@ -47,24 +47,51 @@ class Scene:
     change: CloudDifference | None
 
 
-def choose_frames(summary: Summary, count: int) -> list[FrameResult]:
-    """The frames with most lost objects, at least 1 s apart, worst first."""
-    order = sorted(
-        summary.comparison.frames, key=lambda f: (-int(_lost(f, summary.min_score).sum()), f.index)
-    )
+def worst_frames(summary: Summary, count: int) -> list[FrameResult]:
+    """The frames with most lost objects, or on a clean bag with most errors, worst first."""
+    frames = summary.comparison.frames
+    return _apart(sorted(frames, key=lambda f: (-_damage(f, summary.min_score), f.index)), count)
+
+
+def best_frames(summary: Summary, count: int, but: Sequence[FrameResult]) -> list[FrameResult]:
+    """The frames with the least share of lost objects or errors, among equals the fullest, best first.
+
+    but: frames that are shown already, and their neighbours, are not taken.
+    """
+    candidates = []
+    for frame in summary.comparison.frames:
+        found = int(found_objects(frame.truth, frame.clean.matches, summary.min_score).sum())
+        if found:
+            damage = _damage(frame, summary.min_score)
+            candidates.append((damage / (found + damage), -found, frame.index, frame))
+    order = [frame for *_, frame in sorted(candidates, key=lambda each: each[:3])]
+    return _apart(order, count, but)
+
+
+def _apart(order: Sequence[FrameResult], count: int, but: Sequence[FrameResult] = ()) -> list[FrameResult]:
+    """The first ones that are at least 1 s apart."""
     chosen: list[FrameResult] = []
     for frame in order:
-        if len(chosen) < count and all(abs(frame.stamp_ns - c.stamp_ns) >= APART_NS for c in chosen):
+        shown = [*but, *chosen]
+        if len(chosen) < count and all(abs(frame.stamp_ns - c.stamp_ns) >= APART_NS for c in shown):
             chosen.append(frame)
     return chosen
 
 
-def load_scenes(clean: Path, summary: Summary, count: int, lidar_topic: str | None = None) -> list[Scene]:
-    """The chosen frames of a comparison, with their clouds read again."""
-    return [_load_scene(clean, summary, frame, lidar_topic) for frame in choose_frames(summary, count)]
+def _damage(frame: FrameResult, min_score: float) -> int:
+    """Lost objects; on a clean bag alone, missed objects and false positives."""
+    damage = int(_lost(frame, min_score).sum())
+    if frame.adversarial is None:
+        damage += _wrong(frame.clean, min_score)
+    return damage
 
 
-def _load_scene(clean: Path, summary: Summary, frame: FrameResult, lidar_topic: str | None) -> Scene:
+def _wrong(cloud: CloudResult, min_score: float) -> int:
+    return int(false_positives(cloud.detections, cloud.matches, min_score).sum())
+
+
+def load_scene(clean: Path, summary: Summary, frame: FrameResult, lidar_topic: str | None = None) -> Scene:
+    """A frame of a comparison, with its clouds read again."""
     bag, lost = summary.comparison.bag, _lost(frame, summary.min_score)
     before = View(
         _cloud(clean, frame.index, lidar_topic),
@@ -72,9 +99,9 @@ def _load_scene(clean: Path, summary: Summary, frame: FrameResult, lidar_topic: 
     )
     name = f"{summary.comparison.name}-{frame.index:06d}"
     if bag is None or frame.adversarial is None:
-        title = (
-            f"frame {frame.index}: {int(lost.sum())} of {int(frame.truth.is_evaluated.sum())} objects missed"
-        )
+        objects, wrong = int(frame.truth.is_evaluated.sum()), _wrong(frame.clean, summary.min_score)
+        missed = f"{int(lost.sum())} of {objects} objects missed"
+        title = f"frame {frame.index}: {missed}, {wrong} false positive{'' if wrong == 1 else 's'}"
         return Scene(title, name, frame.truth, lost, before, None, None)
     found = int(found_objects(frame.truth, frame.clean.matches, summary.min_score).sum())
     seen = frame.adversarial.detections

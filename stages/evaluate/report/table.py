@@ -6,26 +6,15 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from advpipe.stages.evaluate.detection.arm import WHOLE
 from advpipe.stages.evaluate.detection.summary import Row
+from advpipe.stages.evaluate.report.numbers import NOTHING, interval, number
 from advpipe.stages.evaluate.report.report import Report
 
-NOTHING = "–"
 CLEAN, AT_RANDOM = "clean", "  at random"
 
 ON_THE_TERMINAL = ("attack", "mAP", "ratio %", "95 %", "car AP", "CD m²", "points", "lost")
 """The columns that fit into 80 characters; the page has them all."""
-
-
-def number(value: object, digits: int, suffix: str = "") -> str:
-    """A figure with so many digits after the point; a dash for one that is undefined."""
-    if not isinstance(value, float | int) or value != value:
-        return NOTHING
-    return f"{value:,.{digits}f}{suffix}"
-
-
-def interval(value: object) -> str:
-    """Such as `40.1…52.3`; a dash where there is none."""
-    return f"{value[0]:.1f}…{value[1]:.1f}" if isinstance(value, tuple) else NOTHING
 
 
 def changed_points(row: Row, prefix: str = "") -> str:
@@ -98,8 +87,61 @@ def remarks(report: Report) -> list[str]:
     return words
 
 
+def clean_lines(report: Report) -> list[dict[str, str]]:
+    """A line a class: average precision on the clean clouds of the first bag, and by range."""
+    bag = report.rows[0]["bag"]
+    found = {
+        (each["class"], each["criterion"], each["by"], each["stratum"]): each
+        for each in report.average_precision
+        if each["bag"] == bag and each["cloud"] == "clean" and each["by"] in ("", "range")
+    }
+    ranges = list(dict.fromkeys(stratum for _, _, by, stratum in found if by))
+    return [
+        {
+            "class": str(name),
+            "boxes": number(found[name, "strict", "", WHOLE]["boxes"], 0),
+            "3D AP": number(found[name, "strict", "", WHOLE]["ap_r40"], 3),
+            "95 %": interval(found[name, "strict", "", WHOLE]["ap_r40_ci95"], 2),
+            "R11": number(found[name, "strict", "", WHOLE]["ap_r11"], 3),
+            "bird's-eye": number(found[name, "bev", "", WHOLE]["ap_r40"], 3),
+            "loose": number(found[name, "loose", "", WHOLE]["ap_r40"], 3),
+            **{str(r): number(found[name, "strict", "range", r]["ap_r40"], 3) for r in ranges},
+        }
+        for name in dict.fromkeys(name for name, *_ in found)
+    ]
+
+
 def print_report(report: Report) -> None:
-    """The table on the terminal."""
+    """The tables on the terminal: the detector on the clean clouds, then attacks if there are any."""
+    console = Console()
+    if by_class := clean_lines(report):
+        console.print(_by_class(by_class))
+    if any(row["map_adv"] is not None for row in report.rows):
+        console.print(_by_attack(report))
+    else:
+        row = report.rows[0]
+        car = f"; car alone {number(row['ap_car_clean'], 3)}" if "ap_car_clean" in row else ""
+        console.print(f"mAP {number(row['map_clean'], 3)}{car}", highlight=False)
+    for remark in remarks(report):
+        console.print(remark, highlight=False, markup=False)
+
+
+def _by_class(lines: list[dict[str, str]]) -> Table:
+    table = Table(
+        title="Clean clouds: strict 3D average precision R40, then R11, bird's-eye, loose, by range",
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+        show_edge=False,
+        padding=(0, 1, 0, 0),
+    )
+    for column in lines[0]:
+        table.add_column(column, justify="left" if column == "class" else "right", no_wrap=True)
+    for line in lines:
+        table.add_row(*line.values())
+    return table
+
+
+def _by_attack(report: Report) -> Table:
     table = Table(
         title="Detection: strict 3D R40 average precision, ratio to clean, Chamfer distance",
         title_justify="left",
@@ -112,7 +154,4 @@ def print_report(report: Report) -> None:
     for line in lines(report):
         style = "dim" if line["attack"] in (CLEAN, AT_RANDOM) else None
         table.add_row(*(line[column] for column in ON_THE_TERMINAL), style=style)
-    console = Console()
-    console.print(table)
-    for remark in remarks(report):
-        console.print(remark, highlight=False, markup=False)
+    return table

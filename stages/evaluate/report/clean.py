@@ -1,0 +1,100 @@
+"""How well the detector sees on the clean clouds: tables for the page and for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from advpipe.stages.evaluate.detection.arm import WHOLE, Precision
+from advpipe.stages.evaluate.detection.scoring import CRITERIA
+from advpipe.stages.evaluate.detection.strata import STRATA
+from advpipe.stages.evaluate.detection.summary import Summary
+from advpipe.stages.evaluate.report.numbers import interval, number
+
+UNITS = {"range": "", "points": " points", "occlusion": " hidden"}
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of words: a title, column heads, and lines of as many cells."""
+
+    title: str
+    heads: tuple[str, ...]
+    lines: tuple[tuple[str, ...], ...]
+
+
+def class_table(summary: Summary) -> Table:
+    """A line a class: boxes, then average precision by every criterion; the mAP is the last line."""
+    precisions = {(each.name, each.criterion): each for each in summary.precisions["clean"] if not each.by}
+    names = list(dict.fromkeys(name for name, _ in precisions))
+    heads = ["class", "boxes"]
+    for meaning in CRITERIA.values():
+        heads += [f"{meaning.title}, R40", "R11"]
+    lines = []
+    for name in names:
+        line = [name, number(precisions[name, "strict"].boxes, 0)]
+        for criterion in CRITERIA:
+            each = precisions[name, criterion]
+            line += [number(each.ap_r40, 3) + _in_brackets(each.ap_r40_ci95), number(each.ap_r11, 3)]
+        lines.append(tuple(line))
+    return Table("By class", tuple(heads), (*lines, _map_line(summary)))
+
+
+def strata_tables(summary: Summary) -> list[Table]:
+    """A table a criterion: a line a class, a column a stratum, each with the number of boxes behind it."""
+    tables = []
+    for criterion, meaning in CRITERIA.items():
+        chosen = {
+            (each.name, each.by, each.stratum): each
+            for each in summary.precisions["clean"]
+            if each.criterion == criterion
+        }
+        names = list(dict.fromkeys(name for name, _, _ in chosen))
+        columns = [("", WHOLE)] + [
+            (stratum.by, stratum.name)
+            for stratum in STRATA
+            if any((name, stratum.by, stratum.name) in chosen for name in names)
+        ]
+        heads = ("class", *(name + UNITS.get(by, "") for by, name in columns))
+        lines = tuple((name, *(_cell(chosen[(name, *column)]) for column in columns)) for name in names)
+        tables.append(Table(f"{meaning.title}, R40", heads, lines))
+    return tables
+
+
+def lead(summary: Summary) -> str:
+    """The mAP in a sentence, with the car alone beside it."""
+    row = summary.row
+    words = f"mAP {number(row['map_clean'], 3)}{_in_brackets(row['map_clean_ci95'])}"
+    classes = row["classes_in_map"]
+    if isinstance(classes, list):
+        words += f" over {', '.join(classes)}"
+    if "ap_car_clean" in row:
+        words += f"; car alone {number(row['ap_car_clean'], 3)}{_in_brackets(row['ap_car_clean_ci95'])}"
+    return words + f". Strict 3D, R40, {row['frames']} frames."
+
+
+def distinct_clean(summaries: Sequence[Summary]) -> list[Summary]:
+    """One summary for each set of clean frames: adversarial bags of the same frames share their figures."""
+    seen: dict[tuple[int, ...], Summary] = {}
+    for summary in summaries:
+        seen.setdefault(tuple(frame.index for frame in summary.comparison.frames), summary)
+    return list(seen.values())
+
+
+def _map_line(summary: Summary) -> tuple[str, ...]:
+    row = summary.row
+    classes = row["classes_in_map"]
+    line = ["mAP", f"{len(classes)} classes" if isinstance(classes, list) else ""]
+    for criterion in CRITERIA:
+        key = "map_clean" if criterion == "strict" else f"map_{criterion}_clean"
+        r11 = "map_r11_clean" if criterion == "strict" else f"map_{criterion}_r11_clean"
+        line += [number(row[key], 3) + _in_brackets(row[f"{key}_ci95"]), number(row[r11], 3)]
+    return tuple(line)
+
+
+def _cell(each: Precision) -> str:
+    return f"{number(each.ap_r40, 3)} ({each.boxes:,})" if each.boxes else number(None, 3)
+
+
+def _in_brackets(bounds: object) -> str:
+    return f" ({interval(bounds, 3)})" if isinstance(bounds, tuple) else ""

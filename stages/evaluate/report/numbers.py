@@ -1,0 +1,17 @@
+"""Figures as people read them."""
+
+from __future__ import annotations
+
+NOTHING = "–"
+
+
+def number(value: object, digits: int, suffix: str = "") -> str:
+    """A figure with so many digits after the point; a dash for one that is undefined."""
+    if not isinstance(value, float | int) or value != value:
+        return NOTHING
+    return f"{value:,.{digits}f}{suffix}"
+
+
+def interval(value: object, digits: int = 1) -> str:
+    """Such as `40.1…52.3`; a dash where there is none."""
+    return f"{value[0]:.{digits}f}…{value[1]:.{digits}f}" if isinstance(value, tuple) else NOTHING
