@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.jobs import Work, run_jobs
+from advpipe.pipeline.jobs import Work, map_jobs, run_jobs
 
 CODE = """
 import os, time
@@ -34,6 +34,7 @@ def prepare(folder, fault):
             time.sleep(0.2)
         with (folder / f"{job}.txt").open("a") as file:
             file.write(str(job * job))
+        return job * job
     return work
 """
 
@@ -59,6 +60,13 @@ def test_every_job_runs_once(prepare: partial[Work], tmp_path: Path, workers: in
     run_jobs(partial(prepare, None), range(3, 15), "squares", workers)
     assert results(tmp_path) == {str(job): str(job * job) for job in range(3, 15)}
     assert len(list((tmp_path / "out").glob("process-*"))) == workers
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_results_come_in_the_order_of_the_jobs(prepare: partial[Work], workers: int) -> None:
+    jobs = range(3, 15)
+    assert map_jobs(partial(prepare, None), jobs, "squares", workers) == [job * job for job in jobs]
+    assert map_jobs(partial(prepare, None), [], "squares", workers) == []
 
 
 def test_few_jobs_start_no_process(prepare: partial[Work], tmp_path: Path) -> None:

@@ -40,11 +40,11 @@ class Stratum:
 STRATA: tuple[Stratum, ...] = (
     Stratum("range", "0-30 m", 0, 30),
     Stratum("range", "30-50 m", 30, 50),
-    Stratum("range", "beyond 50 m", 50, INFINITY),
+    Stratum("range", "over 50 m", 50, INFINITY),
     Stratum("points", f"{MIN_POINTS}-19", MIN_POINTS, 20),
     Stratum("points", "20-99", 20, 100),
-    Stratum("points", "100 and more", 100, INFINITY),
-    Stratum("occlusion", "under 10 %", 0, 0.1),
+    Stratum("points", "100+", 100, INFINITY),
+    Stratum("occlusion", "0-10 %", 0, 0.1),
     Stratum("occlusion", "10-50 %", 0.1, 0.5),
     Stratum("occlusion", "over 50 %", 0.5, INFINITY),
 )

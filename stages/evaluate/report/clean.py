@@ -84,7 +84,8 @@ def distinct_clean(summaries: Sequence[Summary]) -> list[Summary]:
 def _map_line(summary: Summary) -> tuple[str, ...]:
     row = summary.row
     classes = row["classes_in_map"]
-    line = ["mAP", f"{len(classes)} classes" if isinstance(classes, list) else ""]
+    count = len(classes) if isinstance(classes, list) else 0
+    line = ["mAP", f"{count} class{'' if count == 1 else 'es'}"]
     for criterion in CRITERIA:
         key = "map_clean" if criterion == "strict" else f"map_{criterion}_clean"
         r11 = "map_r11_clean" if criterion == "strict" else f"map_{criterion}_r11_clean"

@@ -100,15 +100,19 @@ def clean_lines(report: Report) -> list[dict[str, str]]:
         {
             "class": str(name),
             "boxes": number(found[name, "strict", "", WHOLE]["boxes"], 0),
-            "3D AP": number(found[name, "strict", "", WHOLE]["ap_r40"], 3),
+            "AP": number(found[name, "strict", "", WHOLE]["ap_r40"], 3),
             "95 %": interval(found[name, "strict", "", WHOLE]["ap_r40_ci95"], 2),
             "R11": number(found[name, "strict", "", WHOLE]["ap_r11"], 3),
-            "bird's-eye": number(found[name, "bev", "", WHOLE]["ap_r40"], 3),
+            "BEV": number(found[name, "bev", "", WHOLE]["ap_r40"], 3),
             "loose": number(found[name, "loose", "", WHOLE]["ap_r40"], 3),
-            **{str(r): number(found[name, "strict", "range", r]["ap_r40"], 3) for r in ranges},
+            **{_short(r): number(found[name, "strict", "range", r]["ap_r40"], 3) for r in ranges},
         }
         for name in dict.fromkeys(name for name, *_ in found)
     ]
+
+
+def _short(stratum: object) -> str:
+    return str(stratum).replace("over ", ">").removesuffix(" m")
 
 
 def print_report(report: Report) -> None:
@@ -128,7 +132,7 @@ def print_report(report: Report) -> None:
 
 def _by_class(lines: list[dict[str, str]]) -> Table:
     table = Table(
-        title="Clean clouds: strict 3D average precision R40, then R11, bird's-eye, loose, by range",
+        title="Clean clouds: strict 3D AP R40; R11; bird's-eye; loose 3D; strict 3D by range",
         title_justify="left",
         box=box.SIMPLE_HEAD,
         show_edge=False,

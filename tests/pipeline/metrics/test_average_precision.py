@@ -1,4 +1,4 @@
-"""R40 average precision: cases worked by hand, and a slow independent implementation on random data."""
+"""Average precision: cases worked by hand, a slow independent implementation, and scikit-learn's curves."""
 
 import numpy as np
 import pytest
@@ -6,6 +6,8 @@ import shapely
 
 from advpipe.pipeline.geometry.iou import iou_bev
 from advpipe.pipeline.metrics.average_precision import (
+    R11,
+    R40,
     FrameMatches,
     RankedMatches,
     average_precision,
@@ -112,6 +114,38 @@ def test_empty_frames_and_no_detections():
     assert average_precision([match(cars(), cars(0), [0.3]), match(cars(0), cars(0), [0.2])]) == 0.5
 
 
+def r11(frames) -> float:
+    return RankedMatches.of(frames).average_precision(positions=R11)
+
+
+def test_r11_reads_recall_0_too():
+    # one of two cars: recall 1/2 reaches 0, 0.1, ... 0.5, that is 6 of 11 positions
+    assert r11([match(cars(0, 10), cars(0), [0.9])]) == pytest.approx(6 / 11)
+    # F T over one car: precision 1/2 at every position
+    assert r11([match(cars(0), cars(50, 0), [0.9, 0.8])]) == 0.5
+
+
+def test_r11_by_hand():
+    # T F T over 4 cars: 1 at recalls 0, .1, .2 (up to 1/4), 2/3 at .3, .4, .5, nothing beyond
+    frame = match(cars(0, 10, 20, 30), cars(0, 50, 10), [0.9, 0.8, 0.7])
+    assert r11([frame]) == pytest.approx((3 * 1 + 3 * 2 / 3) / 11)
+
+
+def test_r11_of_nothing():
+    assert r11([match(cars(0), cars(), [])]) == 0.0
+    assert r11([match(cars(0), cars(50), [0.9])]) == 0.0
+    assert np.isnan(r11([match(cars(), cars(0), [0.9])]))
+
+
+def test_a_recall_that_falls_on_a_position_reaches_it():
+    for n in (3, 7, 10, 40, 41, 120):  # i / n == k / 40 must not be missed by rounding
+        truth = cars(*(10.0 * i for i in range(n)))
+        for found in {1, n // 2, n - 1, n} - {0}:
+            frame = match(truth, truth[:found], np.linspace(0.9, 0.5, found))
+            assert average_precision([frame]) == (40 * found // n) / 40
+            assert r11([frame]) == pytest.approx((10 * found // n + 1) / 11)
+
+
 def test_birds_eye_overlap_ignores_the_height():
     raised = cars(0)
     raised[0, 2] = 1.0
@@ -181,17 +215,17 @@ def slow_counts(frame, threshold, min_iou):
     return tp, fp
 
 
-def slow_average_precision(frames, min_iou):
+def slow_average_precision(frames, min_iou, recalls=tuple(k / 40 for k in range(1, 41))):
     n_truth = sum(int(sum(f[1])) for f in frames)
     points = []
     for threshold in sorted({s for f in frames for s in f[3]}):
         tp, fp = np.sum([slow_counts(f, threshold, min_iou) for f in frames], axis=0)
         points.append((tp / n_truth, tp / (tp + fp) if tp + fp else 0.0))
     total = 0.0
-    for position in range(1, 41):
-        reached = [precision for recall, precision in points if recall >= position / 40 - 1e-12]
+    for wanted in recalls:
+        reached = [precision for recall, precision in points if recall >= wanted - 1e-12]
         total += max(reached, default=0.0)
-    return total / 40
+    return total / len(recalls)
 
 
 def random_frame(rng):
@@ -222,6 +256,40 @@ def test_agrees_with_a_slow_independent_implementation(seed):
     frames = [random_frame(rng) for _ in range(8)]
     matches = [match_frame(*f, 0.5) for f in frames]
     assert average_precision(matches) == pytest.approx(slow_average_precision(frames, 0.5), abs=1e-12)
+    of_voc = slow_average_precision(frames, 0.5, [k / 10 for k in range(11)])
+    assert r11(matches) == pytest.approx(of_voc, abs=1e-12)
+
+
+@pytest.mark.oracle
+@pytest.mark.parametrize("seed", range(6))
+def test_precision_and_recall_agree_with_scikit_learn(seed):
+    metrics = pytest.importorskip("sklearn.metrics")
+    rng = np.random.default_rng(100 + seed)
+    matches = [match_frame(*random_frame(rng), 0.5) for _ in range(20)]
+    ranked = RankedMatches.of(matches)
+    precision, recall, _ = metrics.precision_recall_curve(ranked.is_true_positive, ranked.scores)
+    # scikit-learn knows of no object that nothing found, and ends with the point (0, 1)
+    recall = recall * ranked.is_true_positive.sum() / ranked.n_truth.sum()
+    ours_recall, ours_precision = ranked.precision_recall()
+    assert ours_recall[::-1] == pytest.approx(recall[:-1])
+    assert ours_precision[::-1] == pytest.approx(precision[:-1])
+    for positions, recalls in ((R40, np.arange(1, 41) / 40), (R11, np.arange(11) / 10)):
+        best = [precision[:-1][recall[:-1] >= r - 1e-12].max(initial=0.0) for r in recalls]
+        assert ranked.average_precision(positions=positions) == pytest.approx(np.mean(best))
+
+
+@pytest.mark.parametrize("positions", [R40, R11])
+def test_draws_of_blocks_equal_repeated_frames(positions):
+    rng = np.random.default_rng(5)
+    matches = [match_frame(*random_frame(rng), 0.5) for _ in range(12)]
+    block = np.array([0, 0, 0, 1, 1, 1, 1, 2, 2, 3, 3, 3])
+    times = np.concatenate([rng.integers(0, 3, (30, 4)), np.zeros((1, 4), int)])
+    drawn = RankedMatches.of(matches).average_precisions(times, block, positions)
+    for row, got in zip(times, drawn, strict=True):
+        repeated = [m for m, b in zip(matches, block, strict=True) for _ in range(row[b])]
+        expected = RankedMatches.of(repeated).average_precision(positions=positions)
+        assert got == pytest.approx(expected, nan_ok=True)
+    assert np.isnan(drawn[-1])
 
 
 def test_weights_equal_repeated_frames():
