@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from functools import cache, lru_cache
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from advpipe.pipeline.bag import messages
-from advpipe.pipeline.bag.cam_types import CAM_TYPE, CamType, Member, cam_types, full_name
-from advpipe.pipeline.bag.types import message_class, serialise
+from advpipe.pipeline.bag.cam_types import CamType, Member, cam_types, full_name
+from advpipe.pipeline.bag.types import message_class
 from advpipe.pipeline.v2x.btp import btp_packet
 from advpipe.pipeline.v2x.cam_error import CamError
-from advpipe.pipeline.v2x.codec import CamTree, decode, encode
+from advpipe.pipeline.v2x.codec import CamTree, encode
 
 UDP_TYPE = "udp_msgs/msg/UdpPacket"
 
@@ -45,15 +45,6 @@ def cam_of_message(message: Any) -> CamTree:
     """The ASN.1 values of an etsi_its_cam_msgs/CAM. Raises CamError for a choice or enumeration unknown."""
     tree: CamTree = _value("CAM", message)
     return tree
-
-
-@lru_cache(maxsize=4096)
-def cam_cdr(payload: bytes) -> bytes:
-    """The message of a CAM in UPER, serialised; every receiver of one CAM gets the same bytes.
-
-    Raises CamError for bytes that are no CAM.
-    """
-    return serialise(cam_message(decode(payload)), CAM_TYPE)
 
 
 def cam_payload_of_message(message: Any) -> bytes:

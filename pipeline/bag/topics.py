@@ -46,10 +46,10 @@ CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock", _keep_last(1, reliable=False)
 TF = Topic("/tf", "tf2_msgs/msg/TFMessage", _keep_last(100))
 TF_STATIC = Topic("/tf_static", "tf2_msgs/msg/TFMessage", _keep_last(1, latched=True))
 SCENARIO_INFO = Topic("/scenario/info", "std_msgs/msg/String", _keep_last(1, latched=True))
-
-
 V2X_STATIONS = Topic("/v2x/stations", "advpipe_msgs/msg/V2xStationArray", _keep_last(10))
 V2X_SENT = Topic("/v2x/sent", "advpipe_msgs/msg/V2xTransmission", _keep_last(100))
+V2X_BUILDINGS = Topic("/v2x/buildings", "std_msgs/msg/String", _keep_last(1, latched=True))
+V2X_STATISTICS = Topic("/v2x/statistics", "std_msgs/msg/String", _keep_last(1, latched=True))
 
 
 @dataclass(frozen=True)

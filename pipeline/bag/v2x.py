@@ -1,19 +1,27 @@
-"""Messages of a drive's V2X: what every station sent, where the radios were, and what one vehicle heard."""
+"""Messages of a drive's V2X: where the radios were, what each of them sent, and what one vehicle heard.
+
+Written field by field: there are some hundred a step.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from advpipe.pipeline.bag import messages
-from advpipe.pipeline.bag.cam_message import cam_cdr, udp_packet
+from advpipe.pipeline.bag.cam_cdr import cam_cdr
+from advpipe.pipeline.bag.cdr import Cdr
 from advpipe.pipeline.bag.topics import V2X_SENT, V2X_STATIONS, Topic, VehicleTopics
-from advpipe.pipeline.bag.types import message_class, serialise
-from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.geometry.transforms import Float64, quaternion_xyzw
+from advpipe.pipeline.scenario.v2x import V2x
 from advpipe.pipeline.v2x.air import Received, Sent
-from advpipe.pipeline.v2x.ldm import Verdict
+from advpipe.pipeline.v2x.btp import btp_packet
+from advpipe.pipeline.v2x.cam_error import CamError
+from advpipe.pipeline.v2x.codec import CamTree, decode
+from advpipe.pipeline.v2x.radio.stations import Stations
 
 StampedCdr = tuple[Topic, bytes, int]
 """A topic, a serialised message for it, and its stamp in nanoseconds."""
@@ -29,36 +37,55 @@ class RadioPlace(NamedTuple):
     velocity_mps: Float64
 
 
+def stations_of(v2x: V2x, places: Sequence[RadioPlace]) -> Stations:
+    """The radios as the medium knows them, their antennas above their vehicles' middles."""
+    ids = np.array([place.station_id for place in places], np.int64)
+    ground_m = np.array([place.map_SE3_base[:3, 3] for place in places]).reshape(-1, 3)
+    return Stations(ids, ground_m + (0.0, 0.0, v2x.radio.antenna_height_m))
+
+
 def stations_message(stamp_ns: int, stations: Sequence[RadioPlace], frame_id: str = "map") -> StampedCdr:
     """advpipe_msgs/V2xStationArray."""
-    Station = message_class("advpipe_msgs/msg/V2xStation")
-    message = message_class(V2X_STATIONS.type)(
-        header=messages.header(stamp_ns, frame_id),
-        stations=[
-            Station(
-                station_id=station.station_id,
-                vehicle=station.vehicle,
-                pose=messages.pose(station.map_SE3_base),
-                size=messages.vector3(station.size_m),
-                velocity=messages.vector3(station.velocity_mps),
-            )
-            for station in stations
-        ],
+    cdr = Cdr()
+    cdr.header(stamp_ns, frame_id)
+    cdr.uint32(len(stations))
+    for station in stations:
+        pose = station.map_SE3_base
+        cdr.uint32(station.station_id)
+        cdr.string(station.vehicle)
+        cdr.float64(
+            *pose[:3, 3].tolist(),
+            *quaternion_xyzw(pose).tolist(),
+            *station.size_m,
+            *station.velocity_mps.tolist(),
+        )
+    return V2X_STATIONS, bytes(cdr), stamp_ns
+
+
+def stations_of_message(message: Any) -> tuple[RadioPlace, ...]:
+    """The radios that a recorded message tells of; their places to the bit."""
+    return tuple(
+        RadioPlace(
+            station.station_id,
+            station.vehicle,
+            messages.se3_from_pose(station.pose),
+            (station.size.x, station.size.y, station.size.z),
+            np.array([station.velocity.x, station.velocity.y, station.velocity.z]),
+        )
+        for station in message.stations
     )
-    return V2X_STATIONS, serialise(message, V2X_STATIONS.type), stamp_ns
 
 
 def sent_message(sent: Sent) -> StampedCdr:
     """advpipe_msgs/V2xTransmission."""
-    message = message_class(V2X_SENT.type)(
-        header=messages.header(sent.request_ns, ""),
-        number=sent.number,
-        station_id=sent.station_id,
-        key=sent.key,
-        power=sent.power_dbm,
-        payload=np.frombuffer(sent.payload, np.uint8),
-    )
-    return V2X_SENT, serialise(message, V2X_SENT.type), sent.request_ns
+    cdr = Cdr()
+    cdr.header(sent.request_ns, "")
+    cdr.uint64(sent.number)
+    cdr.uint32(sent.station_id)
+    cdr.uint64(sent.key)
+    cdr.float64(sent.power_dbm)
+    cdr.octets(sent.payload)
+    return V2X_SENT, bytes(cdr), sent.request_ns
 
 
 def sent_of_message(message: Any) -> Sent:
@@ -74,18 +101,43 @@ def sent_of_message(message: Any) -> Sent:
 
 
 def own_messages(topics: VehicleTopics, sent: Sent) -> Iterator[StampedCdr]:
-    """What a vehicle sends, as its own radio shows it: bytes and values."""
-    yield from _packet(topics.sent_raw, topics.sent_cam, sent.payload, sent.request_ns, is_cam=True)
+    """What a vehicle sends, as its own radio shows it: bytes, and values where they are a CAM's."""
+    try:
+        tree = decode(sent.payload)
+    except CamError:
+        tree = None
+    yield from _packet(topics.sent_raw, topics.sent_cam, sent.payload, tree, sent.request_ns)
 
 
-def received_messages(topics: VehicleTopics, received: Received) -> Iterator[StampedCdr]:
+def received_messages(received: Received) -> Iterator[StampedCdr]:
     """What a vehicle receives: the bytes always, the values where they are a CAM's."""
-    is_cam = received.verdict is not Verdict.CORRUPT
-    payload, arrival_ns = received.sent.payload, received.arrival_ns
-    yield from _packet(topics.received_raw, topics.received_cam, payload, arrival_ns, is_cam=is_cam)
+    topics = _topics_received(received.listener)
+    yield from _packet(*topics, received.sent.payload, received.tree, received.arrival_ns)
 
 
-def _packet(raw: Topic, cam: Topic, payload: bytes, stamp_ns: int, *, is_cam: bool) -> Iterator[StampedCdr]:
-    yield raw, serialise(udp_packet(stamp_ns, payload), raw.type), stamp_ns
-    if is_cam:
-        yield cam, cam_cdr(payload), stamp_ns
+@cache
+def _topics_received(vehicle: str) -> tuple[Topic, Topic]:
+    topics = VehicleTopics(vehicle)
+    return topics.received_raw, topics.received_cam
+
+
+def udp_packet_cdr(stamp_ns: int, payload: bytes) -> bytes:
+    """udp_msgs/UdpPacket, serialised; see `cam_message.udp_packet`."""
+    cdr = Cdr()
+    cdr.header(stamp_ns, "")
+    cdr.string("")
+    cdr.uint16(0)
+    cdr.octets(btp_packet(payload))
+    return bytes(cdr)
+
+
+def _packet(
+    raw: Topic, cam: Topic, payload: bytes, tree: CamTree | None, stamp_ns: int
+) -> Iterator[StampedCdr]:
+    yield raw, udp_packet_cdr(stamp_ns, payload), stamp_ns
+    if tree is not None:
+        try:
+            values = cam_cdr(tree)
+        except CamError:  # a CAM, with a value that this release's message has no room for
+            return
+        yield cam, values, stamp_ns

@@ -93,7 +93,7 @@ class CamRules(Section):
         0.5, le=60, description="between CAMs with the low-frequency container"
     )
     path_points: int = Field(23, ge=0, le=23, description="of the path history")
-    dcc: Literal["off", "reactive"] = Field(
+    dcc: Literal["none", "reactive"] = Field(
         "reactive", description="decentralised congestion control (TS 102 687) stretches the interval"
     )
 

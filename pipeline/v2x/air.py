@@ -6,20 +6,22 @@ again, with some of them changed. The same messages meet the same fates.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.scenario.v2x import V2x
+from advpipe.pipeline.v2x.cam import Cam
 from advpipe.pipeline.v2x.cam_error import CamError
-from advpipe.pipeline.v2x.cam_tree import decode_cam
-from advpipe.pipeline.v2x.ldm import LocalDynamicMap, Report, Snapshot, Verdict, report_of_cam
+from advpipe.pipeline.v2x.cam_tree import cam_of_tree
+from advpipe.pipeline.v2x.codec import CamTree, decode
+from advpipe.pipeline.v2x.ldm import LocalDynamicMap, Report, Snapshot, Verdict, reports_of_cams
 from advpipe.pipeline.v2x.radio.buildings import Buildings
-from advpipe.pipeline.v2x.radio.load import ChannelLoad
-from advpipe.pipeline.v2x.radio.medium import Medium
-from advpipe.pipeline.v2x.radio.stations import Reception, Stations, Transmissions
+from advpipe.pipeline.v2x.radio.load import WINDOW_NS, ChannelLoad
+from advpipe.pipeline.v2x.radio.medium import Medium, Step
+from advpipe.pipeline.v2x.radio.stations import Fates, Reception, Stations, Transmissions
 from advpipe.pipeline.v2x.statistics import Statistics, Tally
 
 
@@ -41,10 +43,14 @@ class Sent:
 
 @dataclass(frozen=True, slots=True)
 class Received:
-    """A message at one listener; `verdict` is what its Local Dynamic Map made of it."""
+    """A message at one listener; `verdict` is what its Local Dynamic Map made of it.
+
+    tree: the CAM's ASN.1 values (see `codec.py`); None for bytes that are no CAM.
+    """
 
     listener: str
     sent: Sent
+    tree: CamTree | None
     arrival_ns: int
     power_dbm: float
     sinr_db: float
@@ -55,8 +61,8 @@ class Received:
 class Heard:
     """What became known in one step: messages received by listeners, in order of arrival, and loads."""
 
-    received: tuple[Received, ...]
-    loads: tuple[ChannelLoad, ...]
+    received: tuple[Received, ...] = ()
+    loads: tuple[ChannelLoad, ...] = ()
 
 
 class Air:
@@ -84,23 +90,27 @@ class Air:
         self._tally = Tally()
 
     def advance(self, until_ns: int, stations: Stations, sent: Sequence[Sent]) -> Heard:
-        """Goes on to this time, with all that was handed to the radios before it; see `Medium.advance`."""
+        """Goes on to this time, with all that was handed to the radios before it; see `Medium.advance`.
+
+        What still waits in the receiver of a listener that has left is lost.
+        """
         self._on_air.update((message.number, message) for message in sent)
         step = self._medium.advance(until_ns, stations, _transmissions(sent))
         self._tally.add(step)
-        arriving = [*self._on_their_way, *step.fates.receptions(self._ids)]
-        arriving.sort(key=lambda reception: (reception.arrival_ns, reception.receiver, reception.message))
-        due = [reception for reception in arriving if reception.arrival_ns <= until_ns]
-        self._on_their_way = arriving[len(due) :]
-        received = tuple(self._receive(due))
-        waiting = {reception.message for reception in self._on_their_way}
-        for number in (*step.fates.messages.tolist(), *step.fates.dropped.tolist()):
-            if number not in waiting:
-                self._on_air.pop(number, None)
-        for reception in due:
-            if reception.message not in waiting:
-                self._on_air.pop(reception.message, None)
-        return Heard(received, step.loads)
+        return Heard(self._receive(step.fates, until_ns, stations), step.loads)
+
+    def finish(self, now_ns: int, stations: Stations) -> Heard:
+        """Goes on, with nobody sending any more, until every message has met its fate.
+
+        The channel load of that silence counts for nothing.
+        """
+        received: list[Received] = []
+        while self._on_air:
+            now_ns += WINDOW_NS
+            fates, _ = self._medium.advance(now_ns, stations, Transmissions.none())
+            self._tally.add(Step(fates, ()))
+            received += self._receive(fates, now_ns, stations)
+        return Heard(tuple(received))
 
     def snapshot(self, listener: str, now_ns: int) -> Snapshot:
         """The Local Dynamic Map of a listener."""
@@ -110,26 +120,47 @@ class Air:
         """All that has happened so far."""
         return self._tally.statistics()
 
-    def _receive(self, receptions: Iterable[Reception]) -> Iterable[Received]:
-        reports: dict[int, Report | CamError | None] = {}  # one message, many receivers
-        for reception in receptions:
-            sent, listener = self._on_air[reception.message], self._listeners[reception.receiver]
-            if sent.number not in reports:
-                reports[sent.number] = self._read(sent, reception.arrival_ns)
-            report, known = reports[sent.number], self._maps[listener]
-            if isinstance(report, CamError):
-                verdict = known.receive_corrupt()
-            else:
-                verdict = known.receive(report, reception.arrival_ns)
-            yield Received(
-                listener, sent, reception.arrival_ns, reception.power_dbm, reception.sinr_db, verdict
-            )
+    def _receive(self, fates: Fates, until_ns: int, stations: Stations) -> tuple[Received, ...]:
+        """Those who listen get what has arrived until now; forgets the messages that are through."""
+        present = set(stations.ids.tolist())
+        arriving = [*self._on_their_way, *fates.receptions(self._ids)]
+        arriving = [reception for reception in arriving if reception.receiver in present]
+        arriving.sort(key=lambda reception: (reception.arrival_ns, reception.receiver, reception.message))
+        due = [reception for reception in arriving if reception.arrival_ns <= until_ns]
+        before, self._on_their_way = self._on_their_way, arriving[len(due) :]
+        received = tuple(self._read(due))
+        waiting = {reception.message for reception in self._on_their_way}
+        through = {*fates.messages.tolist(), *fates.dropped.tolist()}
+        for number in through.union(reception.message for reception in before) - waiting:
+            del self._on_air[number]
+        return received
 
-    def _read(self, sent: Sent, arrival_ns: int) -> Report | CamError | None:
-        try:
-            return report_of_cam(decode_cam(sent.payload), arrival_ns, self._geodesy)
-        except CamError as error:
-            return error
+    def _read(self, receptions: Sequence[Reception]) -> Iterator[Received]:
+        opened = self._open({r.message: r.arrival_ns for r in reversed(receptions)})
+        for reception in receptions:
+            listener, (tree, report) = self._listeners[reception.receiver], opened[reception.message]
+            known, arrival_ns = self._maps[listener], reception.arrival_ns
+            verdict = known.receive_corrupt() if tree is None else known.receive(report, arrival_ns)
+            sent = self._on_air[reception.message]
+            yield Received(listener, sent, tree, arrival_ns, reception.power_dbm, reception.sinr_db, verdict)
+
+    def _open(self, first_arrivals_ns: Mapping[int, int]) -> dict[int, tuple[CamTree | None, Report | None]]:
+        """What messages say, by their numbers: each is decoded once, however many receive it."""
+        opened: dict[int, tuple[CamTree | None, Report | None]] = {}
+        cams: dict[int, Cam] = {}
+        for number in first_arrivals_ns:
+            try:
+                tree = decode(self._on_air[number].payload)
+                cams[number] = cam_of_tree(tree)
+            except CamError:
+                opened[number] = None, None
+            else:
+                opened[number] = tree, None
+        arrivals_ns = [first_arrivals_ns[number] for number in cams]
+        reports = reports_of_cams(list(cams.values()), arrivals_ns, self._geodesy)
+        for number, report in zip(cams, reports, strict=True):
+            opened[number] = opened[number][0], report
+        return opened
 
 
 def _transmissions(sent: Sequence[Sent]) -> Transmissions:

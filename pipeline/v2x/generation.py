@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 from enum import Flag, auto
 
-from advpipe.pipeline.seeding import named_generator
 from advpipe.pipeline.scenario.v2x import CamRules
+from advpipe.pipeline.seeding import named_generator
 from advpipe.pipeline.v2x.cam import MAX_PATH_POINTS, Cam, LowFrequency, cam_of_state
 from advpipe.pipeline.v2x.cam_tree import encode_cam
 from advpipe.pipeline.v2x.ellipsoid import east_north_m

@@ -1,9 +1,11 @@
-"""Where a vehicle is for ETSI: its reference point and heading on the Earth, from its pose on the map."""
+"""Where vehicles are for ETSI: reference points and headings on the Earth, from poses on the map."""
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
+
+import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.geodesy import Geodesy
@@ -27,9 +29,19 @@ def reference_point(geodesy: Geodesy, map_SE3_base: Float64, length_m: float) ->
     map_SE3_base: (4, 4), the ground below the box's centre. The map's y axis points to true north at its
     origin only, so the heading is taken between two places on the Earth.
     """
-    forward = map_SE3_base[:3, 0]
-    front_m = map_SE3_base[:3, 3] + forward * length_m / 2
-    latitude_deg, longitude_deg, altitude_m = (float(value) for value in geodesy.to_geographic(front_m))
-    ahead_deg = geodesy.to_geographic(front_m + forward * _AHEAD_M)
-    east_m, north_m = east_north_m(latitude_deg, longitude_deg, float(ahead_deg[0]), float(ahead_deg[1]))
-    return ReferencePoint(latitude_deg, longitude_deg, altitude_m, math.atan2(east_m, north_m) % math.tau)
+    return reference_points(geodesy, map_SE3_base[None], np.array([length_m]))[0]
+
+
+def reference_points(geodesy: Geodesy, map_SE3_base: Float64, length_m: Float64) -> list[ReferencePoint]:
+    """Of S vehicles: poses (S, 4, 4), lengths (S,)."""
+    forward = map_SE3_base[:, :3, 0]
+    fronts_m = map_SE3_base[:, :3, 3] + forward * length_m[:, None] / 2
+    places = geodesy.to_geographic(np.concatenate([fronts_m, fronts_m + forward * _AHEAD_M]).T)
+    fronts_deg, aheads_deg = np.split(places, 2, axis=1)
+    points = []
+    for front, ahead in zip(fronts_deg.T.tolist(), aheads_deg.T.tolist(), strict=True):
+        latitude_deg, longitude_deg, altitude_m = front
+        east_m, north_m = east_north_m(latitude_deg, longitude_deg, ahead[0], ahead[1])
+        heading_rad = math.atan2(east_m, north_m) % math.tau
+        points.append(ReferencePoint(latitude_deg, longitude_deg, altitude_m, heading_rad))
+    return points

@@ -10,7 +10,7 @@ import numpy as np
 
 from advpipe.pipeline.bag import messages, topics
 from advpipe.pipeline.bag.cloud import cloud_to_cdr
-from advpipe.pipeline.bag.ldm import ldm_detections, ldm_snapshot
+from advpipe.pipeline.bag.ldm import ldm_detections_cdr, ldm_snapshot_cdr
 from advpipe.pipeline.bag.localisation import MAP_FRAME, initial_pose_message, onboard_messages
 from advpipe.pipeline.bag.markers import markers
 from advpipe.pipeline.bag.topics import Topic, VehicleTopics
@@ -27,6 +27,7 @@ from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.scenario.load import scenario_tree
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.v2x.ldm import Snapshot as LdmSnapshot
+from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.instrumented import Instrumented, Snapshot
 from advpipe.stages.simulate.rig import View
 from advpipe.stages.simulate.v2x.communication import Exchange
@@ -43,6 +44,7 @@ class Recorder:
         self._scenario = scenario
         self._writer = writer
         self._step: list[StampedCdr] = []
+        self._own_radios: dict[int, VehicleTopics] = {}
 
     def start(self, stamp_ns: int, vehicles: Sequence[Instrumented]) -> None:
         """The latched topics: where the sensors sit, and what this drive is."""
@@ -61,9 +63,10 @@ class Recorder:
         self,
         exchange: Exchange,
         snapshots: Sequence[Snapshot],
+        radios: Sequence[RadioPlace],
         local_dynamic_maps: Sequence[tuple[str, LdmSnapshot]],
     ) -> None:
-        """One step: what went over the air until then, and all instrumented vehicles on the road."""
+        """One step: what went over the air until then, all instrumented vehicles, all radios on the road."""
         stamp_ns = exchange.stamp_ns
         self._write(topics.CLOCK, messages.clock(stamp_ns), stamp_ns)
         estimates = [
@@ -77,10 +80,23 @@ class Recorder:
             self._record_truth(stamp_ns, snapshot)
             if snapshot.view is not None:
                 self._record_view(stamp_ns, snapshot.vehicle, snapshot.view)
+        if self._scenario.v2x.enabled:
+            self._record_radios(stamp_ns, radios)
         for vehicle, known in local_dynamic_maps:
             topic = VehicleTopics(vehicle)
-            self._write(topic.ldm, ldm_snapshot(known), stamp_ns)
-            self._write(topic.ldm_objects, ldm_detections(known), stamp_ns)
+            self._step.append((topic.ldm, ldm_snapshot_cdr(known), stamp_ns))
+            self._step.append((topic.ldm_objects, ldm_detections_cdr(known), stamp_ns))
+        self._flush()
+
+    def finish(self, exchange: Exchange, statistics: Statistics | None) -> None:
+        """What still came over the air after the last step, and the sum of it all."""
+        self._record_exchange(exchange)
+        if statistics is not None:
+            stamp_ns = max((message[2] for message in self._step), default=exchange.stamp_ns)
+            self._write(topics.V2X_STATISTICS, messages.string(statistics.to_json()), stamp_ns)
+        self._flush()
+
+    def _flush(self) -> None:
         for message in sorted(self._step, key=lambda message: message[2]):
             self._writer.write_cdr(*message)
         self._step.clear()
@@ -89,26 +105,20 @@ class Recorder:
         self._step.append((topic, serialise(message, topic.type), stamp_ns))
 
     def _record_exchange(self, exchange: Exchange) -> None:
-        if not self._scenario.v2x.enabled:
-            return
-        places = [
-            RadioPlace(
-                station_id,
-                user.id,
-                user.map_SE3_base,
-                (user.variant.length_m, user.variant.width_m, user.variant.height_m),
-                user.velocity_mps,
-            )
-            for station_id, user in exchange.stations
-        ]
-        self._step.append(stations_message(exchange.stations_ns, places, MAP_FRAME))
-        names = {place.station_id: place.vehicle for place in places}
         for sent in exchange.sent:
             self._step.append(sent_message(sent))
-            if names[sent.station_id] in self._scenario.vehicles:
-                self._step += own_messages(VehicleTopics(names[sent.station_id]), sent)
+            if sent.station_id in self._own_radios:
+                self._step += own_messages(self._own_radios[sent.station_id], sent)
         for received in exchange.heard.received:
-            self._step += received_messages(VehicleTopics(received.listener), received)
+            self._step += received_messages(received)
+
+    def _record_radios(self, stamp_ns: int, radios: Sequence[RadioPlace]) -> None:
+        self._step.append(stations_message(stamp_ns, radios, MAP_FRAME))
+        self._own_radios = {
+            radio.station_id: VehicleTopics(radio.vehicle)
+            for radio in radios
+            if radio.vehicle in self._scenario.vehicles
+        }
 
     def _record_onboard(self, snapshot: Snapshot) -> None:
         topic = VehicleTopics(snapshot.vehicle)

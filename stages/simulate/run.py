@@ -12,6 +12,7 @@ from advpipe.pipeline.partial import FolderKind, staged_folder
 from advpipe.pipeline.progress import track
 from advpipe.pipeline.scenario import Scenario, dump_scenario
 from advpipe.pipeline.seeding import named_generator
+from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.instrumented import Instrumented, Snapshot
 from advpipe.stages.simulate.network import load_network
 from advpipe.stages.simulate.recorder import Recorder
@@ -26,13 +27,17 @@ DATA_SET = FolderKind("data set", ("scenario.yaml", "clean"), ("scenario.yaml", 
 
 @dataclass(frozen=True)
 class SimulationSummary:
-    """What was recorded; `road_users` counts every one that came into a LiDAR's range."""
+    """What was recorded; `road_users` counts every one that came into a LiDAR's range.
+
+    v2x: None where the scenario switches V2X off.
+    """
 
     bag: Path
     frames: int
     clouds: int
     points: int
     road_users: int
+    v2x: Statistics | None
 
 
 def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> SimulationSummary:
@@ -73,10 +78,13 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
                         carrier = drivers[vehicle.name]
                         snapshots.append(vehicle.sense(exchange.stamp_ns, frame, carrier, users, world))
                 communication.update(drivers, {s.vehicle: s.onboard.estimate for s in snapshots})
-                recorder.record(exchange, snapshots, communication.local_dynamic_maps(frame))
+                maps = communication.local_dynamic_maps(frame)
+                recorder.record(exchange, snapshots, communication.radios, maps)
                 for view in (snapshot.view for snapshot in snapshots):
                     if view is not None:
                         clouds += len(view.clouds)
                         points += sum(map(len, view.clouds.values()))
                         seen.update(view.boxes.ids)
-    return SimulationSummary(out / "clean", clock.frames, clouds, points, len(seen))
+            exchange, v2x = communication.finish(), communication.statistics()
+            recorder.finish(exchange, v2x)
+    return SimulationSummary(out / "clean", clock.frames, clouds, points, len(seen), v2x)

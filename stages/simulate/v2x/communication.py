@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.bag.v2x import RadioPlace, stations_of
 from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.scenario.models import Scenario
@@ -16,32 +16,27 @@ from advpipe.pipeline.v2x.air import Air, Heard, Sent
 from advpipe.pipeline.v2x.ldm import Snapshot
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.draws import message_keys
-from advpipe.pipeline.v2x.radio.stations import Stations
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.road_users import RoadUser
 from advpipe.stages.simulate.traffic import Traffic
-from advpipe.stages.simulate.v2x.station import Station, station_type
+from advpipe.stages.simulate.v2x.station import Station, station_type, update_states
 
 
 @dataclass(frozen=True)
 class Exchange:
-    """What happened on the air up to `stamp_ns` since the step before.
-
-    stations: the radios that were on the road meanwhile, where they were at the step before, at
-    `stations_ns`.
-    """
+    """What happened on the air up to `stamp_ns` since the step before."""
 
     stamp_ns: int
-    stations_ns: int
-    stations: tuple[tuple[int, RoadUser], ...]
-    sent: tuple[Sent, ...]
-    heard: Heard
+    sent: tuple[Sent, ...] = ()
+    heard: Heard = field(default_factory=Heard)
 
 
 class Communication:
     """The stations' common clock. Each of its steps sends what is due, then steps the traffic.
 
     A message tells what its station knew at the step before: nobody knows yet how the traffic goes on.
+
+    radios: who is on the air from the step just made to the next one, by station id.
     """
 
     def __init__(self, scenario: Scenario, traffic: Traffic, buildings: Buildings | None = None) -> None:
@@ -55,8 +50,10 @@ class Communication:
         listeners = {self._id_of(name): name for name in self._instrumented}
         self.air = Air(self._v2x, self._clock.seed, self._geodesy, listeners, buildings)
         self._stations: dict[str, Station] = {}
+        self._by_id: list[Station] = []
         self._now_ns = self._clock.stamp_ns(0)
         self._messages = 0
+        self.radios: tuple[RadioPlace, ...] = ()
 
     def simulate_until(self, frame: int) -> Exchange:
         """Goes on to the instant of a recorded frame: messages, then everybody on the road."""
@@ -70,15 +67,18 @@ class Communication:
         """What the stations know at the step just made; instrumented vehicles have their estimates."""
         if not self._v2x.enabled:
             return
-        equipped = [name for name, user in drivers.items() if self._is_equipped(name, user)]
-        self._stations = {name: self._stations[name] for name in equipped if name in self._stations}
-        for name in equipped:
-            user = drivers[name]
-            if name not in self._stations:
-                self._stations[name] = Station(
-                    self._v2x, self._clock.seed, self._clock.step_s, self._id_of(name), user, self._now_ns
+        clock, before = self._clock, self._stations
+        self._stations = {}
+        for name, user in drivers.items():
+            if self._is_equipped(name, user):
+                station = before.get(name) or Station(
+                    self._v2x, clock.seed, clock.step_s, self._id_of(name), user, self._now_ns
                 )
-            self._stations[name].update(self._now_ns, user, estimates.get(name), self._geodesy)
+                station.user = user
+                self._stations[name] = station
+        self._by_id = sorted(self._stations.values(), key=lambda station: station.id)
+        update_states(self._by_id, estimates, self._now_ns, self._v2x, clock.step_s, self._geodesy)
+        self.radios = tuple(station.place for station in self._by_id)
 
     def local_dynamic_maps(self, frame: int) -> list[tuple[str, Snapshot]]:
         """The map of each instrumented vehicle on the road, where it is due to be recorded."""
@@ -89,35 +89,36 @@ class Communication:
         names = [name for name in self._instrumented if name in self._stations]
         return [(name, self.air.snapshot(name, self._now_ns)) for name in names]
 
-    def statistics(self) -> Statistics:
-        """The drive's V2X in numbers."""
-        return self.air.statistics()
+    def finish(self) -> Exchange:
+        """What is still on the air when the drive ends: nobody sends any more."""
+        heard = self.air.finish(self._now_ns, stations_of(self._v2x, self.radios))
+        return Exchange(self._now_ns, heard=heard)
+
+    def statistics(self) -> Statistics | None:
+        """The drive's V2X in numbers; None without any."""
+        return self.air.statistics() if self._v2x.enabled else None
 
     def _exchange(self, until_ns: int) -> Exchange:
-        stations = sorted(self._stations.values(), key=lambda station: station.id)
         if until_ns == self._now_ns or not self._v2x.enabled:  # the first frame: nobody is known yet
-            return Exchange(until_ns, until_ns, (), (), Heard((), ()))
+            return Exchange(until_ns)
+        stations = self._by_id
         due = [(cam, station) for station in stations for cam in station.cams_before(until_ns)]
         due.sort(key=lambda item: (item[0].time_ns, item[1].id))
-        ids = np.array([station.id for station in stations], np.int64)
         times_ns = np.array([cam.time_ns for cam, _ in due], np.int64)
         keys = message_keys(np.array([station.id for _, station in due], np.int64), times_ns)
+        power_dbm = self._v2x.radio.transmit_power_dbm
         sent = tuple(
-            Sent(number, int(key), station.id, cam.time_ns, cam.payload, self._v2x.radio.transmit_power_dbm)
-            for number, (key, (cam, station)) in enumerate(zip(keys, due, strict=True), start=self._messages)
+            Sent(number, key, station.id, cam.time_ns, cam.payload, power_dbm)
+            for number, (key, (cam, station)) in enumerate(
+                zip(keys.tolist(), due, strict=True), start=self._messages
+            )
         )
         self._messages += len(sent)
-        heard = self.air.advance(until_ns, Stations(ids, self._antennas_m(stations)), sent)
+        heard = self.air.advance(until_ns, stations_of(self._v2x, self.radios), sent)
         for load in heard.loads:
-            ratios = dict(zip(load.stations.tolist(), load.busy_ratio.tolist(), strict=True))
-            for station in stations:
-                station.hear_load(ratios[station.id])
-        radios = tuple((station.id, station.user) for station in stations)
-        return Exchange(until_ns, self._now_ns, radios, sent, heard)
-
-    def _antennas_m(self, stations: list[Station]) -> Float64:
-        places: Float64 = np.array([station.user.position_m for station in stations]).reshape(-1, 3)
-        return places + (0.0, 0.0, self._v2x.radio.antenna_height_m)
+            for station, busy_ratio in zip(stations, load.busy_ratio.tolist(), strict=True):
+                station.hear_load(busy_ratio)
+        return Exchange(until_ns, sent, heard)
 
     def _is_equipped(self, name: str, user: RoadUser) -> bool:
         """Instrumented vehicles always are; of the others that can be, the scenario's share."""
