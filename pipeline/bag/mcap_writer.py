@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import IO
@@ -38,10 +38,10 @@ from advpipe.pipeline.bag.background import Background
 Buffer = bytes | memoryview
 
 ZSTD_LEVEL = 1
-COMPRESSIONS: dict[str, Callable[[Buffer], Buffer]] = {
+COMPRESSIONS: dict[str, Callable[[Buffer], Buffer] | None] = {
     "zstd": partial(zstandard.compress, level=ZSTD_LEVEL),
     "lz4": lz4.frame.compress,
-    "none": memoryview,
+    "none": None,
 }
 CHUNK_BYTES = 1 << 20
 """A chunk ends with the message that brings it above; a cloud is mostly a chunk of its own."""
@@ -99,7 +99,7 @@ class McapWriter:
         self._chunk_indexes: list[ChunkIndex] = []
         self._metadata_indexes: list[MetadataIndex] = []
         self._background = Background(CHUNKS_IN_WAIT)
-        self._background.call(self._write, MCAP0_MAGIC + _bytes_of([Header("ros2", "advpipe")]))
+        self._background.call(self._write, [MCAP0_MAGIC, _bytes_of([Header("ros2", "advpipe")])])
 
     def add_schema(self, name: str, encoding: str, data: bytes) -> int:
         """The new schema's id."""
@@ -149,41 +149,44 @@ class McapWriter:
         self._background.call(self._write_chunk, chunk)
         self._chunk = _Chunk()
 
-    def _write(self, block: Buffer) -> None:
-        self._data_crc = zlib.crc32(block, self._data_crc)
-        self._stream.write(block)
-        self._position += len(block)
+    def _write(self, blocks: Sequence[Buffer]) -> None:
+        self._data_crc = _crc(blocks, self._data_crc)
+        self._stream.writelines(blocks)
+        self._position += sum(map(len, blocks))
 
     def _write_chunk(self, chunk: _Chunk) -> None:
         start, first_ns, last_ns = self._position, min(chunk.times_ns), max(chunk.times_ns)
-        data = chunk.joined(self._room)
-        packed, name = self._compress(data), self._compression.encode()
+        data: Sequence[Buffer] = chunk.parts
+        packed = data
+        if self._compress:
+            data = [chunk.joined(self._room)]
+            packed = [self._compress(data[0])]
+        name, packed_size = self._compression.encode(), sum(map(len, packed))
         head = _CHUNK.pack(
             Opcode.CHUNK,
-            _CHUNK.size - _RECORD_HEAD_BYTES + len(name) + 8 + len(packed),
+            _CHUNK.size - _RECORD_HEAD_BYTES + len(name) + 8 + packed_size,
             first_ns,
             last_ns,
-            len(data),
-            zlib.crc32(data),
+            chunk.size,
+            _crc(data),
             len(name),
         )
-        self._write(head + name + struct.pack("<Q", len(packed)))
-        self._write(packed)
+        self._write([head, name, struct.pack("<Q", packed_size), *packed])
         indexes_start, offsets = self._position, {}
         for channel_id, places in chunk.places.items():
             offsets[channel_id] = self._position
-            self._write(_bytes_of([MessageIndex(channel_id, places)]))
+            self._write([_bytes_of([MessageIndex(channel_id, places)])])
         self._chunk_indexes.append(
             ChunkIndex(
                 chunk_length=indexes_start - start,
                 chunk_start_offset=start,
                 compression=self._compression,
-                compressed_size=len(packed),
+                compressed_size=packed_size,
                 message_end_time=last_ns,
                 message_index_length=self._position - indexes_start,
                 message_index_offsets=offsets,
                 message_start_time=first_ns,
-                uncompressed_size=len(data),
+                uncompressed_size=chunk.size,
             )
         )
         self._stream.flush()  # so that a killed run leaves all its chunks
@@ -191,10 +194,10 @@ class McapWriter:
     def _write_metadata(self, record: Metadata) -> None:
         block = _bytes_of([record])
         self._metadata_indexes.append(MetadataIndex(self._position, len(block), record.name))
-        self._write(block)
+        self._write([block])
 
     def _write_end(self) -> None:
-        self._write(_bytes_of([DataEnd(self._data_crc)]))
+        self._write([_bytes_of([DataEnd(self._data_crc)])])
         summary_start, summary, offsets = self._position, b"", []
         for opcode, records in self._summary().items():
             group = _bytes_of(records)
@@ -229,6 +232,12 @@ class McapWriter:
             Opcode.ATTACHMENT_INDEX: [],
             Opcode.METADATA_INDEX: self._metadata_indexes,
         }
+
+
+def _crc(blocks: Sequence[Buffer], crc: int = 0) -> int:
+    for block in blocks:
+        crc = zlib.crc32(block, crc)
+    return crc
 
 
 def _bytes_of(records: Iterable[McapRecord]) -> bytes:
