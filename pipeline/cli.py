@@ -85,6 +85,8 @@ def simulate(
         f"{summary.clouds} clouds of {summary.points / max(summary.clouds, 1):,.0f} points, "
         f"{summary.road_users} road users in range"
     )
+    for name, value in summary.v2x.lines() if summary.v2x else ():
+        print(f"{name}: {value}")
 
 
 @app.command()
@@ -261,7 +263,7 @@ def inspect(
     bag: Annotated[Path, typer.Argument(help="Data set, rosbag2 folder or .mcap.")],
     as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
 ) -> None:
-    """What is in a bag: topics, rates, clouds, road users, provenance, checksums."""
+    """What is in a bag: topics, rates, clouds, road users, V2X, provenance, checksums."""
     from advpipe.pipeline.bag.inspect import describe
 
     description = describe(bag)
@@ -269,6 +271,21 @@ def inspect(
         print(description.to_json())
     else:
         description.print()
+
+
+@app.command()
+def plot(
+    bag: Annotated[Path, typer.Argument(help="Data set, rosbag2 folder or .mcap.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Picture to write: .png, .pdf or .svg.")] = Path(
+        "v2x.png"
+    ),
+    overwrite: Overwrite = False,
+) -> None:
+    """Draw a drive's V2X: CAM rates, packets delivered by distance, channel load."""
+    from advpipe.pipeline.bag.v2x_picture import draw_bag
+
+    draw_bag(bag, out, overwrite)
+    print(out)
 
 
 @app.command()

@@ -9,7 +9,7 @@ import numpy as np
 
 from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import TF, TF_STATIC, RawMessage, VehicleTopics
+from advpipe.pipeline.bag.topics import TF, TF_STATIC, RawMessage, VehicleTopics, is_truth
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
 from advpipe.pipeline.geometry.transforms import Float64, invert
@@ -30,7 +30,7 @@ CLASS_ALIASES = {
 
 def objects_topic(reader: BagReader, topics: VehicleTopics) -> str | None:
     """The topic with the boxes: the vehicle's own, or the bag's only one; None without any."""
-    candidates = reader.topics_of_type(topics.objects.type)
+    candidates = [name for name in reader.topics_of_type(topics.objects.type) if is_truth(name)]
     if topics.objects.name in candidates:
         return topics.objects.name
     if len(candidates) > 1:

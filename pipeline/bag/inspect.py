@@ -1,4 +1,4 @@
-"""What is in a bag: files, topics, clouds, road users, provenance and checksums."""
+"""What is in a bag: files, topics, clouds, road users, V2X, provenance and checksums."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.messages import NS_PER_S
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import RawMessage, VehicleTopics
+from advpipe.pipeline.bag.v2x_statistics import read_statistics
+from advpipe.pipeline.v2x.statistics import Statistics
 
 _CLOUD_TYPE = VehicleTopics().lidar_points.type
 _OBJECTS_TYPE = VehicleTopics().objects.type
@@ -44,7 +46,10 @@ class ObjectCount:
 
 @dataclass(frozen=True)
 class BagDescription:
-    """A summary of one bag; points are counted per cloud, over all topics of clouds."""
+    """A summary of one bag; points are counted per cloud, over all topics of clouds.
+
+    v2x: None for a bag without such statistics.
+    """
 
     path: str
     files: tuple[str, ...]
@@ -58,6 +63,7 @@ class BagDescription:
     points_mean: float
     points_most: int
     objects: tuple[ObjectCount, ...]
+    v2x: Statistics | None
     provenance: dict[str, str]
     checksums: ChecksumCoverage
 
@@ -93,6 +99,8 @@ class BagDescription:
             facts.append(("clouds", f"{self.clouds} of {points}"))
         for item in self.objects:
             facts.append((item.class_name, f"{item.road_users} road users, {item.boxes} boxes"))
+        if self.v2x is not None:
+            facts += self.v2x.lines()
         facts += [(key, value) for key, value in self.provenance.items() if key not in _LONG]
         return [*facts, ("checksums", str(self.checksums))]
 
@@ -158,6 +166,7 @@ def describe(path: Path) -> BagDescription:
         objects=tuple(
             ObjectCount(name, boxes, len(tally.ids[name])) for name, boxes in sorted(tally.boxes.items())
         ),
+        v2x=read_statistics(reader),
         provenance=reader.provenance,
         checksums=checksums,
     )

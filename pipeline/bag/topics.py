@@ -52,6 +52,14 @@ V2X_BUILDINGS = Topic("/v2x/buildings", "std_msgs/msg/String", _keep_last(1, lat
 V2X_STATISTICS = Topic("/v2x/statistics", "std_msgs/msg/String", _keep_last(1, latched=True))
 
 
+LDM_OBJECTS = "ldm/objects"
+
+
+def is_truth(topic_name: str) -> bool:
+    """Whether boxes on a topic may be the truth; what a vehicle was told by radio is none."""
+    return not topic_name.endswith(f"/{LDM_OBJECTS}")
+
+
 @dataclass(frozen=True)
 class VehicleTopics:
     """The topics and frames of one instrumented vehicle and one of its LiDARs, under its own namespace.
@@ -142,7 +150,7 @@ class VehicleTopics:
 
     @property
     def ldm_objects(self) -> Topic:
-        return Topic(f"/{self.vehicle}/ldm/objects", "vision_msgs/msg/Detection3DArray")
+        return Topic(f"/{self.vehicle}/{LDM_OBJECTS}", "vision_msgs/msg/Detection3DArray")
 
     @property
     def gnss_fix(self) -> Topic:

@@ -16,20 +16,24 @@ COLOUR, PALE = "#2b6cb0", "#bcd3ea"
 
 
 def draw_statistics(statistics: Statistics, title: str = "") -> Figure:
-    """Packet delivery ratio by distance, intervals between CAMs, channel busy ratio over time."""
+    """CAM rates of the stations, times between CAMs, delivery by distance, channel busy ratio over time."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(12, 3.6), layout="constrained")
-    delivery, intervals, load = figure.subplots(1, 3)
-    _draw_delivery(delivery, statistics)
-    _draw_intervals(intervals, statistics)
-    _draw_load(load, statistics)
-    for axes in (delivery, intervals, load):
+    figure = Figure(figsize=(9.6, 6.4), layout="constrained")
+    panels = figure.subplots(2, 2).ravel().tolist()
+    for axes, draw in zip(panels, (_draw_rates, _draw_intervals, _draw_delivery, _draw_load), strict=True):
+        draw(axes, statistics)
         axes.spines[["top", "right"]].set_visible(False)
         axes.set_ylim(bottom=0)
     if title:
         figure.suptitle(title)
     return figure
+
+
+def _draw_rates(axes: Axes, statistics: Statistics) -> None:
+    rates_hz = np.minimum(statistics.rates_hz, 10.0)  # more is against the rules; the last bar holds it
+    axes.hist(rates_hz, bins=np.arange(0, 10.75, 0.5).tolist(), color=COLOUR)
+    axes.set(xlabel="CAMs a second", ylabel="stations", xlim=(0, 10.5))
 
 
 def _draw_delivery(axes: Axes, statistics: Statistics) -> None:
@@ -42,7 +46,8 @@ def _draw_delivery(axes: Axes, statistics: Statistics) -> None:
 
 def _draw_intervals(axes: Axes, statistics: Statistics) -> None:
     begin_s = np.arange(len(statistics.intervals)) * INTERVAL_BIN_S
-    axes.bar(begin_s, statistics.intervals, INTERVAL_BIN_S, align="edge", color=COLOUR)
+    # A CAM falls due after whole tenths of a second: half a bin to the left, bars stand on them.
+    axes.bar(begin_s, statistics.intervals, 0.9 * INTERVAL_BIN_S, color=COLOUR)
     axes.set(xlabel="time since the station's last CAM [s]", ylabel="CAMs", xlim=(0, None))
 
 
@@ -52,4 +57,5 @@ def _draw_load(axes: Axes, statistics: Statistics) -> None:
     axes.plot(time_s, 100 * np.array(statistics.busy_max), color=PALE, label="busiest station")
     axes.plot(time_s, 100 * np.array(statistics.busy_mean), color=COLOUR, label="mean of the stations")
     axes.set(xlabel="time [s]", ylabel="channel busy [%]")
-    axes.legend(frameon=False)
+    axes.set_ylim(top=1.3 * axes.get_ylim()[1])  # room for the legend
+    axes.legend(frameon=False, loc="upper right")

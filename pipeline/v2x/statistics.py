@@ -69,7 +69,7 @@ class Statistics:
         rates, ratio = self.rates_hz, self.delivery_ratio
         near = [
             f"{100 * ratio[last]:.0f} % at {BIN_M * last:.0f} to {BIN_M * (last + 1):.0f} m"
-            for last in (0, 1, 3, 5, 9)
+            for last in (0, 1, 3, 9)
             if self.pairs[last]
         ]
         lines = [("CAMs", f"{self.cams} of {self.stations} stations")]

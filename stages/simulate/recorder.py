@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
+import shapely
 
 from advpipe.pipeline.bag import messages, topics
 from advpipe.pipeline.bag.cloud import cloud_to_cdr
@@ -23,6 +24,8 @@ from advpipe.pipeline.bag.v2x import (
     sent_message,
     stations_message,
 )
+from advpipe.pipeline.bag.v2x_drive import footprints_text
+from advpipe.pipeline.bag.v2x_statistics import statistics_message
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.scenario.load import scenario_tree
 from advpipe.pipeline.scenario.models import Scenario
@@ -46,8 +49,13 @@ class Recorder:
         self._step: list[StampedCdr] = []
         self._own_radios: dict[int, VehicleTopics] = {}
 
-    def start(self, stamp_ns: int, vehicles: Sequence[Instrumented]) -> None:
-        """The latched topics: where the sensors sit, and what this drive is."""
+    def start(
+        self,
+        stamp_ns: int,
+        vehicles: Sequence[Instrumented],
+        footprints: Sequence[shapely.Polygon] | None = None,
+    ) -> None:
+        """The latched topics: where the sensors sit, what this drive is, what buildings take from signals."""
         static = []
         for vehicle in vehicles:
             topic = VehicleTopics(vehicle.name)
@@ -58,6 +66,9 @@ class Recorder:
         self._write(topics.TF_STATIC, messages.transforms(stamp_ns, static), stamp_ns)
         info = json.dumps(scenario_tree(self._scenario), sort_keys=True)
         self._write(topics.SCENARIO_INFO, messages.string(info), stamp_ns)
+        if self._scenario.v2x.enabled and footprints is not None:
+            text = footprints_text(footprints)
+            self._write(topics.V2X_BUILDINGS, messages.string(text), stamp_ns)
 
     def record(
         self,
@@ -93,7 +104,7 @@ class Recorder:
         self._record_exchange(exchange)
         if statistics is not None:
             stamp_ns = max((message[2] for message in self._step), default=exchange.stamp_ns)
-            self._write(topics.V2X_STATISTICS, messages.string(statistics.to_json()), stamp_ns)
+            self._step.append(statistics_message(stamp_ns, statistics))
         self._flush()
 
     def _flush(self) -> None:

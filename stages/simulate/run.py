@@ -64,9 +64,10 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
         ):
             routes_m = [traffic.route_m(vehicle.name) for vehicle in vehicles]
             walkers = draw_walkers(scenario, world.roads, variants, routes_m, network.pavements_m)
-            communication = Communication(scenario, traffic)
+            footprints = world.footprints if scenario.v2x.radio.building_loss == "obstacles" else None
+            communication = Communication(scenario, traffic, footprints)
             recorder = Recorder(scenario, writer)
-            recorder.start(clock.stamp_ns(0), vehicles)
+            recorder.start(clock.stamp_ns(0), vehicles, footprints)
             for frame in track(range(clock.frames), f"simulating {scenario.name}"):
                 exchange = communication.simulate_until(frame)
                 drivers = traffic.road_users()

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import shapely
 
 from advpipe.pipeline.bag.v2x import RadioPlace, stations_of
 from advpipe.pipeline.localisation.estimate import Estimate
@@ -20,6 +21,9 @@ from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.road_users import RoadUser
 from advpipe.stages.simulate.traffic import Traffic
 from advpipe.stages.simulate.v2x.station import Station, station_type, update_states
+
+START_NS = 1_000_000_000
+"""Within which the stations of the first step are switched on."""
 
 
 @dataclass(frozen=True)
@@ -36,10 +40,13 @@ class Communication:
 
     A message tells what its station knew at the step before: nobody knows yet how the traffic goes on.
 
+    footprints: of buildings that weaken signals.
     radios: who is on the air from the step just made to the next one, by station id.
     """
 
-    def __init__(self, scenario: Scenario, traffic: Traffic, buildings: Buildings | None = None) -> None:
+    def __init__(
+        self, scenario: Scenario, traffic: Traffic, footprints: Sequence[shapely.Polygon] | None = None
+    ) -> None:
         self._clock, self._v2x = scenario.simulation, scenario.v2x
         self._traffic = traffic
         self._instrumented = tuple(sorted(scenario.vehicles))
@@ -48,6 +55,7 @@ class Communication:
         self._ids: dict[str, int] = {}
         self._equipped: dict[str, bool] = {}
         listeners = {self._id_of(name): name for name in self._instrumented}
+        buildings = None if footprints is None else Buildings(footprints)
         self.air = Air(self._v2x, self._clock.seed, self._geodesy, listeners, buildings)
         self._stations: dict[str, Station] = {}
         self._by_id: list[Station] = []
@@ -71,11 +79,8 @@ class Communication:
         self._stations = {}
         for name, user in drivers.items():
             if self._is_equipped(name, user):
-                station = before.get(name) or Station(
-                    self._v2x, clock.seed, clock.step_s, self._id_of(name), user, self._now_ns
-                )
-                station.user = user
-                self._stations[name] = station
+                self._stations[name] = before.get(name) or self._new_station(name, user)
+                self._stations[name].user = user
         self._by_id = sorted(self._stations.values(), key=lambda station: station.id)
         update_states(self._by_id, estimates, self._now_ns, self._v2x, clock.step_s, self._geodesy)
         self.radios = tuple(station.place for station in self._by_id)
@@ -119,6 +124,13 @@ class Communication:
             for station, busy_ratio in zip(stations, load.busy_ratio.tolist(), strict=True):
                 station.hear_load(busy_ratio)
         return Exchange(until_ns, sent, heard)
+
+    def _new_station(self, name: str, user: RoadUser) -> Station:
+        """Switched on now; those of the first step at different times, or all would send at once."""
+        clock, active_ns = self._clock, self._now_ns
+        if active_ns == clock.stamp_ns(0):
+            active_ns += int(named_generator(clock.seed, "v2x", "switched on", name).integers(START_NS))
+        return Station(self._v2x, clock.seed, clock.step_s, self._id_of(name), user, active_ns)
 
     def _is_equipped(self, name: str, user: RoadUser) -> bool:
         """Instrumented vehicles always are; of the others that can be, the scenario's share."""

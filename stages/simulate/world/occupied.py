@@ -11,6 +11,12 @@ from advpipe.stages.simulate.world.roads import Roads
 CELL_M = 30.0
 
 
+def footprint(map_SE3_base: Float64, length_m: float, width_m: float) -> shapely.Polygon:
+    """A rectangle as seen from above, its length along the pose's x axis."""
+    corners = np.array([[x, y, 0, 1] for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))], dtype=np.float64)
+    return shapely.Polygon(((corners * (length_m / 2, width_m / 2, 1, 1)) @ map_SE3_base.T)[:, :2])
+
+
 class Occupied:
     """Footprints in the x-y plane."""
 
@@ -21,10 +27,7 @@ class Occupied:
 
     def take(self, map_SE3_base: Float64, length_m: float, width_m: float) -> bool:
         """Takes a rectangle if it is free."""
-        corners = np.array([[x, y, 0, 1] for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))], dtype=np.float64)
-        return self._take(
-            shapely.Polygon(((corners * (length_m / 2, width_m / 2, 1, 1)) @ map_SE3_base.T)[:, :2])
-        )
+        return self._take(footprint(map_SE3_base, length_m, width_m))
 
     def take_line(self, path_m: Float64, width_m: float) -> bool:
         """Takes the strip along a path (K, 3) if it is free."""

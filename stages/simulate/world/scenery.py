@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 
 from advpipe.pipeline.geometry.transforms import Float64, se3_from_yaw
 from advpipe.pipeline.scenario.environment import UserObject
@@ -18,7 +19,7 @@ from advpipe.stages.simulate.world.buildings import building
 from advpipe.stages.simulate.world.ground import terrain_at
 from advpipe.stages.simulate.world.markings import has_signal
 from advpipe.stages.simulate.world.mesh import Mesh, box, merge
-from advpipe.stages.simulate.world.occupied import Occupied
+from advpipe.stages.simulate.world.occupied import Occupied, footprint
 from advpipe.stages.simulate.world.roads import KERB_M, Roads
 from advpipe.stages.simulate.world.user_mesh import load_mesh
 
@@ -107,8 +108,8 @@ def park_cars(
 
 def build_scenery(
     scenario: Scenario, network: RoadNetwork, roads: Roads, occupied: Occupied, rng: np.random.Generator
-) -> Mesh:
-    """Furniture, trees and buildings, and the user's own objects."""
+) -> tuple[Mesh, list[shapely.Polygon]]:
+    """Furniture, trees and buildings, and the user's own objects; the footprints of the buildings."""
     environment = scenario.environment
     streets: list[tuple[float, Draw]] = [
         (0.55 * environment.poles_per_km, _lamp_post),
@@ -123,6 +124,7 @@ def build_scenery(
     ]
     meshes = [_object(index, given, roads) for index, given in enumerate(environment.objects)]
     meshes += _signals(network, occupied, rng)
+    footprints: list[shapely.Polygon] = []
     for lines, kinds in ((roads.kerbs_m, streets), (roads.verges_m, fast)):
         for per_km, draw in kinds:
             for plot, _ in _plots(lines, per_km, rng):
@@ -134,7 +136,9 @@ def build_scenery(
                     pose[2, 3] += KERB_M
                 if occupied.take(pose, thing.length_m, thing.width_m):
                     meshes.append(thing.mesh.transformed(pose))
-    return merge(meshes)
+                    if draw is _building:
+                        footprints.append(footprint(pose, thing.length_m, thing.width_m))
+    return merge(meshes), footprints
 
 
 def _object(index: int, given: UserObject, roads: Roads) -> Mesh:

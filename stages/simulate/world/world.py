@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
+import shapely
 
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.seeding import named_generator
@@ -31,6 +32,7 @@ NEAR_M = 10.0
 class World:
     """The static world of a scenario, and the bodies of all who may come into it.
 
+    parked: cars that never move. footprints: of the buildings, on the map as seen from above.
     Raises AdvpipeError for a mesh of the user's that cannot be used.
     """
 
@@ -43,10 +45,12 @@ class World:
             return named_generator(seed, "world", use)
 
         self.parked: list[RoadUser] = park_cars(scenario, self.roads, variants, occupied, chance("parked"))
+        scenery, footprints = build_scenery(scenario, network, self.roads, occupied, chance("scenery"))
+        self.footprints: list[shapely.Polygon] = footprints
         static = [
             build_ground(network, self.roads, chance("ground")),
             *build_markings(network, chance("markings")),
-            build_scenery(scenario, network, self.roads, occupied, chance("scenery")),
+            scenery,
             *build_barriers(scenario.environment.barriers, self.roads, occupied, chance("barriers")),
         ]
         self._static = Scene(merge(static))

@@ -114,8 +114,9 @@ def test_a_drive_through_the_medium() -> None:
 )
 def test_the_picture_shows_what_was_counted(statistics: Statistics) -> None:
     figure = draw_statistics(statistics, "a drive")
-    delivery, intervals, load = figure.axes
+    rates, intervals, delivery, load = figure.axes
     known = np.isfinite(statistics.delivery_ratio)
     np.testing.assert_allclose(delivery.lines[0].get_ydata(), 100 * statistics.delivery_ratio[known])
     assert [bar.get_height() for bar in intervals.patches] == list(statistics.intervals)
+    assert sum(bar.get_height() for bar in rates.patches) == len(statistics.rates_hz)
     np.testing.assert_allclose(load.lines[1].get_ydata(), 100 * np.array(statistics.busy_mean))

@@ -13,7 +13,8 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import V2X_SENT, V2X_STATISTICS, VehicleTopics
 from advpipe.pipeline.bag.v2x import udp_packet_cdr
 from advpipe.pipeline.bag.v2x_drive import V2xDrive
-from advpipe.pipeline.v2x.air import Received, Sent
+from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.v2x.air import Air, Received, Sent
 from advpipe.pipeline.v2x.statistics import Statistics
 
 Record = Callable[..., BagReader]
@@ -76,6 +77,19 @@ def test_the_same_receptions_maps_and_statistics(drive: Record, settings: tuple[
     assert Statistics.from_json(message.data) == statistics
 
 
+def test_buildings_are_in_the_way(drive: Record) -> None:
+    """Those that stand in the drive's world; without them, more arrives."""
+    reader = drive(*DRIVES["two listeners, all equipped, everything on"])
+    with_buildings = send_again(reader)[2]
+    recorded = V2xDrive(reader)
+    air = Air(recorded.v2x, recorded.seed, Geodesy(48.1351, 11.582, 520.0), recorded.listeners, None)
+    for step in recorded.steps():
+        recorded.send(air, step, step.sent)
+    without = air.statistics()
+    assert without.pairs == with_buildings.pairs
+    assert without.outcomes["received"] > 1.02 * with_buildings.outcomes["received"]
+
+
 def test_the_jam_is_one(drive: Record) -> None:
     statistics = send_again(drive(*DRIVES["a jammed channel"]))[2]
     assert statistics.dropped > 10
@@ -111,11 +125,13 @@ def test_other_messages_leave_the_rest_as_it_was(drive: Record) -> None:
             changed.append(one)
         return changed
 
-    after, maps, _ = send_again(reader, change)
+    after, _, _ = send_again(reader, change)
     assert [(one.sent.number, one.arrival_ns, one.sinr_db) for one in after] == [
         (one.sent.number, one.arrival_ns, one.sinr_db) for one in before
     ]
     kept = [(one.sent, one.verdict) for one in after if one.sent.station_id not in (liar, broken)]
     assert kept == [(one.sent, one.verdict) for one in before if one.sent.station_id not in (liar, broken)]
-    assert {one.tree["header"]["stationID"] for one in after if one.sent.station_id == liar and one.tree} == {0}
+    assert {one.tree["header"]["stationID"] for one in after if one.sent.station_id == liar and one.tree} == {
+        0
+    }
     assert all(one.tree is None for one in after if one.sent.station_id == broken)
