@@ -45,4 +45,6 @@ class Instrumented:
         onboard = self._onboard.step(stamp_ns, carrier.map_SE3_base, carrier.velocity_mps)
         initial = None if self._started else self._onboard.initial
         self._started = True
-        return Snapshot(self.name, initial, onboard, self.rig.look(world, users, carrier, onboard.truth, frame))
+        return Snapshot(
+            self.name, initial, onboard, self.rig.look(world, users, carrier, onboard.truth, frame)
+        )
