@@ -55,7 +55,7 @@ def strata_tables(summary: Summary) -> list[Table]:
             for stratum in STRATA
             if any((name, stratum.by, stratum.name) in chosen for name in names)
         ]
-        heads = ("class", *(name + UNITS.get(by, "") for by, name in columns))
+        heads = ("class", *(name.replace("over ", ">") + UNITS.get(by, "") for by, name in columns))
         lines = tuple((name, *(_cell(chosen[(name, *column)]) for column in columns)) for name in names)
         tables.append(Table(f"{meaning.title}, R40", heads, lines))
     return tables

@@ -45,10 +45,12 @@ def draw_strata(precisions: Sequence[Precision], criterion: str = "strict") -> F
 
 def _draw_dot(axes: Axes, x: float, each: Precision) -> None:
     colour = CLASS_COLOURS[each.name]
+    top = each.ap_r40
     if each.ap_r40_ci95 is not None:
+        top = max(top, each.ap_r40_ci95[1])
         axes.plot([x, x], each.ap_r40_ci95, color=colour, linewidth=2, alpha=0.45, zorder=2)
     axes.plot([x], [each.ap_r40], "o", color=colour, markersize=6, zorder=3)
     axes.annotate(
-        f"{each.boxes:,}", (x, each.ap_r40), xytext=(0, 6), textcoords="offset points", ha="center",
-        fontsize=7, color=colour,
+        f"{each.boxes:,}", (x, top), xytext=(0, 6 if each.ap_r40 == top else 3),
+        textcoords="offset points", ha="center", fontsize=7, color=colour,
     )  # fmt: skip
