@@ -17,7 +17,7 @@ from typing import NamedTuple
 import mcap.writer
 import numpy as np
 import zstandard
-from common import compare, finish, machine, scratch
+from common import compare, finish, machine, scratch, steady_memory
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
 
@@ -139,6 +139,7 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=120)
     parser.add_argument("--rounds", type=int, default=7)
     options = parser.parse_args()
+    steady_memory()
     # The library knows zstd's usual level only; both sides write the same bytes.
     mcap.writer.zstandard = SimpleNamespace(compress=partial(zstandard.compress, level=ZSTD_LEVEL))
     items = drive(options.frames)
