@@ -68,7 +68,8 @@ def test_points_on_a_road_user_are_counted_over_all_lidars_of_the_vehicle(bag: P
 
 
 def test_hidden_road_users_are_said_to_be_hidden(bag: Path) -> None:
-    users = [user for _, m in BagReader(bag).messages("/ego/ground_truth/road_users") for user in m.road_users]
+    messages = BagReader(bag).messages("/ego/ground_truth/road_users")
+    users = [user for _, message in messages for user in message.road_users]
     occlusion = np.array([user.occlusion for user in users])
     points = np.array([user.lidar_points for user in users])
     assert np.all((occlusion >= 0) & (occlusion <= 1))
