@@ -13,11 +13,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from advpipe.pipeline.v2x.btp import btp_packet
+from advpipe.pipeline.bag.cam_message import cam_of_message
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.scenario import load_scenario
+from advpipe.pipeline.v2x.btp import btp_packet, cam_payload
 from advpipe.pipeline.v2x.cam_tree import cam_tree, decode_cam
-from advpipe.pipeline.v2x.codec import asn1_cam, encode
+from advpipe.pipeline.v2x.codec import asn1_cam, decode, encode
 from advpipe.pipeline.v2x.generation import CHECK_INTERVAL_NS, CamGenerator
 from advpipe.pipeline.v2x.station_state import StationState
+from advpipe.stages.simulate.run import simulate
 
 CamTree = dict[str, Any]
 
@@ -165,6 +169,36 @@ def test_every_cam_of_a_drive(tmp_path: Path, car: Callable[..., StationState]) 
             trees.append(cam_tree(decode_cam(sent.payload)))
     assert len(trees) > 150
     agree(tmp_path, trees)
+
+
+def test_every_cam_of_a_recorded_drive(tmp_path: Path) -> None:
+    """Three listeners in dense traffic: what was sent, and what was received and recorded as values."""
+    settings = [
+        "simulation.duration_s=3",
+        "traffic.vehicles=100",
+        "v2x.penetration=1",
+        "vehicles={ego: {}, one: {}, two: {}}",
+        "sensors.lidars.lidar.channels=1",
+        "sensors.lidars.lidar.points_per_second=1000",
+    ]
+    simulate(load_scenario("smoke", settings), tmp_path / "drive")
+    reader = BagReader(tmp_path / "drive" / "clean")
+    payloads = [bytes(message.payload) for _, message in reader.messages("/v2x/sent")]
+    trees = [decode(payload) for payload in payloads]
+    assert len(trees) > 500
+    assert [encode(tree) for tree in trees] == payloads
+    agree(tmp_path, trees)
+    sent = set(payloads)
+    for vehicle in ("ego", "one", "two"):
+        for way in ("tx", "rx"):
+            raw = list(reader.messages(f"/{vehicle}/v2x/{way}/raw"))
+            cams = list(reader.messages(f"/{vehicle}/v2x/{way}/cam"))
+            assert [stamp for stamp, _ in raw] == [stamp for stamp, _ in cams]
+            values = [cam_of_message(message) for _, message in cams]
+            carried = [cam_payload(bytes(message.data)) for _, message in raw]
+            assert [encode(tree) for tree in values] == carried
+            assert sent.issuperset(carried)
+            agree(tmp_path, values)
 
 
 def test_btp_header(tmp_path: Path, cam_vector: bytes) -> None:
