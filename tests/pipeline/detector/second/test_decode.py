@@ -6,6 +6,8 @@ from math import pi
 
 import numpy as np
 import pytest
+import shapely
+import shapely.affinity
 import torch
 
 from advpipe.pipeline.detector.second.anchors import AnchorGrid, encode
@@ -78,3 +80,27 @@ def test_votes_are_weighted_by_squared_score_within_the_class():
     np.testing.assert_allclose(first[:6], [0.1, 0.0, 0.02, 4.1, 2.0, 1.5])
     assert first[6] == pytest.approx(3.1 + 0.2 * (2 * np.pi - 6.2))
     np.testing.assert_allclose(last, boxes[3])
+
+
+@pytest.mark.oracle
+@pytest.mark.parametrize("limit", [4, 500])
+def test_suppression_by_polygons(limit):
+    """What is kept overlaps nothing kept before by more than the limit; what is not kept does (shapely)."""
+    rng = np.random.default_rng(2)
+    low, high = [-15, -15, -1, 2, 1, 1, -3], [15, 15, 1, 5, 2.5, 2, 3]
+    boxes = rng.uniform(low, high, (120, 7))
+    kept = suppress(boxes, 0.01, limit).tolist()
+    shapes = [polygon(box) for box in boxes]
+    expected = []
+    for i, shape in enumerate(shapes):
+        overlaps = [shape.intersection(shapes[k]).area / shape.union(shapes[k]).area for k in expected]
+        if len(expected) < limit and max(overlaps, default=0) <= 0.01:
+            expected.append(i)
+    assert kept == expected
+    assert 4 <= len(kept) < 60
+
+
+def polygon(box):
+    x, y, _, length, width, _, yaw = box
+    flat = shapely.box(-length / 2, -width / 2, length / 2, width / 2)
+    return shapely.affinity.translate(shapely.affinity.rotate(flat, yaw, (0, 0), use_radians=True), x, y)

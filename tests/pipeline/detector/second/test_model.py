@@ -42,6 +42,25 @@ def test_gradient_to_the_points_matches_finite_differences(tiny, scene):
         assert float(change) == pytest.approx(float(2 * (gradient * step).sum()), rel=1e-3)
 
 
+def test_gradient_to_the_weights_matches_finite_differences(tiny, scene):
+    tiny.net.double().requires_grad_(True)
+    points, boxes, labels = scene[0].double(), scene[1].double(), scene[2]
+    weights = dict(tiny.net.named_parameters())
+    gradients = torch.autograd.grad(tiny.loss(points, boxes, labels), list(weights.values()))
+    torch.manual_seed(3)
+    for (name, weight), gradient in zip(weights.items(), gradients, strict=True):
+        step = torch.randn_like(weight)
+        step *= 1e-8 / step.norm()  # small enough to cross few kinks of the ReLUs
+        with torch.no_grad():
+            weight += step
+            change = tiny.loss(points, boxes, labels)
+            weight -= 2 * step
+            change -= tiny.loss(points, boxes, labels)
+            weight += step
+        expected = float(2 * (gradient * step).sum())
+        assert float(change) == pytest.approx(expected, rel=2e-3, abs=1e-14), name
+
+
 def test_gradient_steps_lower_the_loss(tiny, scene):
     points, boxes, labels = scene
     moved = points.clone()
@@ -111,6 +130,19 @@ def test_clouds_with_little_in_them(tiny, scene, points):
     assert len(occupancy) == (len(points) == 1)
     assert len(point_to_voxel) == len(points)
     loss.backward()
+
+
+def test_two_million_points(tiny):
+    rng = np.random.default_rng(1)
+    cloud = np.zeros(2_000_000, POINT_DTYPE)
+    for name in ("x", "y", "z"):
+        cloud[name] = rng.uniform(-8, 8, len(cloud))
+    # The same points again weigh nothing: every voxel holds its mean.
+    twice = tiny.detect(np.concatenate([cloud[:40_000], cloud[:40_000]]))
+    np.testing.assert_allclose(twice.scores, tiny.detect(cloud[:40_000]).scores, rtol=1e-4)
+    found = tiny.detect(cloud)
+    assert len(found) <= tiny.preset.max_detections
+    assert np.isfinite(found.boxes).all()
 
 
 def test_loss_without_boxes_is_background_only(tiny, scene):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 import torch
 from torch.nn import functional as F
@@ -66,6 +68,36 @@ def test_strided_layer_is_a_dense_convolution(geometry):
         dense(torch.ones(len(sites), 1), sites), torch.ones(1, 1, *kernel), None, stride, padding
     )
     assert len(rules.sites) == int((everywhere > 0).sum())
+
+
+def pair_by_pair(sites, kernel, stride, padding, submanifold):
+    """The rules as a set of (offset, input row, output row), found cell by cell in a dictionary."""
+    cells = [tuple(cell) for cell in torch.stack(sites.bzyx(), 1).tolist()]
+    sizes = zip(sites.shape, kernel, stride, padding, strict=True)
+    shape = [(n + 2 * p - k) // s + 1 for n, k, s, p in sizes]
+    reached = {}
+    for row, (b, *cell) in enumerate(cells):
+        for number, offset in enumerate(itertools.product(*map(range, kernel))):
+            moved = [x + p - i for x, p, i in zip(cell, padding, offset, strict=True)]
+            out = [m / s for m, s in zip(moved, stride, strict=True)]
+            if all(o.is_integer() and 0 <= o < n for o, n in zip(out, shape, strict=True)):
+                reached.setdefault((b, *out), []).append((number, row))
+    outputs = cells if submanifold else sorted(reached)
+    return {(number, row, place) for place, cell in enumerate(outputs) for number, row in reached[cell]}
+
+
+@pytest.mark.parametrize("geometry", [None, *STRIDED])
+def test_rules_are_those_found_cell_by_cell(geometry):
+    sites = some_sites(6, 0.1, (5, 6, 7))
+    kernel, stride, padding = geometry or ((3, 3, 3), (1, 1, 1), (1, 1, 1))
+    rules = strided_rules(sites, *geometry) if geometry else submanifold_rules(sites)
+    ours = [
+        (k, i, o) for k, rows, outs in rules.pairs for i, o in zip(rows.tolist(), outs.tolist(), strict=True)
+    ]
+    if geometry is None:
+        ours += [(rules.centre, row, row) for row in range(len(sites))]
+    assert len(ours) == len(set(ours))
+    assert set(ours) == pair_by_pair(sites, kernel, stride, padding, geometry is None)
 
 
 def test_keys_name_their_cells():

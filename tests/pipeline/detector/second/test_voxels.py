@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import pytest
 import torch
 
-from advpipe.pipeline.detector.second.presets import SMALL
+from advpipe.pipeline.detector.second.presets import KITTI, SMALL
 from advpipe.pipeline.detector.second.voxels import voxelise
 
 POINTS = torch.tensor(
@@ -59,3 +62,43 @@ def test_nothing_to_read():
         voxels = voxelise([cloud], SMALL)
         assert voxels.features.shape == (0, 4)
         assert voxels.point_to_voxel.tolist() == [-1] * len(cloud)
+
+
+# Nine points in three voxels of `kitti`; their intensities count them.
+ORDER = "ABAACABAA"
+CELLS = {"A": (1.01, 1.01, 0.01), "B": (2.01, 0.01, 0.01), "C": (3.01, 0.01, 0.01)}
+
+
+def kitti_points():
+    return torch.tensor([[*CELLS[name], float(number)] for number, name in enumerate(ORDER)])
+
+
+def test_only_the_first_five_points_of_a_voxel_count():
+    points = kitti_points().requires_grad_()
+    voxels = voxelise([points], KITTI)
+    # By y, then x: B, C, A. The sixth point of A, number 8, has no say in its mean and no gradient.
+    torch.testing.assert_close(voxels.features[:, 3], torch.tensor([3.5, 4.0, (0 + 2 + 3 + 5 + 7) / 5]))
+    voxels.features[:, 3].sum().backward()
+    assert points.grad[:, 3].tolist() == pytest.approx([0.2, 0.5, 0.2, 0.2, 1.0, 0.2, 0.5, 0.2, 0.0])
+    # It still lies in the voxel: who empties the voxel has to remove it too.
+    assert voxels.point_to_voxel.tolist() == [2, 0, 2, 2, 1, 2, 0, 2, 2]
+
+
+def test_only_the_first_voxels_of_each_cloud_count():
+    preset = replace(KITTI, max_voxels=2, max_voxels_training=1)
+    points = kitti_points()
+    voxels = voxelise([points, points[4:]], preset)
+    # First cloud: A and B came first; second: C and A.
+    assert voxels.point_to_voxel.tolist() == [1, 0, 1, 1, -1, 1, 0, 1, 1] + [2, 3, -1, 3, 3]
+    assert voxels.sites.bzyx()[0].tolist() == [0, 0, 1, 1]
+    torch.testing.assert_close(voxels.features[:, 3], torch.tensor([3.5, 3.4, 4.0, 20 / 3]))
+    training = voxelise([points], preset, training=True)
+    assert training.point_to_voxel.tolist() == [0, -1, 0, 0, -1, 0, -1, 0, 0]
+    assert len(voxelise([points], KITTI, training=True).sites) == 3
+
+
+def test_the_layer_above_the_range_of_kitti_stays_empty():
+    points = torch.tensor([[1.0, 0.0, 0.95, 0.0], [1.0, 0.0, 1.0, 0.0], [1.0, 0.0, 1.05, 0.0]])
+    voxels = voxelise([points], KITTI)
+    assert voxels.point_to_voxel.tolist() == [0, -1, -1]
+    assert voxels.sites.bzyx()[1].tolist() == [39]

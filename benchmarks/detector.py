@@ -1,0 +1,257 @@
+"""Seconds a frame of SECOND, by preset, against the floor: its FLOPs at the rate of bare matrix products.
+
+The floor of a step, forward and backward to the points, is 2 x the FLOPs of a forward pass over the best
+rate that torch.mm of large square matrices reached in the same run. Dense convolutions may run faster than
+torch.mm (on AMD's processors, twice as fast), so their best rate stands beside it. FLOPs are PyTorch's own
+count. Everything is timed in turns, so that whatever else the machine does weighs on all. On the CPU one
+thread computes, as in advpipe; random weights take as long as trained ones.
+
+    python benchmarks/detector.py [BAG] [--rounds 9] [--frames 4] [--presets small 360 kitti]
+
+BAG is a recorded drive; by default two seconds of the boulevard are simulated. `spconv` is timed too where
+it is installed: its sparse part, forward, on one thread (two give wrong results on a CPU, and its backward
+needs a GPU).
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import torch
+from common import machine
+from torch import Tensor, nn
+from torch.nn import functional as F
+from torch.utils.flop_counter import FlopCounterMode
+
+from advpipe.pipeline.bag.cloud import xyzi
+from advpipe.pipeline.bag.frames import FrameSlice, read_frames
+from advpipe.pipeline.bag.locate import resolve_bag
+from advpipe.pipeline.detector.second.backbone3d import STRIDED
+from advpipe.pipeline.detector.second.model import SecondNet
+from advpipe.pipeline.detector.second.presets import PRESETS, Preset
+from advpipe.pipeline.detector.second.voxels import Voxels, voxelise
+from advpipe.pipeline.detector.threads import TORCH_THREADS
+from advpipe.pipeline.scenario import load_scenario
+from advpipe.stages.simulate.run import simulate
+
+REACH = {"small": 2.0, "360": 1.3, "kitti": 1.3}
+SYNC = torch.cuda.is_available()
+
+
+def network(preset: Preset) -> SecondNet:
+    torch.manual_seed(0)
+    net = SecondNet(preset).eval().requires_grad_(False)
+    return net.cuda() if SYNC else net
+
+
+def forward(net: SecondNet, points: Tensor) -> Tensor:
+    """Cloud to raw predictions, rules included."""
+    out = net(voxelise([points], net.preset))
+    return out.scores.sum() + out.codes.sum() + out.directions.sum()
+
+
+def step(net: SecondNet, points: Tensor) -> Tensor:
+    """The gradient to the points: what one step of an attack takes."""
+    leaf = points.clone().requires_grad_()
+    (gradient,) = torch.autograd.grad(forward(net, leaf), leaf)
+    return gradient
+
+
+def seconds(work: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    work()
+    if SYNC:
+        torch.cuda.synchronize()
+    return time.perf_counter() - start
+
+
+def flops(net: SecondNet, points: Tensor) -> float:
+    """Of the matrix products and convolutions of a forward pass, as PyTorch counts them."""
+    with FlopCounterMode(display=False) as counter, torch.no_grad():
+        forward(net, points)
+    return float(counter.get_total_flops())
+
+
+def gemm(size: int) -> tuple[float, Callable[[], object]]:
+    a = torch.randn(size, size, device="cuda" if SYNC else "cpu")
+    return 2.0 * size**3, lambda: a @ a
+
+
+def convolution() -> tuple[float, Callable[[], object]]:
+    device = "cuda" if SYNC else "cpu"
+    x = torch.randn(1, 256, 64, 64, device=device).to(memory_format=torch.channels_last)
+    weight = torch.randn(256, 256, 3, 3, device=device).to(memory_format=torch.channels_last)
+    return 2.0 * 64 * 64 * 256 * 256 * 9, lambda: F.conv2d(x, weight, padding=1)
+
+
+def spconv_backbone(net: SecondNet) -> Callable[[Voxels], Tensor] | None:
+    """The sparse backbone of the network out of spconv's modules; None where spconv is not installed."""
+    try:
+        import spconv.pytorch as spconv
+        from spconv.core import ConvAlgo
+    except ImportError:
+        return None
+    ours = net.backbone3d
+    stages = [list(ours.stage1), list(ours.stage2), list(ours.stage3), list(ours.stage4), [ours.fold]]
+    layers: list[nn.Module] = []
+    for number, stage in enumerate(stages):
+        for place, layer in enumerate(stage):
+            c_in, c_out = layer.weight.shape[1:]
+            if number and not place:
+                kernel, stride, padding = STRIDED[number - 1]
+                made = spconv.SparseConv3d(
+                    c_in,
+                    c_out,
+                    kernel,
+                    stride,
+                    padding,
+                    bias=False,
+                    algo=ConvAlgo.Native,
+                    indice_key=f"d{number}",
+                )
+            else:
+                kernel = (3, 3, 3)
+                made = spconv.SubMConv3d(
+                    c_in, c_out, kernel, padding=1, bias=False, algo=ConvAlgo.Native, indice_key=f"s{number}"
+                )
+            weight = layer.weight.view(*kernel, c_in, c_out).permute(4, 0, 1, 2, 3)
+            made.weight.data.copy_(weight)
+            layers.append(spconv.SparseSequential(made, layer.norm, nn.ReLU()))
+    chain = spconv.SparseSequential(*layers).eval().requires_grad_(False)
+
+    def run(voxels: Voxels) -> Tensor:
+        sites = voxels.sites
+        indices = torch.stack(sites.bzyx(), 1).int().contiguous()
+        features = (voxels.features - net.input_offset) * net.input_scale
+        dense: Tensor = chain(spconv.SparseConvTensor(features, indices, list(sites.shape), 1)).dense()
+        return dense.transpose(1, 2).flatten(1, 2)
+
+    return run
+
+
+def peak_memory_mb(preset: str, bag: Path, work: str) -> tuple[float, float]:
+    """Resident memory of a fresh process before the work and at its peak, in MB."""
+    command = [sys.executable, __file__, str(bag), "--memory", preset, work]
+    before, peak = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    return float(before), float(peak)
+
+
+def clouds(bag: Path, count: int) -> list[Tensor]:
+    made = []
+    for frame in read_frames(bag, FrameSlice.parse("::5")):
+        points = torch.from_numpy(xyzi(frame.cloud))
+        points = points[torch.isfinite(points).all(1)]
+        made.append(points.cuda() if SYNC else points)
+        if len(made) == count:
+            break
+    return made
+
+
+def report(name: str, points: list[Tensor], rounds: int, bag: Path) -> bool:
+    """The lines of one preset; whether the step is within its reach of the floor."""
+    net = network(PRESETS[name])
+    gemms, (conv_flops, conv) = [gemm(1024), gemm(1536)], convolution()
+    work = statistics.mean(flops(net, cloud) for cloud in points)
+    peer = None if SYNC else spconv_backbone(net)
+    if peer is not None:
+        voxels = voxelise(points[:1], net.preset)
+        theirs, ours = peer(voxels), sparse(net, voxels)
+        if not torch.allclose(theirs, ours, rtol=1e-3, atol=1e-3):
+            raise SystemExit(f"spconv computes something else: {float((theirs - ours).abs().max())}")
+    times: dict[str, list[float]] = {}
+    rate = conv_rate = 0.0
+
+    def note(what: str, value: float, number: int) -> None:
+        if number:  # the first round warms up
+            times.setdefault(what, []).append(value)
+
+    for number in range(rounds + 1):
+        cloud = points[number % len(points)]
+        for count, product in gemms:
+            rate = max(rate, count / seconds(product))
+        conv_rate = max(conv_rate, conv_flops / seconds(conv))
+        with torch.no_grad():
+            note("forward", seconds(lambda: forward(net, cloud)), number)  # noqa: B023
+            voxels = voxelise([cloud], net.preset)
+            note("sparse part", seconds(lambda: sparse(net, voxels)), number)  # noqa: B023
+            if peer is not None:
+                note("sparse part by spconv", seconds(lambda: peer(voxels)), number)  # noqa: B023
+        note("forward and backward", seconds(lambda: step(net, cloud)), number)  # noqa: B023
+    floor_s = 2 * work / rate
+    best_s = min(times["forward and backward"])
+    ratio = best_s / floor_s
+    print(
+        f"\n{name}: {sum(p.numel() for p in net.parameters()):,} parameters, {len(voxels.sites):,} voxels, "
+        f"{work / 1e9:.1f} GFLOP forward; "
+        f"at best GEMM {rate / 1e9:.0f} GFLOP/s, convolution {conv_rate / 1e9:.0f} GFLOP/s"
+    )
+    for what, values in times.items():
+        print(f"  {what:<24} best {min(values):7.3f} s, median {statistics.median(values):7.3f} s")
+    verdict = "ok" if ratio <= REACH[name] else "MISSED"
+    print(
+        f"  floor of a step {floor_s:.3f} s: x {ratio:.2f}, asked x {REACH[name]:.1f} {verdict} "
+        f"(at the rate of convolutions x {ratio * conv_rate / rate:.2f})"
+    )
+    if not SYNC and Path("/proc/self/status").exists():
+        for kind in ("forward", "step"):
+            before, peak = peak_memory_mb(name, bag, kind)
+            print(f"  peak memory, {kind:<8} {peak:6,.0f} MB, {before:,.0f} MB of them before it (libraries)")
+    return ratio <= REACH[name]
+
+
+def sparse(net: SecondNet, voxels: Voxels) -> Tensor:
+    features = (voxels.features - net.input_offset) * net.input_scale
+    out: Tensor = net.backbone3d(features, voxels.sites)
+    return out
+
+
+def memory_mb(line: str) -> float:
+    """Resident memory of this process: VmRSS now, VmHWM at its peak. (ru_maxrss counts the parent's too.)"""
+    text = Path("/proc/self/status").read_text(encoding="utf-8")
+    return int(text.split(f"{line}:")[1].split()[0]) / 1024
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("bag", nargs="?", type=Path)
+    parser.add_argument("--rounds", type=int, default=9)
+    parser.add_argument("--frames", type=int, default=4)
+    parser.add_argument("--presets", nargs="+", choices=list(REACH), default=list(REACH))
+    parser.add_argument("--memory", nargs=2, help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    torch.set_num_threads(TORCH_THREADS)
+    if given.memory:
+        preset, work = given.memory
+        net, points = network(PRESETS[preset]), clouds(resolve_bag(given.bag), 1)[0]
+        before = memory_mb("VmRSS")
+        if work == "step":
+            step(net, points)
+        else:
+            with torch.no_grad():
+                forward(net, points)
+        print(before, memory_mb("VmHWM"))
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        bag = given.bag
+        if bag is None:
+            bag = Path(folder) / "boulevard"
+            simulate(load_scenario("boulevard", ["simulation.duration_s=2"]), bag)
+        bag = resolve_bag(bag)
+        points = clouds(bag, given.frames)
+        device = torch.cuda.get_device_name() if SYNC else "one thread"
+        print(f"{machine()}; PyTorch {torch.__version__}, {device}; {len(points)} clouds")
+        passed = [report(name, points, given.rounds, bag) for name in given.presets]
+    sys.exit(0 if all(passed) else 1)
+
+
+if __name__ == "__main__":
+    main()
