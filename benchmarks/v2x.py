@@ -1,0 +1,197 @@
+"""What V2X costs a drive of 200 equipped vehicles and one LiDAR, and how many messages go through it alone.
+
+The same drive with and without V2X in turns, in one process; beside it, what the codec alone takes in it:
+CAMs to bytes and back, and messages to CDR. Then the way of a message without any drive: generate, encode,
+transmit, decode, Local Dynamic Map.
+
+    python benchmarks/v2x.py [--vehicles 230] [--frames 60] [--rounds 3] [--set key=value]
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from common import machine, scratch
+
+from advpipe.pipeline.bag import v2x as bag_v2x
+from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.scenario import Scenario, load_scenario
+from advpipe.pipeline.scenario.v2x import V2x
+from advpipe.pipeline.v2x import air as air_module
+from advpipe.pipeline.v2x import generation
+from advpipe.pipeline.v2x.air import Air, Sent
+from advpipe.pipeline.v2x.cam_tree import decode_cam, encode_cam
+from advpipe.pipeline.v2x.codes import StationType
+from advpipe.pipeline.v2x.radio.draws import message_keys
+from advpipe.pipeline.v2x.radio.stations import Stations
+from advpipe.pipeline.v2x.station_state import StationState
+from advpipe.stages.simulate import recorder, run
+
+REACH = 1.3
+START_NS = 1_767_268_800_000_000_000
+STEP_NS = 100_000_000
+
+CODEC = (
+    (generation, "encode_cam"),
+    (air_module, "decode"),
+    (air_module, "cam_of_tree"),
+    (bag_v2x, "decode"),
+    (bag_v2x, "cam_cdr"),
+    (bag_v2x, "udp_packet_cdr"),
+    (recorder, "sent_message"),
+    (recorder, "stations_message"),
+    (recorder, "ldm_snapshot_cdr"),
+    (recorder, "ldm_detections_cdr"),
+)
+"""Functions where they are called: bytes and values, nothing else."""
+
+
+class Clock:
+    """Seconds in the codec, and in a drive's loop."""
+
+    def __init__(self) -> None:
+        self.codec_s = 0.0
+        self.loop_s = 0.0
+
+    def wrap(self, owner: Any, name: str) -> None:
+        original: Callable[..., Any] = getattr(owner, name)
+
+        def timed(*args: Any, **kwargs: Any) -> Any:
+            start_s = time.perf_counter()
+            try:
+                return original(*args, **kwargs)
+            finally:
+                self.codec_s += time.perf_counter() - start_s
+
+        setattr(owner, name, timed)
+
+    def track(self, items: Any, _: str) -> Any:
+        start_s = time.perf_counter()
+        yield from items
+        self.loop_s = time.perf_counter() - start_s
+
+    def drive(self, scenario: Scenario) -> tuple[float, float, int]:
+        """Seconds of the loop, seconds of the codec in it, and CAMs sent."""
+        self.codec_s = 0.0
+        with scratch() as folder:
+            summary = run.simulate(scenario, Path(folder) / "drive")
+        return self.loop_s, self.codec_s, 0 if summary.v2x is None else summary.v2x.cams
+
+
+def drives(settings: list[str], frames: int, rounds: int) -> float:
+    """Prints what both drives take; the median ratio."""
+    clock = Clock()
+    for owner, name in CODEC:
+        clock.wrap(owner, name)
+    run.track = clock.track  # type: ignore[assignment]
+    scenario = load_scenario("boulevard", settings)
+    settings = [*settings, f"simulation.duration_s={frames * scenario.simulation.step_s}"]
+    without, with_v2x = (load_scenario("boulevard", [*settings, f"v2x.enabled={on}"]) for on in (False, True))
+    clock.drive(with_v2x)  # what is made once, such as message types
+    ratios, plain_ms, v2x_ms, codec_ms = [], [], [], []
+    for number in range(rounds):
+        order = (without, with_v2x) if number % 2 else (with_v2x, without)
+        taken = {scenario.v2x.enabled: clock.drive(scenario) for scenario in order}
+        (plain_s, _, _), (total_s, codec_s, cams) = taken[False], taken[True]
+        ratios.append((total_s - codec_s) / plain_s)
+        for figures, seconds in ((plain_ms, plain_s), (v2x_ms, total_s), (codec_ms, codec_s)):
+            figures.append(1000 * seconds / frames)
+    print(f"drive of {frames} frames, {cams / frames:.0f} CAMs a frame")
+    for name, figures in (("without V2X", plain_ms), ("with V2X", v2x_ms), ("its codec", codec_ms)):
+        print(f"  {name:14} {statistics.median(figures):7.1f} ms a frame")
+    return statistics.median(ratios)
+
+
+def states(stations: int, step: int) -> list[StationState]:
+    """Cars on rings, at 4 to 20 m/s."""
+    found = []
+    for station in range(stations):
+        speed_mps, radius_m = 4 + 16 * station / stations, 40 + 2 * station
+        angle_rad = station + speed_mps / radius_m * step / 10
+        found.append(
+            StationState(
+                station_id=station + 1,
+                station_type=StationType.PASSENGER_CAR,
+                time_ns=START_NS + step * STEP_NS,
+                latitude_deg=48 + radius_m * math.sin(angle_rad) / 111_200,
+                longitude_deg=11 + radius_m * math.cos(angle_rad) / 74_500,
+                altitude_m=520.0,
+                heading_rad=-angle_rad % math.tau,
+                speed_mps=speed_mps,
+                length_m=4.5,
+                width_m=1.8,
+                longitudinal_acceleration_mps2=0.0,
+                yaw_rate_radps=speed_mps / radius_m,
+                curvature_per_m=1 / radius_m,
+                east_north_covariance_m2=(0.25, 0.0, 0.25),
+                heading_std_rad=0.01,
+                speed_std_mps=0.1,
+            )
+        )
+    return found
+
+
+def messages(stations: int = 200, steps: int = 50) -> None:
+    """Messages a second through everything but the drive, and through the codec alone."""
+    drive = [states(stations, step) for step in range(steps)]
+    geodesy = Geodesy(48.0, 11.0, 520.0)
+    air = Air(V2x(), 1, geodesy, {1: "ego"})
+    generators = [generation.CamGenerator(START_NS) for _ in range(stations)]
+    antennas_m = [
+        np.array([geodesy.to_map([s.latitude_deg, s.longitude_deg, 521.5]) for s in each]) for each in drive
+    ]
+    sent: list[Sent] = []
+    received: list[bytes] = []
+    start_s = time.perf_counter()
+    for step, each in enumerate(drive):
+        begin_ns, due = START_NS + step * STEP_NS, []
+        for state, generator in zip(each, generators, strict=True):
+            check_ns = begin_ns + 498_000 * state.station_id
+            if (cam := generator.check(check_ns, state)) is not None:
+                key = int(message_keys(state.station_id, check_ns))
+                due.append(Sent(len(sent) + len(due), key, state.station_id, check_ns, cam.payload, 23.0))
+        places = Stations(np.arange(1, stations + 1), antennas_m[step])
+        received += [one.sent.payload for one in air.advance(begin_ns + STEP_NS, places, due).received]
+        air.snapshot("ego", begin_ns + STEP_NS)
+        sent += due
+    whole_s = time.perf_counter() - start_s
+    values = [decode_cam(message.payload) for message in sent]
+    start_s = time.perf_counter()
+    for cam in values:
+        encode_cam(cam)
+    for payload in received:
+        decode_cam(payload)
+    codec_s = time.perf_counter() - start_s
+    print(f"{len(sent)} messages of {stations} stations, {len(received)} received by one")
+    print(f"  generate, encode, transmit, decode, map {len(sent) / whole_s:9,.0f} messages/s")
+    print(f"  codec alone                             {len(sent) / codec_s:9,.0f} messages/s")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--vehicles", type=int, default=230)
+    parser.add_argument("--frames", type=int, default=60)
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--set", action="append", default=[])
+    given = parser.parse_args()
+    print(machine())
+    messages()
+    settings = [f"traffic.vehicles={given.vehicles}", "v2x.penetration=1", *given.set]
+    ratio = drives(settings, given.frames, given.rounds)
+    print(f"ratio beyond the codec {ratio:.2f} (reach: at most {REACH})")
+    return int(ratio > REACH)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
