@@ -159,12 +159,20 @@ def messages(stations: int = 200, steps: int = 50) -> None:
         for state, generator in zip(each, generators, strict=True):
             check_ns = begin_ns + 498_000 * state.station_id
             if (cam := generator.check(check_ns, state)) is not None:
-                key = int(message_keys(state.station_id, check_ns))
-                due.append(Sent(len(sent) + len(due), key, state.station_id, check_ns, cam.payload, 23.0))
+                due.append((state.station_id, check_ns, cam.payload))
+        ids, times_ns, payloads = zip(*due, strict=True) if due else ((), (), ())
+        keys = message_keys(np.array(ids, np.int64), np.array(times_ns, np.int64)).tolist()
+        numbers = range(len(sent), len(sent) + len(due))
+        now = [
+            Sent(number, key, station_id, time_ns, payload, 23.0)
+            for number, key, station_id, time_ns, payload in zip(
+                numbers, keys, ids, times_ns, payloads, strict=True
+            )
+        ]
         places = Stations(np.arange(1, stations + 1), antennas_m[step])
-        received += [one.sent.payload for one in air.advance(begin_ns + STEP_NS, places, due).received]
+        received += [one.sent.payload for one in air.advance(begin_ns + STEP_NS, places, now).received]
         air.snapshot("ego", begin_ns + STEP_NS)
-        sent += due
+        sent += now
     whole_s = time.perf_counter() - start_s
     values = [decode_cam(message.payload) for message in sent]
     start_s = time.perf_counter()
