@@ -7,7 +7,7 @@ from pathlib import Path
 
 from advpipe.pipeline.detector.second.presets import preset_named
 from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.geometry.boxes import MIN_POINTS
+from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,11 @@ class TrainConfig:
     augmentation: Augmentation = Augmentation()
 
     def __post_init__(self) -> None:
-        preset_named(self.preset)
+        if preset_named(self.preset).classes != CLASSES:
+            raise AdvpipeError(
+                f"preset {self.preset} has other classes than our drives; it takes imported weights "
+                "(advpipe import-weights) and is not trained here"
+            )
         if not self.bags:
             raise AdvpipeError("train needs at least one bag")
         for name in ("batch_size", "checkpoint_every", "epochs", "learning_rate"):

@@ -13,6 +13,7 @@ from advpipe.stages.train.config import TrainConfig
     [
         ({"bags": ()}, "at least one bag"),
         ({"preset": "huge"}, "unknown detector preset 'huge'; known: small"),
+        ({"preset": "kitti"}, "preset kitti has other classes"),
         ({"batch_size": 0}, "batch_size is 0"),
         ({"epochs": -1.0}, "epochs is -1"),
         ({"learning_rate": float("nan")}, "learning_rate is nan"),
