@@ -52,6 +52,8 @@ class ReactiveDcc:
         if not 0 <= channel_load <= 1:
             raise AdvpipeError(f"channel load {channel_load} is no share of time, which lies in [0, 1]")
         self._loads.append(channel_load)
+        if self._state == _RELAXED and channel_load < _RELAXED_BELOW:
+            return
         highest = max(self._loads)
         least = min(list(self._loads)[-UP_SAMPLES:])
         if self._state == _RELAXED and least < _RELAXED_BELOW:

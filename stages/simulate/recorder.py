@@ -93,10 +93,7 @@ class Recorder:
                 self._record_view(stamp_ns, snapshot.vehicle, snapshot.view)
         if self._scenario.v2x.enabled:
             self._record_radios(stamp_ns, radios)
-        for vehicle, known in local_dynamic_maps:
-            topic = VehicleTopics(vehicle)
-            self._step.append((topic.ldm, ldm_snapshot_cdr(known), stamp_ns))
-            self._step.append((topic.ldm_objects, ldm_detections_cdr(known), stamp_ns))
+            self._record_maps(stamp_ns, local_dynamic_maps)
         self._flush()
 
     def finish(self, exchange: Exchange, statistics: Statistics | None) -> None:
@@ -130,6 +127,12 @@ class Recorder:
             for radio in radios
             if radio.vehicle in self._scenario.vehicles
         }
+
+    def _record_maps(self, stamp_ns: int, local_dynamic_maps: Sequence[tuple[str, LdmSnapshot]]) -> None:
+        for vehicle, known in local_dynamic_maps:
+            topic = VehicleTopics(vehicle)
+            self._step.append((topic.ldm, ldm_snapshot_cdr(known), stamp_ns))
+            self._step.append((topic.ldm_objects, ldm_detections_cdr(known), stamp_ns))
 
     def _record_onboard(self, snapshot: Snapshot) -> None:
         topic = VehicleTopics(snapshot.vehicle)

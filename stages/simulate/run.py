@@ -8,6 +8,7 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.provenance import clean_provenance
 from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.garbage import settled
 from advpipe.pipeline.partial import FolderKind, staged_folder
 from advpipe.pipeline.progress import track
 from advpipe.pipeline.scenario import Scenario, dump_scenario
@@ -57,6 +58,7 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
         vehicles = [Instrumented(scenario, name) for name in sorted(scenario.vehicles)]
         provenance = clean_provenance(scenario.name, text, clock.seed, network.map_sha256)
         with (
+            settled(),
             Traffic(scenario, network, variants, Path(scratch)) as traffic,
             BagWriter(
                 folder / "clean", provenance=provenance, compression=scenario.recording.compression
