@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import os
+import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+import tempfile
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-import open3d as o3d
 
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64
@@ -38,7 +37,7 @@ def load_mesh(path: str, key: str, material: str, scale: float) -> Mesh:
         raise AdvpipeError(f"{key}.mesh: {file} {state}; give the path of an {', '.join(FORMATS)} file")
     if file.suffix.lower() not in FORMATS:
         raise AdvpipeError(f"{key}.mesh: {file} is none of {', '.join(FORMATS)}; convert it")
-    vertices, triangles = _read(file)
+    vertices, triangles = _read(file, file.stat().st_mtime_ns)
     vertices_m = vertices * scale
     problem = _problem(vertices_m, triangles)
     if problem is not None:
@@ -50,14 +49,35 @@ def load_mesh(path: str, key: str, material: str, scale: float) -> Mesh:
     return Mesh(vertices_m, triangles, np.full(len(triangles), MATERIAL_ID[material], np.uint8))
 
 
-def _read(file: Path) -> tuple[Float64, npt.NDArray[np.int64]]:
-    """Vertices (V, 3) and triangles (T, 3); none of either where the file is no mesh."""
-    mesh = o3d.geometry.TriangleMesh()
-    if not _is_cut_off(file):
-        errors_only = o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error)
-        with _silence(), errors_only, suppress(RuntimeError, ValueError, MemoryError):
-            mesh = o3d.io.read_triangle_mesh(str(file))
-    return np.array(mesh.vertices, dtype=np.float64), np.array(mesh.triangles, dtype=np.int64)
+@lru_cache(maxsize=16)
+def _read(file: Path, modified_ns: int) -> tuple[Float64, npt.NDArray[np.int64]]:
+    """Vertices (V, 3) and triangles (T, 3); none of either where the file is no mesh.
+
+    Open3D reads it in a process of its own: a damaged .ply can crash it, and must not crash us.
+    `modified_ns` is the file's: a mesh that stands in many places is read once.
+    """
+    nothing = np.empty((0, 3)), np.empty((0, 3), np.int64)
+    if _is_cut_off(file):
+        return nothing
+    with tempfile.TemporaryDirectory() as scratch:
+        arrays = Path(scratch) / "mesh.npz"
+        command = [sys.executable, "-c", _READER, str(file.absolute()), str(arrays), *sys.path]
+        done = subprocess.run(command, capture_output=True)  # what C libraries say there, our one line says
+        if done.returncode != 0 or not arrays.is_file():
+            return nothing
+        with np.load(arrays) as read:
+            return read["vertices"], read["triangles"]
+
+
+_READER = """
+import sys
+file, arrays = sys.argv[1:3]
+sys.path[:] = sys.argv[3:]
+import numpy, open3d
+mesh = open3d.io.read_triangle_mesh(file)
+vertices, triangles = numpy.array(mesh.vertices, numpy.float64), numpy.array(mesh.triangles, numpy.int64)
+numpy.savez(arrays, vertices=vertices, triangles=triangles)
+"""
 
 
 def _is_cut_off(file: Path) -> bool:
@@ -69,24 +89,6 @@ def _is_cut_off(file: Path) -> bool:
     if head.lstrip().startswith(b"solid"):
         return False
     return len(head) < 84 or file.stat().st_size < 84 + 50 * int.from_bytes(head[80:], "little")
-
-
-@contextmanager
-def _silence() -> Iterator[None]:
-    """Keeps quiet what the readers' C libraries write to stdout and stderr: our one line says it."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    kept = [(stream, os.dup(stream)) for stream in (1, 2)]
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    try:
-        for stream, _ in kept:
-            os.dup2(nowhere, stream)
-        yield
-    finally:
-        for stream, copy in kept:
-            os.dup2(copy, stream)
-            os.close(copy)
-        os.close(nowhere)
 
 
 def _problem(vertices_m: Float64, triangles: npt.NDArray[np.int64]) -> str | None:

@@ -87,6 +87,8 @@ NAN_PLY = (
     "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
     "element face 1\nproperty list uchar int vertex_indices\nend_header\nnan 0 0\n1 0 0\n0 1 1\n3 0 1 2\n"
 )
+CRASHING_PLY = NAN_PLY.replace("nan", "0").replace("3 0 1 2", "4 0 1 2 1000000000")
+"""A polygon with a corner that does not exist: Open3D crashes when it divides it into triangles."""
 STL_HEAD = b"\0" * 80 + struct.pack("<I", 10**9)
 
 
@@ -99,6 +101,7 @@ STL_HEAD = b"\0" * 80 + struct.pack("<I", 10**9)
         ("noise.glb", bytes(range(256)) * 20, "holds no triangles, or is no mesh at all"),
         ("noise.stl", bytes(range(256)) * 20, "holds no triangles, or is no mesh at all"),
         ("huge.stl", STL_HEAD, "holds no triangles, or is no mesh at all"),
+        ("crashing.ply", CRASHING_PLY.encode(), "holds no triangles, or is no mesh at all"),
         ("noise.off", b"OFF\n3 1 0\nx y z\n", "holds no triangles, or is no mesh at all"),
         ("nan.ply", NAN_PLY.encode(), "has vertices that are not finite"),
         ("flat.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "a side of less than 0.01 m"),
