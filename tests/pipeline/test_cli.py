@@ -36,7 +36,7 @@ def test_help_loads_nothing_heavy() -> None:
 
 
 @pytest.mark.parametrize(
-    "command", ["simulate", "attack", "evaluate", "train", "inspect", "recover", "schema"]
+    "command", ["simulate", "attack", "evaluate", "train", "inspect", "plot", "recover", "schema"]
 )
 def test_every_command_explains_itself(command: str) -> None:
     done = advpipe(command, "--help")
