@@ -32,7 +32,7 @@ class Generator(Section):
     )
     block_m: Positive = Field(160.0, le=2000, description="distance between junctions")
     lanes: int = Field(2, ge=1, le=4, description="of each direction")
-    speed_mps: Positive = Field(13.89, le=70)
+    speed_mps: Positive = Field(13.89, ge=1, le=70)
 
 
 class Map(Section):

@@ -14,6 +14,9 @@ from advpipe.pipeline.scenario.lidar_presets import LIDAR_PRESETS
 
 _FAN = ("channels", "upper_fov", "lower_fov")
 
+VEHICLE_FRAMES = ("base_link", "imu", "odom")
+"""Frames that each vehicle has beside those of its LiDARs, which have their names."""
+
 MAX_RAYS = 2_000_000
 """Rays of one turn; a few hundred bytes of memory each."""
 
@@ -124,9 +127,15 @@ class GnssSensor(Section):
     """A satellite receiver: white noise over a slowly wandering (Gauss-Markov) offset."""
 
     rate_hz: Positive | None = Field(None, description="fixes a second; one in every step if left out")
-    white_stddev_m: NotNegative = Field(0.3, description="of each horizontal axis; twice that in height")
-    drift_stddev_m: NotNegative = Field(1.0, description="of each horizontal axis; twice that in height")
-    drift_time_s: Positive = Field(60.0, description="correlation time of the wandering offset")
+    white_stddev_m: NotNegative = Field(
+        0.3, le=1000, description="of each horizontal axis; twice that in height"
+    )
+    drift_stddev_m: NotNegative = Field(
+        1.0, le=1000, description="of each horizontal axis; twice that in height"
+    )
+    drift_time_s: Positive = Field(
+        60.0, ge=0.001, le=1e6, description="correlation time of the wandering offset"
+    )
 
     def steps_per_fix(self, step_s: float) -> int:
         """Steps from one fix to the next; ValueError where that is no whole number."""
@@ -145,11 +154,13 @@ class ImuSensor(Section):
     """
 
     rate_hz: Positive = Field(100.0, le=10_000, description="samples a second")
-    accelerometer_noise_density: NotNegative = Field(1.9e-3, description="m/s^2 per square root of hertz")
-    gyroscope_noise_density: NotNegative = Field(2.4e-4, description="rad/s per square root of hertz")
-    accelerometer_bias_stddev_mps2: NotNegative = Field(0.05, description="of each axis")
-    gyroscope_bias_stddev_radps: NotNegative = Field(0.001, description="of each axis")
-    bias_time_s: Positive = Field(300.0, description="correlation time of the biases")
+    accelerometer_noise_density: NotNegative = Field(
+        1.9e-3, le=10, description="m/s^2 per square root of hertz"
+    )
+    gyroscope_noise_density: NotNegative = Field(2.4e-4, le=1, description="rad/s per square root of hertz")
+    accelerometer_bias_stddev_mps2: NotNegative = Field(0.05, le=10, description="of each axis")
+    gyroscope_bias_stddev_radps: NotNegative = Field(0.001, le=1, description="of each axis")
+    bias_time_s: Positive = Field(300.0, ge=0.001, le=1e6, description="correlation time of the biases")
     accelerometer_range_mps2: Positive = Field(
         235.0, ge=20, description="full scale, 24 g; beyond it, samples stay there"
     )
@@ -170,9 +181,9 @@ class ImuSensor(Section):
 class WheelOdometrySensor(Section):
     """Speed and turn rate from the wheels: white noise, and errors drawn once for each vehicle."""
 
-    speed_white_stddev_mps: NotNegative = 0.05
+    speed_white_stddev_mps: NotNegative = Field(0.05, le=100)
     speed_scale_stddev: NotNegative = Field(0.005, le=0.2, description="tyres of another radius")
-    turn_rate_white_stddev_radps: NotNegative = 0.01
+    turn_rate_white_stddev_radps: NotNegative = Field(0.01, le=10)
     turn_rate_scale_stddev: NotNegative = Field(0.01, le=0.2, description="another effective track width")
     curvature_stddev_1pm: NotNegative = Field(
         0.0006, le=0.1, description="left and right tyres of different radius: turn in rad per metre driven"
@@ -182,12 +193,14 @@ class WheelOdometrySensor(Section):
 class LocalisationFilter(Section):
     """What the on-board filter assumes beside the models of its sensors."""
 
-    start_position_stddev_m: Positive = Field(5.0, description="of the pose that it starts from, each axis")
+    start_position_stddev_m: Positive = Field(
+        5.0, le=1000, description="of the pose that it starts from, each axis"
+    )
     start_heading_stddev_deg: Positive = Field(5.0, le=30)
     start_tilt_stddev_deg: Positive = Field(2.0, le=30, description="of roll and of pitch")
-    slip_stddev_mps: Positive = Field(0.1, description="of the speed sideways and upwards")
-    slip_lever_m: NotNegative = Field(1.5, description="what a turn of 1 rad/s adds to it, in m/s")
-    slip_time_s: Positive = Field(0.5, description="for how long such a slide lasts")
+    slip_stddev_mps: Positive = Field(0.1, le=100, description="of the speed sideways and upwards")
+    slip_lever_m: NotNegative = Field(1.5, le=100, description="what a turn of 1 rad/s adds to it, in m/s")
+    slip_time_s: Positive = Field(0.5, ge=0.001, le=1e6, description="for how long such a slide lasts")
     gate_probability: Probability | None = Field(
         None, lt=1, description="drop fixes whose innovation is beyond this chi-square quantile, like 0.999"
     )
@@ -201,6 +214,13 @@ class Sensors(Section):
     imu: ImuSensor = ImuSensor()
     wheel_odometry: WheelOdometrySensor = WheelOdometrySensor()
     localisation: LocalisationFilter = LocalisationFilter()
+
+    @model_validator(mode="after")
+    def _frames(self) -> Sensors:
+        taken = next((name for name in self.lidars if name in VEHICLE_FRAMES), None)
+        if taken is not None:
+            raise ValueError(f"lidars.{taken} has the name of another frame of its vehicle; rename it")
+        return self
 
     def check_rates(self, step_s: float) -> None:
         """ValueError where the rate of a sensor does not fit the step."""

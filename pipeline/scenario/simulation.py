@@ -17,7 +17,7 @@ class Simulation(Section):
     step_s: Positive = Field(
         0.1, le=1.0, description="step of the V2X clock, which traffic and sensors follow"
     )
-    warmup_s: NotNegative = Field(15.0, description="simulated before the recording starts")
+    warmup_s: NotNegative = Field(15.0, le=86_400, description="simulated before the recording starts")
     start: datetime = Field(
         datetime(2026, 1, 1, 12, tzinfo=timezone.utc), description="date that the recording starts at"
     )

@@ -16,6 +16,9 @@ from advpipe.stages.simulate.routes import Routes
 from advpipe.stages.simulate.vehicle_types import BODIES_OF_CLASS
 
 ROUTE_FILE = "a SUMO route file (.rou.xml)"
+OUR_NAMES = ("pedestrian", "parked")
+"""Of the people on foot and the parked cars, as in `parked.7`."""
+
 DEFAULT_TYPES = {"DEFAULT_VEHTYPE", "DEFAULT_TAXITYPE", "DEFAULT_BIKETYPE"}
 
 
@@ -119,6 +122,10 @@ def _check(
                 raise AdvpipeError(f"{name}: no vType {found.get('type')!r} is defined")
             if found.get("id") in scenario.vehicles:
                 raise AdvpipeError(f"{name} has the name of an instrumented vehicle; rename one of them")
+            if str(found.get("id")).partition(".")[0] in OUR_NAMES:
+                raise AdvpipeError(f"{name} has a name of ours; rename it")
+        if found.tag in ("person", "personFlow", "container", "containerFlow"):
+            raise AdvpipeError(f"{name}: only vehicles are taken; count people in traffic.pedestrians")
 
 
 def _probe(key: str, options: Sequence[str], network: RoadNetwork) -> None:

@@ -122,3 +122,22 @@ def test_a_turn_may_take_several_steps() -> None:
         AdvpipeError, match=r"takes 0\.05 s, which is no whole number of simulation\.step_s of 0\.1"
     ):
         load_scenario("smoke", ["sensors.lidars.lidar.rotation_frequency=20"])
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("sensors.lidars={base_link: {}}", "lidars.base_link has the name of another frame"),
+        ("sensors.lidars={imu: {}}", "lidars.imu has the name of another frame"),
+        ("sensors.gnss.white_stddev_m=1.0e+9", "less than or equal to 1000"),
+        ("sensors.gnss.drift_stddev_m=1.0e+9", "less than or equal to 1000"),
+        ("sensors.imu.accelerometer_bias_stddev_mps2=1.0e+26", "less than or equal to 10"),
+        ("sensors.imu.gyroscope_bias_stddev_radps=1.0e+26", "less than or equal to 1"),
+        ("sensors.wheel_odometry.speed_white_stddev_mps=1.0e+26", "less than or equal to 100"),
+        ("simulation.warmup_s=1.0e+9", "less than or equal to 86400"),
+        ("map.generator={speed_mps: 1.0e-9}", "greater than or equal to 1"),
+    ],
+)
+def test_frames_keep_their_names_and_numbers_their_bounds(setting: str, message: str) -> None:
+    with pytest.raises(AdvpipeError, match=message):
+        load_scenario("smoke", [setting])
