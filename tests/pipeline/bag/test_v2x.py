@@ -7,7 +7,7 @@ import pytest
 
 from advpipe.pipeline.bag.cam_message import cam_of_message, udp_packet
 from advpipe.pipeline.bag.topics import VehicleTopics
-from advpipe.pipeline.bag.types import serialise, typestore
+from advpipe.pipeline.bag.types import message_class, serialise, typestore
 from advpipe.pipeline.bag.v2x import (
     RadioPlace,
     StampedCdr,
@@ -39,6 +39,7 @@ PLACES = tuple(
 
 def again(stamped: StampedCdr) -> object:
     topic, cdr, _ = stamped
+    message_class(topic.type)  # the types of CAMs join the store when one is asked for
     message = typestore().deserialize_cdr(cdr, topic.type)
     assert serialise(message, topic.type) == cdr
     return message

@@ -37,7 +37,13 @@ def run_smoke(out: Path, hash_seed: str = "0", *more: str) -> subprocess.Popen[s
     command = [sys.executable, "-c", SMOKE, "simulate", "smoke", "--out", str(out), *more]
     environment = {**os.environ, "PYTHONHASHSEED": hash_seed}
     pipe = subprocess.PIPE
-    return subprocess.Popen(command, env=environment, stdout=pipe, stderr=pipe, text=True)
+
+    def hear_ctrl_c() -> None:  # a shell's background job hands down a deaf ear
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+    return subprocess.Popen(
+        command, env=environment, stdout=pipe, stderr=pipe, text=True, preexec_fn=hear_ctrl_c
+    )
 
 
 @pytest.fixture(scope="module")
