@@ -11,7 +11,15 @@ from advpipe.pipeline.scenario.environment import Environment
 from advpipe.pipeline.scenario.map import Map
 from advpipe.pipeline.scenario.sensors import Sensors
 from advpipe.pipeline.scenario.simulation import Simulation
-from advpipe.pipeline.scenario.traffic import BODIES, Traffic, Trajectories, UserBody, Vehicle, Vehicles
+from advpipe.pipeline.scenario.traffic import (
+    BODIES,
+    PEOPLE,
+    Traffic,
+    Trajectories,
+    UserBody,
+    Vehicle,
+    Vehicles,
+)
 from advpipe.pipeline.scenario.v2x import V2x
 
 
@@ -47,7 +55,7 @@ class Scenario(Section):
 
     @model_validator(mode="after")
     def _bodies(self) -> Scenario:
-        clashes = sorted(set(self.bodies) & set(BODIES))
+        clashes = sorted(set(self.bodies) & {*BODIES, *PEOPLE})
         if clashes:
             raise ValueError(f"bodies.{clashes[0]} has the name of a body that comes with advpipe; rename it")
         known = (*BODIES, *self.bodies)

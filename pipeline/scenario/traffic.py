@@ -25,6 +25,9 @@ BODIES = (
 )
 """Bodies that drive on the road and come with advpipe; people on foot are counted by `pedestrians`."""
 
+PEOPLE = ("pedestrian", "pedestrian_backpack", "pedestrian_suitcase", "pedestrian_umbrella", "child")
+"""People on foot that come with advpipe."""
+
 
 class UserBody(Section):
     """A body of the user's: a mesh file, x forward, z up; it fits the box that the mesh fills."""

@@ -163,6 +163,9 @@ def _read(sumo_file: Path, origin: str, map_file: Path) -> RoadNetwork:
         raise AdvpipeError(f"{origin}: the network cannot be read: {error!r}") from None
     if not all(np.isfinite(lane.centre_m).all() for edge in edges.values() for lane in edge.lanes):
         raise AdvpipeError(f"{origin}: the network has coordinates that are not finite")
+    still = next((edge for edge in edges.values() if edge.for_cars and not edge.speed_mps > 0), None)
+    if still is not None:
+        raise AdvpipeError(f"{origin}: edge {still.id!r} is for cars, but its speed is {still.speed_mps:g}")
     digest = hashlib.sha256(map_file.read_bytes()).hexdigest()
     return RoadNetwork(sumo_file, offset, edges, junctions, digest)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,10 +43,13 @@ class OwnTraffic:
         return command
 
 
-def own_traffic(scenario: Scenario, network: RoadNetwork, routes: Routes, types: Path) -> OwnTraffic:
+def own_traffic(
+    scenario: Scenario, network: RoadNetwork, routes: Routes, types: Path, moved: Collection[str] = ()
+) -> OwnTraffic:
     """The user's traffic of a scenario, if it names any; departures count from the warm-up's start.
 
     Of a .sumocfg, its route and additional files and its begin are taken; the network is the scenario's.
+    `moved`: ids in the table of trajectories.
     Raises AdvpipeError for a file that is missing or none, an unknown edge or type, roads that do not
     lead on, a class of vehicle that we have no body for, and whatever else SUMO refuses.
     """
@@ -68,7 +71,7 @@ def own_traffic(scenario: Scenario, network: RoadNetwork, routes: Routes, types:
     for path, root in roots:
         known |= set(_types(root, f"{key}: {path}"))
     for path, root in roots:
-        _check(root, f"{key}: {path}", scenario, routes, known)
+        _check(root, f"{key}: {path}", scenario, routes, known, moved)
     _probe(key, own.options(types), network)
     return own
 
@@ -107,7 +110,12 @@ def _types(root: ElementTree.Element, where: str) -> Iterator[str]:
 
 
 def _check(
-    root: ElementTree.Element, where: str, scenario: Scenario, routes: Routes, known: set[str]
+    root: ElementTree.Element,
+    where: str,
+    scenario: Scenario,
+    routes: Routes,
+    known: set[str],
+    moved: Collection[str],
 ) -> None:
     for found in root.iter():
         name = f"{where}: {found.tag} {found.get('id', '')!r}"
@@ -122,10 +130,17 @@ def _check(
                 raise AdvpipeError(f"{name}: no vType {found.get('type')!r} is defined")
             if found.get("id") in scenario.vehicles:
                 raise AdvpipeError(f"{name} has the name of an instrumented vehicle; rename one of them")
+            if found.get("id") in moved or (found.tag == "flow" and _counts(str(found.get("id")), moved)):
+                raise AdvpipeError(f"{name} has the name of one in trajectories.file; rename one of them")
             if str(found.get("id")).partition(".")[0] in OUR_NAMES:
                 raise AdvpipeError(f"{name} has a name of ours; rename it")
         if found.tag in ("person", "personFlow", "container", "containerFlow"):
             raise AdvpipeError(f"{name}: only vehicles are taken; count people in traffic.pedestrians")
+
+
+def _counts(flow: str, names: Collection[str]) -> bool:
+    """Whether a vehicle of a flow, like `flow.3`, may have one of the names."""
+    return any(name.rpartition(".")[0] == flow and name.rpartition(".")[2].isdigit() for name in names)
 
 
 def _probe(key: str, options: Sequence[str], network: RoadNetwork) -> None:

@@ -55,7 +55,7 @@ class Traffic:
                 self._routes.checked(vehicle.route, f"vehicles.{name}.route")
         types = scratch / "vehicle_types.add.xml"
         types.write_text(vehicle_types_xml(variants), encoding="utf-8")
-        self._own = own_traffic(scenario, network, self._routes, types)
+        self._own = own_traffic(scenario, network, self._routes, types, self._trajectories.ids)
         self._options = self._own.options(types)
         self._puppets = Puppets(network)
         self._controllers = Controllers(scenario, network, self._puppets)

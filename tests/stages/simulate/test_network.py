@@ -58,6 +58,13 @@ def test_refuses_a_missing_file_and_says_how_to_name_one(tmp_path: Path) -> None
         load_network(Map(opendrive=str(tmp_path / "Town06.xodr")), tmp_path)
 
 
+def test_refuses_a_road_on_which_nobody_may_move(tmp_path: Path, road: Callable[..., Path]) -> None:
+    net = road(100)
+    net.write_text(net.read_text().replace('speed="13.90"', 'speed="0.00"'))
+    with pytest.raises(AdvpipeError, match=r"road\.net\.xml: edge '\w+' is for cars, but its speed is 0"):
+        load_network(Map(sumo_net=str(net)), tmp_path)
+
+
 def test_refuses_an_opendrive_map_without_roads(tmp_path: Path) -> None:
     path = tmp_path / "empty.xodr"
     path.write_text('<OpenDRIVE><header revMajor="1" revMinor="4" name="none"/></OpenDRIVE>')

@@ -100,6 +100,18 @@ def test_missing_files_are_said(tmp_path: Path, road: Callable[..., Path], drive
         drive(load_scenario("smoke", settings), 1)
 
 
+@pytest.mark.parametrize("taken", ["one", "f.2"])
+def test_routes_and_trajectories_share_no_name(
+    tmp_path: Path, road: Callable[..., Path], drive: Driver, taken: str
+) -> None:
+    table = tmp_path / "poses.csv"
+    table.write_text(f"id,time_s,x_m,y_m,z_m,yaw_rad\n{taken},0,50,0,0,0\n{taken},9,90,0,0,0\n")
+    flow = '<flow id="f" begin="0" end="9" number="3" from="ab" to="bc"/></routes>'
+    text = ROUTES.replace("</routes>", flow)
+    with pytest.raises(AdvpipeError, match=r"has the name of one in trajectories\.file"):
+        drive(scenario(tmp_path, road(300), text, f"trajectories={{file: {table}}}"), 1)
+
+
 ROUTES_OF_EGO = {
     "[ab, xx]": r"vehicles\.ego\.route: no edge 'xx' on this network; the nearest name is",
     "[nb, ab]": r"vehicles\.ego\.route: edge 'nb' does not lead to 'ab'; it leads to bc",

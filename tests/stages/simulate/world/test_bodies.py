@@ -7,7 +7,7 @@ import pytest
 
 from advpipe.pipeline.geometry.boxes import CLASSES
 from advpipe.pipeline.scenario.traffic import BODIES as DRIVEN
-from advpipe.pipeline.scenario.traffic import Traffic
+from advpipe.pipeline.scenario.traffic import PEOPLE, Traffic
 from advpipe.stages.simulate.world.bodies import BODIES, MIRROR_OUT_M, VARIANTS, draw_variants
 from advpipe.stages.simulate.world.materials import MATERIAL_ID, RETROREFLECTIVE
 from advpipe.stages.simulate.world.scene import Scene
@@ -102,3 +102,7 @@ def test_variants_differ_a_little_and_follow_the_seed() -> None:
     for name, variant in first.items():
         assert variant.length_m == pytest.approx(variant.body.length_m, rel=0.075)
         assert np.array_equal(variant.mesh.vertices_m, again[name].mesh.vertices_m)
+
+
+def test_the_scenario_knows_every_body_by_name() -> None:
+    assert {*DRIVEN, *PEOPLE} == set(BODIES)
