@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -18,11 +19,18 @@ def se3(rotation: npt.ArrayLike, translation_m: npt.ArrayLike) -> Float64:
     return matrix
 
 
-def se3_from_yaw(translation_m: npt.ArrayLike, yaw_rad: float, pitch_rad: float = 0.0) -> Float64:
+def se3_from_yaw(translation_m: Sequence[float] | Float64, yaw_rad: float, pitch_rad: float = 0.0) -> Float64:
     """The pose at `translation_m` that looks along `yaw_rad`; positive pitch looks down (REP-103)."""
-    cy, sy, cp, sp = np.cos(yaw_rad), np.sin(yaw_rad), np.cos(pitch_rad), np.sin(pitch_rad)
-    rotation = np.array([[cy * cp, -sy, cy * sp], [sy * cp, cy, sy * sp], [-sp, 0.0, cp]])
-    return se3(rotation, translation_m)
+    cy, sy, cp, sp = math.cos(yaw_rad), math.sin(yaw_rad), math.cos(pitch_rad), math.sin(pitch_rad)
+    x_m, y_m, z_m = translation_m
+    return np.array(
+        [
+            [cy * cp, -sy, cy * sp, x_m],
+            [sy * cp, cy, sy * sp, y_m],
+            [-sp, 0.0, cp, z_m],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
 
 
 def invert(a_SE3_b: Float64) -> Float64:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import shapely
@@ -34,17 +37,23 @@ class Walker:
     speed_mps: float
 
     def at(self, time_s: float) -> RoadUser:
+        ends_m, directions = self._pieces
+        length_m = ends_m[-1]
+        walked_m = (self.start_m + self.speed_mps * time_s) % (2 * length_m)
+        outward = walked_m < length_m
+        place_m = walked_m if outward else 2 * length_m - walked_m
+        index = min(bisect_right(ends_m, place_m), len(ends_m) - 1)
+        position = self.path_m[index + 1] - directions[index] * (ends_m[index] - place_m)
+        direction = directions[index] if outward else -directions[index]
+        yaw_rad = math.atan2(direction[1], direction[0])
+        return RoadUser(self.id, self.variant, se3_from_yaw(position, yaw_rad), direction * self.speed_mps)
+
+    @cached_property
+    def _pieces(self) -> tuple[list[float], Float64]:
+        """Where each piece of the path ends, along it, and its direction (K - 1, 3)."""
         pieces = np.diff(self.path_m, axis=0)
         lengths = np.linalg.norm(pieces, axis=1)
-        ends = np.cumsum(lengths)
-        walked_m = (self.start_m + self.speed_mps * time_s) % (2 * ends[-1])
-        outward = walked_m < ends[-1]
-        place_m = walked_m if outward else 2 * ends[-1] - walked_m
-        index = min(int(np.searchsorted(ends, place_m, side="right")), len(pieces) - 1)
-        position = self.path_m[index + 1] - pieces[index] * (ends[index] - place_m) / lengths[index]
-        direction = pieces[index] / lengths[index] * (1 if outward else -1)
-        yaw_rad = float(np.arctan2(direction[1], direction[0]))
-        return RoadUser(self.id, self.variant, se3_from_yaw(position, yaw_rad), direction * self.speed_mps)
+        return np.cumsum(lengths).tolist(), pieces / lengths[:, None]
 
 
 def draw_walkers(
