@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-COLUMNS = ("step", "learning_rate", "loss", "score_loss", "box_loss", "direction_loss", "gradient_norm")
+LOSSES = ("loss", "score_loss", "box_loss", "direction_loss", "quality_loss")
+COLUMNS = ("step", "learning_rate", *LOSSES, "gradient_norm")
 
 
 class TrainLog:
@@ -41,7 +42,9 @@ def plot_losses(log: Path, picture: Path) -> None:
     width = max(1, len(table) // 50)
     figure = Figure(figsize=(7, 4), layout="constrained")
     axes = figure.add_subplot()
-    for name in ("loss", "score_loss", "box_loss", "direction_loss"):
+    for name in LOSSES:
+        if not table[name].any():  # no curve on a logarithmic axis
+            continue
         smooth = np.convolve(table[name], np.ones(width) / width, mode="valid")
         axes.plot(table["step"][width - 1 :], smooth, label=name.replace("_", " "))
     axes.set(xlabel="step", ylabel="loss", yscale="log", title="Training loss")

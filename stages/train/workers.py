@@ -23,14 +23,14 @@ from advpipe.pipeline.detector.second.voxels import voxelise
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.train.examples import Examples
 
-PARTS = ("score_loss", "box_loss", "direction_loss")
+PARTS = ("score_loss", "box_loss", "direction_loss", "quality_loss")
 
 
 class Gradients(Protocol):
     """The mean gradient over the clouds of a batch."""
 
     def __call__(self, step: int) -> Tensor:
-        """Set the gradients and batch norm averages of the network; the losses (3,) of `PARTS`."""
+        """Set the gradients and batch norm averages of the network; the losses (4,) of `PARTS`."""
 
 
 class Replica:
@@ -53,7 +53,7 @@ class Replica:
         target = self.grid.assign(example.boxes, example.labels, example.ignored)
         parts = losses(self.net(voxels, bf16=self.examples.config.bf16), [target], self.grid)
         parts.total.backward()  # type: ignore[no-untyped-call]
-        values = [torch.stack([parts.score, parts.box, parts.direction]).detach()]
+        values = [torch.stack([parts.score, parts.box, parts.direction, parts.quality]).detach()]
         values += [p.grad.reshape(-1) for p in self.net.parameters() if p.grad is not None]
         return torch.cat([*values, *averages(self.net)])
 

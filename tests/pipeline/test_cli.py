@@ -137,7 +137,7 @@ def assert_quiet_when_nobody_reads(bag: Path) -> None:
 
 
 def test_training_is_summed_up_in_one_line(tmp_path: Path) -> None:
-    from advpipe.pipeline.cli import _trained
+    from advpipe.pipeline.cli.train import _trained
     from advpipe.stages.train.run import TrainSummary
     from advpipe.stages.train.validate import ClassPrecision
 

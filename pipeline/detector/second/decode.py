@@ -20,14 +20,18 @@ SCORE_THRESHOLD = 0.1
 
 @torch.no_grad()
 def detections(predictions: Predictions, batch: int, grid: AnchorGrid) -> Detections:
-    """The boxes of cloud `batch` that score at least 0.1, best first, at most as many as the preset says.
+    """The boxes of cloud `batch` whose class scores at least 0.1, best first, at most as many as the preset
+    says.
 
-    Suppression knows no classes: one place on the road holds one object.
+    Suppression knows no classes: one place on the road holds one object. Where the head predicts the
+    quality of boxes, it counts as the preset's `quality_power` says.
     """
     preset = grid.preset
     best, labels = predictions.scores[batch].max(1)
     scores = torch.sigmoid(best)
     chosen = (scores >= SCORE_THRESHOLD).nonzero().squeeze(1)
+    if predictions.qualities is not None and preset.quality_power is not None:
+        scores = scores * torch.sigmoid(predictions.qualities[batch]) ** preset.quality_power
     order = torch.sort(scores[chosen], descending=True, stable=True).indices[: preset.max_candidates]
     chosen = chosen[order]
     boxes = decode(predictions.codes[batch][chosen], grid.boxes(chosen))

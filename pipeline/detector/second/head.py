@@ -1,4 +1,5 @@
-"""The anchor head: scores, box codes and driving direction at every anchor (OpenPCDet's AnchorHeadSingle)."""
+"""The anchor head: scores, box codes, driving direction and, where the preset asks for it, the quality of
+the box at every anchor (OpenPCDet's AnchorHeadSingle; the quality: Wu et al. 2020)."""
 
 from __future__ import annotations
 
@@ -20,27 +21,30 @@ class Predictions:
     """Raw output for B clouds and N anchors in (H, W, A) order.
 
     scores: (B, N, classes) logits. codes: (B, N, 7). directions: (B, N, 2) logits.
+    qualities: (B, N) logits of the box's IoU with the truth; None where the preset has none.
     """
 
     scores: Tensor
     codes: Tensor
     directions: Tensor
+    qualities: Tensor | None = None
 
 
 class Head(nn.Module):
-    """Three 1 x 1 convolutions."""
+    """A 1 x 1 convolution for each kind of prediction."""
 
     def __init__(self, preset: Preset, c_in: int) -> None:
         super().__init__()
         self.anchors = len(preset.anchors) * len(preset.yaws_rad)
-        self.widths = [self.anchors * n for n in (len(preset.classes), 7, 2)]
-        # One convolution for all three: its output is split.
+        kinds = [len(preset.classes), 7, 2] + [1] * (preset.quality_power is not None)
+        self.widths = [self.anchors * n for n in kinds]
+        # One convolution for all: its output is split.
         self.convolution = nn.Conv2d(c_in, sum(self.widths), 1)
-        scores, codes, _ = self.convolution.bias.data.split(self.widths)  # type: ignore[union-attr]
+        scores, codes, *_ = self.convolution.bias.data.split(self.widths)  # type: ignore[union-attr]
         scores.fill_(-log((1 - PRIOR) / PRIOR))
         codes.zero_()
         # Small weights let the prior rule at first: large logits would swamp the first steps.
-        first, second, _ = torch.split(self.convolution.weight.data, self.widths)
+        first, second, *_ = torch.split(self.convolution.weight.data, self.widths)
         nn.init.normal_(first, std=0.01)
         nn.init.normal_(second, std=0.001)
 
@@ -50,7 +54,7 @@ class Head(nn.Module):
         out = F.linear(features.permute(0, 2, 3, 1), weight, bias)
         batch, height, width, _ = out.shape
         anchors = height * width * self.anchors
-        scores, codes, directions = (
+        scores, codes, directions, *quality = (
             part.reshape(batch, anchors, -1) for part in torch.split(out, self.widths, 3)
         )
-        return Predictions(scores, codes, directions)
+        return Predictions(scores, codes, directions, quality[0].squeeze(2) if quality else None)

@@ -1,4 +1,5 @@
-"""The training loss of SECOND: focal classification, smooth L1 boxes, direction (Yan et al. 2018)."""
+"""The training loss of SECOND: focal classification, smooth L1 boxes, direction (Yan et al. 2018); and the
+quality of boxes (Wu et al. 2020)."""
 
 from __future__ import annotations
 
@@ -10,10 +11,10 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from advpipe.pipeline.detector.second.anchors import AnchorGrid, Targets, encode
+from advpipe.pipeline.detector.second.anchors import AnchorGrid, Targets, decode, encode
 from advpipe.pipeline.detector.second.head import Predictions
 
-SCORE_WEIGHT, BOX_WEIGHT, DIRECTION_WEIGHT = 1.0, 2.0, 0.2
+SCORE_WEIGHT, BOX_WEIGHT, DIRECTION_WEIGHT, QUALITY_WEIGHT = 1.0, 2.0, 0.2, 0.5
 ALPHA, GAMMA = 0.25, 2
 BETA = 1 / 9
 
@@ -25,35 +26,53 @@ class Losses:
     score: Tensor
     box: Tensor
     direction: Tensor
+    quality: Tensor
+    """Zero where the head predicts none."""
 
     @property
     def total(self) -> Tensor:
-        return self.score + self.box + self.direction
+        return self.score + self.box + self.direction + self.quality
 
 
 def losses(predictions: Predictions, targets: Sequence[Targets], grid: AnchorGrid) -> Losses:
     """The mean losses over the clouds of a batch."""
-    parts = [
-        _of_cloud(predictions.scores[b], predictions.codes[b], predictions.directions[b], target, grid)
-        for b, target in enumerate(targets)
-    ]
-    score, box, direction = torch.stack(parts).mean(0)
-    return Losses(SCORE_WEIGHT * score, BOX_WEIGHT * box, DIRECTION_WEIGHT * direction)
+    parts = [_of_cloud(predictions, b, target, grid) for b, target in enumerate(targets)]
+    score, box, direction, quality = torch.stack(parts).mean(0)
+    return Losses(
+        SCORE_WEIGHT * score, BOX_WEIGHT * box, DIRECTION_WEIGHT * direction, QUALITY_WEIGHT * quality
+    )
 
 
-def _of_cloud(scores: Tensor, codes: Tensor, directions: Tensor, target: Targets, grid: AnchorGrid) -> Tensor:
+def _of_cloud(predictions: Predictions, b: int, target: Targets, grid: AnchorGrid) -> Tensor:
     count = max(1, len(target.positive))
-    score = focal_loss(scores, target) / count
+    score = focal_loss(predictions.scores[b], target) / count
     anchors = grid.boxes(target.positive)
     wanted = encode(target.boxes, anchors)
-    code = codes[target.positive]
+    code = predictions.codes[b][target.positive]
     # The heading counts as sin(difference), so that a box turned by pi costs nothing here.
     turn = torch.sin(code[:, 6] - wanted[:, 6])
     difference = torch.cat([code[:, :6] - wanted[:, :6], turn[:, None]], dim=1)
     box = F.smooth_l1_loss(difference, torch.zeros_like(difference), reduction="sum", beta=BETA) / count
     bins = direction_bin(target.boxes[:, 6], grid.preset.direction_offset_rad)
-    direction = F.cross_entropy(directions[target.positive], bins, reduction="sum") / count
-    return torch.stack([score, box, direction])
+    directions = predictions.directions[b][target.positive]
+    direction = F.cross_entropy(directions, bins, reduction="sum") / count
+    quality = score.new_zeros(())
+    if predictions.qualities is not None:
+        logits = predictions.qualities[b][target.positive]
+        iou = aligned_iou(decode(code.detach(), anchors), target.boxes)
+        quality = F.binary_cross_entropy_with_logits(logits, iou, reduction="sum") / count
+    return torch.stack([score, box, direction, quality])
+
+
+def aligned_iou(boxes: Tensor, truth: Tensor) -> Tensor:
+    """3D IoU (K,) of boxes (K, 7) with true ones (K, 7), as if both stood at the true heading."""
+    c, s = torch.cos(truth[:, 6]), torch.sin(truth[:, 6])
+    x, y, z = (boxes[:, :3] - truth[:, :3]).unbind(1)
+    offset = torch.stack([c * x + s * y, c * y - s * x, z], dim=1)
+    low = torch.maximum(offset - boxes[:, 3:6] / 2, -truth[:, 3:6] / 2)
+    high = torch.minimum(offset + boxes[:, 3:6] / 2, truth[:, 3:6] / 2)
+    common = (high - low).clamp(min=0).prod(1)
+    return common / (boxes[:, 3:6].prod(1) + truth[:, 3:6].prod(1) - common)
 
 
 def focal_loss(scores: Tensor, target: Targets) -> Tensor:

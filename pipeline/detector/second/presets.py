@@ -43,6 +43,8 @@ class Preset:
 
     Decoding: at most `max_candidates` anchors enter non-maximum suppression at `nms_iou`, at most
     `max_detections` come out. vote_iou: see `decode.vote`; None is plain suppression, as in OpenPCDet.
+    quality_power: the head also predicts each box's IoU with the truth, and a detection scores
+    class score * IoU**power (Wu et al. 2020, "IoU-aware Single-stage Object Detector"); None: it does not.
     """
 
     name: str
@@ -69,6 +71,7 @@ class Preset:
     max_candidates: int = 1000
     max_detections: int = 100
     vote_iou: float | None = None
+    quality_power: float | None = None
 
     @property
     def grid_zyx(self) -> tuple[int, int, int]:

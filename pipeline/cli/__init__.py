@@ -1,0 +1,55 @@
+"""The command line: the one package here that knows the stages; each is imported inside its command."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from advpipe.pipeline.cli.attack import attack
+from advpipe.pipeline.cli.bags import inspect, plot, recover
+from advpipe.pipeline.cli.evaluate import evaluate
+from advpipe.pipeline.cli.one_line_errors import OneLineErrors
+from advpipe.pipeline.cli.schema import schema
+from advpipe.pipeline.cli.simulate import simulate
+from advpipe.pipeline.cli.train import import_weights, train
+
+app = typer.Typer(
+    cls=OneLineErrors,
+    name="advpipe",
+    help="Adversarial attacks on autonomous vehicles: simulate a drive, attack it, measure the damage.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+COMMANDS = {
+    "simulate": simulate,
+    "attack": attack,
+    "evaluate": evaluate,
+    "train": train,
+    "import-weights": import_weights,
+    "inspect": inspect,
+    "plot": plot,
+    "recover": recover,
+    "schema": schema,
+}
+for word, command in COMMANDS.items():
+    app.command(word)(command)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"advpipe {version('advpipe')}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    pass

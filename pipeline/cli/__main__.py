@@ -1,0 +1,3 @@
+from advpipe.pipeline.cli import app
+
+app()

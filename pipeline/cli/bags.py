@@ -1,0 +1,56 @@
+"""The commands about one bag: `inspect`, `plot` and `recover`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from advpipe.pipeline.cli.shared import Overwrite
+
+
+def inspect(
+    bag: Annotated[Path, typer.Argument(help="Data set, rosbag2 folder or .mcap.")],
+    as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+) -> None:
+    """What is in a bag: topics, rates, clouds, road users, V2X, provenance, checksums."""
+    from advpipe.pipeline.bag.inspect import describe
+
+    description = describe(bag)
+    if as_json:
+        print(description.to_json())
+    else:
+        description.print()
+
+
+def plot(
+    bag: Annotated[Path, typer.Argument(help="Data set, rosbag2 folder or .mcap.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Picture to write: .png, .pdf or .svg.")] = Path(
+        "v2x.png"
+    ),
+    overwrite: Overwrite = False,
+) -> None:
+    """Draw a drive's V2X: CAM rates, packets delivered by distance, channel load."""
+    from advpipe.pipeline.bag.v2x_picture import draw_bag
+
+    draw_bag(bag, out, overwrite)
+    print(out)
+
+
+def recover(
+    path: Annotated[
+        Path, typer.Argument(help="What a killed run was to make, or a damaged data set, bag or .mcap.")
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Where to.", show_default="PATH-recovered")
+    ] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Save what was written of a recording that was cut off, as a whole bag or data set beside it.
+
+    What a killed run wrote stays in a hidden folder until a later run for the same output has finished.
+    """
+    from advpipe.pipeline.bag.recover import recover as run
+
+    print(run(path, out, overwrite=overwrite))

@@ -1,0 +1,69 @@
+"""The command of stage 3."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from advpipe.pipeline.cli.shared import DetectorName, Overwrite
+
+
+def evaluate(
+    bags: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            help="Clean bag, then adversarial ones.", show_default="newest data set, all its attacks"
+        ),
+    ] = None,
+    detector: DetectorName = "small",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the bootstrap and of the random baseline.")] = 0,
+    baseline: Annotated[bool, typer.Option(help="Score the same budget spent at random.")] = True,
+    lidar: Annotated[
+        str | None, typer.Option(help="Topic of the clouds, such as /ego/lidar/points, among several.")
+    ] = None,
+    write_detections: Annotated[
+        bool, typer.Option("--write-detections", help="Also write bags that show the detections.")
+    ] = False,
+    with_clouds: Annotated[
+        bool, typer.Option("--with-clouds", help="Keep the clouds in those bags (implies them).")
+    ] = False,
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes.", show_default="one a core")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="Report folder.", show_default="reports/ of the data set"),
+    ] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Stage 3: run a detector on clean and adversarial bags; AP, mAP ratio, Chamfer distance, report."""
+    from advpipe.pipeline.bag.locate import adversarial_bags, newest_dataset, resolve_bag
+    from advpipe.stages.evaluate.run import evaluate as run
+    from advpipe.stages.evaluate.run import print_report
+
+    given = bags or [newest_dataset(Path("datasets"))]
+    clean = resolve_bag(given[0])
+    adversarial = [resolve_bag(bag) for bag in given[1:]]
+    if len(given) == 1 and clean.name == "clean":
+        adversarial = adversarial_bags(clean.parent)
+    target = out or clean.parent / "reports" / detector_slug(detector)
+    report = run(
+        clean,
+        adversarial,
+        target,
+        detector=detector,
+        seed=seed,
+        baseline=baseline,
+        overwrite=overwrite,
+        lidar_topic=lidar,
+        workers=workers,
+        detections=write_detections or with_clouds,
+        with_clouds=with_clouds,
+    )
+    print_report(report)
+    print(f"report: {target / 'report.html'}")
+
+
+def detector_slug(detector: str) -> str:
+    """A detector's name as the name of a folder: `small`, `my-model`, `package.module-Class`."""
+    return Path(detector).stem if detector.endswith(".safetensors") else detector.replace(":", "-")

@@ -1,0 +1,81 @@
+"""The commands that make detectors: `train` and `import-weights`."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from advpipe.pipeline.cli.shared import Overwrite
+
+if TYPE_CHECKING:
+    from advpipe.stages.train.run import TrainSummary
+
+
+def train(
+    bags: Annotated[list[Path], typer.Argument(help="Clean bags to learn from.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the checkpoint, log and plot.")],
+    preset: Annotated[str, typer.Option(help="Size of the SECOND detector.")] = "small",
+    steps: Annotated[int, typer.Option(min=1, help="Optimiser steps, two frames each.")] = 3000,
+    start: Annotated[Path | None, typer.Option("--start", help="Go on from this checkpoint.")] = None,
+    learning_rate: Annotated[float, typer.Option(help="Peak rate, after the warm-up.")] = 3e-3,
+    validate: Annotated[Path | None, typer.Option("--validate", help="A held-out bag to score.")] = None,
+    bf16: Annotated[bool, typer.Option("--bf16", help="Half the time where the processor has it.")] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of weights, order and augmentation.")] = 0,
+    overwrite: Overwrite = False,
+) -> None:
+    """Train a SECOND detector on clean bags; goes on where an interrupted run stopped."""
+    from advpipe.pipeline.bag.locate import resolve_bag
+    from advpipe.pipeline.errors import AdvpipeError, writing
+    from advpipe.stages.train.config import TrainConfig
+    from advpipe.stages.train.run import train as run
+
+    if not 0 < learning_rate < math.inf:
+        raise AdvpipeError(f"--learning-rate is {learning_rate:g}; it has to be finite and above 0")
+    config = TrainConfig(
+        bags=tuple(resolve_bag(bag) for bag in bags),
+        out=out,
+        preset=preset,
+        start=start,
+        steps=steps,
+        learning_rate=learning_rate,
+        validation=resolve_bag(validate) if validate else None,
+        bf16=bf16,
+        seed=seed,
+    )
+    with writing(out):
+        print(_trained(run(config, overwrite=overwrite)))
+
+
+def _trained(summary: TrainSummary) -> str:
+    """The checkpoint, what it learnt from, and the average precision of the classes validated."""
+    found = ", ".join(
+        f"{name} {precision.strict_percent:.1f} %"
+        for name, precision in summary.precision.items()
+        if precision.boxes
+    )
+    return f"{summary.checkpoint}: {summary.steps} steps on {summary.frames} frames" + (
+        f"; 3D AP on the held-out bag: {found}" if found else ""
+    )
+
+
+def import_weights(
+    file: Annotated[Path, typer.Argument(help="Checkpoint (.pth) of OpenPCDet's SECOND for KITTI.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="The .safetensors file to write.")],
+    overwrite: Overwrite = False,
+) -> None:
+    """Turn a SECOND that OpenPCDet trained into a detector for --detector; runs no code from the file."""
+    from advpipe.pipeline.detector.second.checkpoint import save_checkpoint
+    from advpipe.pipeline.detector.second.openpcdet import import_openpcdet
+    from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
+
+    if out.suffix != ".safetensors":
+        raise AdvpipeError(f"--out is {out}; a detector's file is named .safetensors")
+    if out.exists() and not overwrite:
+        raise OutputExistsError(out)
+    net, provenance = import_openpcdet(file)
+    save_checkpoint(net, out, provenance, half=False, overwrite=overwrite)
+    parameters = sum(weight.numel() for weight in net.parameters())
+    print(f"{out}: preset {net.preset.name}, {parameters:,} parameters; use it as --detector {out}")
