@@ -1,0 +1,180 @@
+"""The section `attacks`: who lies, to whom, when and how; the command line makes the same from options."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import (
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    StringConstraints,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import CoreSchema, core_schema
+
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.scenario.base import NotNegative, Positive, Probability, Section
+
+NS_PER_S = 1_000_000_000
+Family = Literal["gnss", "cam", "lidar"]
+FAMILIES: tuple[Family, ...] = ("gnss", "cam", "lidar")
+"""In the order in which they are applied: a spoofed position is told by CAMs, clouds come last."""
+
+BagName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)]
+"""A folder beside the clean bag."""
+
+Value = bool | int | float | str | tuple[float, ...] | None
+"""What a parameter of an attack may be."""
+
+
+class Schedule(Section):
+    """When an attack is on. Times are seconds since the first message of the bag.
+
+    `continuous`: all the time. `periodic`: for `on_s` at the begin of every `period_s`, the first of which
+    begins at `from_s`. `random`: for each message or cloud by itself, with `probability`.
+    """
+
+    from_s: NotNegative = Field(0.0, le=1e6)
+    to_s: Positive | None = Field(None, le=1e6, description="excluded; the end of the recording if left out")
+    kind: Literal["continuous", "periodic", "random"] = "continuous"
+    period_s: Positive | None = Field(None, le=1e6, description="of a periodic schedule")
+    on_s: Positive | None = Field(None, le=1e6, description="of each period of a periodic schedule")
+    probability: Probability | None = Field(None, gt=0, description="of a random schedule")
+
+    @model_validator(mode="after")
+    def _combinations(self) -> Schedule:
+        if self.to_s is not None and self.to_s <= self.from_s:
+            raise ValueError(f"to_s {self.to_s:g} is not after from_s {self.from_s:g}")
+        for key, kind in (("period_s", "periodic"), ("on_s", "periodic"), ("probability", "random")):
+            if (getattr(self, key) is not None) != (self.kind == kind):
+                raise ValueError(
+                    f"a {kind} schedule needs its {key}"
+                    if self.kind == kind
+                    else f"{key} is given, but kind is {self.kind}; make it {kind}"
+                )
+        if self.period_s is not None and self.on_s is not None and self.on_s > self.period_s:
+            raise ValueError(f"on_s {self.on_s:g} is longer than period_s {self.period_s:g}")
+        return self
+
+    def active(self, t_s: float, rng: np.random.Generator) -> bool:
+        """Whether the attack is on at `t_s`, to the nanosecond; a random schedule takes one draw a call."""
+        t_ns, from_ns = round(t_s * NS_PER_S), round(self.from_s * NS_PER_S)
+        hit = self.probability is None or rng.random() < self.probability
+        if t_ns < from_ns or (self.to_s is not None and t_ns >= round(self.to_s * NS_PER_S)):
+            return False
+        if self.period_s is not None and self.on_s is not None:
+            return (t_ns - from_ns) % round(self.period_s * NS_PER_S) < round(self.on_s * NS_PER_S)
+        return hit
+
+    def overlaps(self, other: Schedule) -> bool:
+        """Whether both spans, from `from_s` to `to_s`, have a moment in common."""
+        ends_s = [float("inf") if one.to_s is None else one.to_s for one in (self, other)]
+        return self.from_s < ends_s[1] and other.from_s < ends_s[0]
+
+
+class RoadsideUnit(Section):
+    """A station of the attacker's beside the road, at a place in the map's frame."""
+
+    x_m: float
+    y_m: float
+    z_m: float = Field(3.0, description="of its antenna, as high as the map has it")
+
+
+class Attackers(Section):
+    """Who sends the lies: exactly one of the three."""
+
+    vehicles: tuple[str, ...] = Field((), description="their ids in /v2x/stations")
+    share: Probability | None = Field(None, gt=0, description="of all stations, drawn from the seed")
+    roadside_unit: RoadsideUnit | None = None
+
+    @model_validator(mode="after")
+    def _exactly_one(self) -> Attackers:
+        if bool(self.vehicles) + (self.share is not None) + (self.roadside_unit is not None) != 1:
+            raise ValueError("give exactly one of vehicles, share and roadside_unit")
+        if len(set(self.vehicles)) < len(self.vehicles):
+            raise ValueError("vehicles names one twice")
+        return self
+
+
+class AttackSpec(Section):
+    """One attack: its word, how it is carried out, when, by whom and on whom.
+
+    `cam-...` lie in V2X messages, `gnss-...` in GPS; any other word attacks clouds.
+    """
+
+    type: str = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_.:-]*$", max_length=200)
+    recipe: str | None = Field(None, description="of a LiDAR attack; its best if left out")
+    parameters: dict[str, Value] = Field({}, description="of this attack, by name")
+    schedule: Schedule = Schedule()
+    attackers: Attackers | None = Field(None, description="of an attack by V2X messages")
+    victim: str | None = Field(
+        None, description="an instrumented vehicle whose GPS or LiDAR is attacked, or to whom CAMs lie"
+    )
+    seed_name: str = Field("", description="draws differ between attacks of different names")
+    lidar: str | None = Field(None, description="topic of the attacked clouds, among several")
+    frames: str = Field(
+        "::", pattern=r"^(\d+|\d*:\d*(:\d*)?)$", description="which clouds its bag holds, start:stop:step"
+    )
+    detector: str = Field("small", description="that a LiDAR attack fools, as after --detector")
+
+    @property
+    def family(self) -> Family:
+        """What it attacks, by its word."""
+        return next((family for family in FAMILIES if self.type.startswith(f"{family}-")), "lidar")
+
+    @model_validator(mode="after")
+    def _fits_family(self) -> AttackSpec:
+        lidar_only = [
+            key for key in ("recipe", "lidar", "frames", "detector") if key in self.model_fields_set
+        ]
+        if self.family != "lidar" and lidar_only:
+            raise ValueError(f"{self.type} attacks no clouds; leave out {lidar_only[0]}")
+        if self.family != "cam" and self.attackers is not None:
+            raise ValueError(f"{self.type} needs no attackers: nobody sends messages; leave them out")
+        return self
+
+
+class OneOrMany:
+    """Marks a list that may be written as its only item."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        def as_list(value: Any) -> Any:
+            return [value] if isinstance(value, (dict, AttackSpec)) else value
+
+        return core_schema.no_info_before_validator_function(as_list, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        many = dict(handler(schema))
+        return {"anyOf": [many["items"], many]}
+
+
+BagAttacks = Annotated[tuple[AttackSpec, ...], Field(min_length=1), OneOrMany()]
+"""What is done to one bag: an attack, or several that are carried out together."""
+
+Attacks = dict[BagName, BagAttacks]
+"""The adversarial bags by name."""
+
+
+def attack_spec(keys: Mapping[str, Any]) -> AttackSpec:
+    """An attack from the keys of the scenario file; raises AdvpipeError, one line, for a bad one."""
+    try:
+        return AttackSpec.model_validate(keys)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        message = first["msg"].removeprefix("Value error, ")
+        given = "" if isinstance(first["input"], dict) else f", not {first['input']!r}"
+        raise AdvpipeError(f"attack: {f'{place}: ' if place else ''}{message}{given}") from None
+
+
+def in_order(specs: Sequence[AttackSpec]) -> Iterator[tuple[Family, tuple[AttackSpec, ...]]]:
+    """The attacks by family, in the order in which they are applied."""
+    for family in FAMILIES:
+        if of_family := tuple(spec for spec in specs if spec.family == family):
+            yield family, of_family
