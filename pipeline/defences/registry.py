@@ -1,0 +1,62 @@
+"""The defences by the word that names them: `jitter`, `jitter:0.02`, `outliers:k=4,sigmas=2`."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Sequence
+
+from advpipe.pipeline.defences.base import Defence
+from advpipe.pipeline.defences.placing import Flip, Scale, Shift
+from advpipe.pipeline.defences.rounding import Jitter, Quantisation
+from advpipe.pipeline.defences.thinning import OutlierRemoval, RandomSampling
+from advpipe.pipeline.errors import AdvpipeError
+
+DEFENCES: dict[str, Callable[..., Defence]] = {
+    "sample": RandomSampling,
+    "outliers": OutlierRemoval,
+    "quantise": Quantisation,
+    "jitter": Jitter,
+    "shift": Shift,
+    "flip": Flip,
+    "scale": Scale,
+}
+
+
+def parse_defences(texts: Sequence[str]) -> dict[str, Defence]:
+    """Each `NAME[:VALUE|NAME=VALUE,...]` by its full name, such as `jitter:sigma_m=0.01`.
+
+    A bare value is that of the first parameter. Raises AdvpipeError for an unknown name or parameter, a
+    value that is no number or out of its bounds, and for a defence that is given twice.
+    """
+    found: dict[str, Defence] = {}
+    for text in texts:
+        name, defence = _parse(text)
+        if name in found:
+            raise AdvpipeError(f"defence {name} is given twice")
+        found[name] = defence
+    return found
+
+
+def _parse(text: str) -> tuple[str, Defence]:
+    word, _, rest = text.partition(":")
+    if word not in DEFENCES:
+        raise AdvpipeError(f"unknown defence {word!r}; known: {', '.join(DEFENCES)}")
+    known = {
+        name: float(parameter.default)
+        for name, parameter in inspect.signature(DEFENCES[word]).parameters.items()
+    }
+    given: dict[str, float] = {}
+    for part in rest.split(",") if rest else []:
+        name, equals, value = part.partition("=")
+        if not equals:
+            name, value = next(iter(known), ""), part
+        if name not in known or name in given:
+            why = "given twice" if name in given else f"unknown; known: {', '.join(known) or 'none'}"
+            raise AdvpipeError(f"defence {word}: parameter {name or value!r} is {why}")
+        try:
+            given[name] = float(value)
+        except ValueError:
+            raise AdvpipeError(f"defence {word}: {name} is {value!r}, but must be a number") from None
+    resolved = known | given
+    words = ",".join(f"{name}={value:g}" for name, value in resolved.items())
+    return f"{word}:{words}" if words else word, DEFENCES[word](**resolved)

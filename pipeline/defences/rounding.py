@@ -1,0 +1,39 @@
+"""Defences that blur where exactly a point is: on a grid, or by noise."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from advpipe.pipeline.bag.cloud import Cloud, xyz
+from advpipe.pipeline.defences.base import Defended, with_xyz
+from advpipe.pipeline.errors import AdvpipeError
+
+
+class Quantisation:
+    """Coordinates are rounded to whole multiples of `step_m`."""
+
+    def __init__(self, *, step_m: float = 0.01) -> None:
+        self.step_m = positive("quantise", "step_m", step_m)
+
+    def __call__(self, cloud: Cloud, rng: np.random.Generator) -> Defended:
+        points = xyz(cloud).astype(np.float64)
+        return Defended(with_xyz(cloud, np.round(points / self.step_m) * self.step_m))
+
+
+class Jitter:
+    """Every coordinate moves by Gaussian noise of standard deviation `sigma_m`."""
+
+    def __init__(self, *, sigma_m: float = 0.01) -> None:
+        self.sigma_m = positive("jitter", "sigma_m", sigma_m)
+
+    def __call__(self, cloud: Cloud, rng: np.random.Generator) -> Defended:
+        return Defended(with_xyz(cloud, xyz(cloud) + rng.normal(0, self.sigma_m, (len(cloud), 3))))
+
+
+def positive(defence: str, name: str, value: float) -> float:
+    """The value of a parameter that must be finite and above 0."""
+    if not 0 < value < math.inf:
+        raise AdvpipeError(f"defence {defence}: {name} is {value:g}, but must be finite and above 0")
+    return value

@@ -1,0 +1,53 @@
+"""Defences that take points away: by chance, or those that stand alone."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from advpipe.pipeline.bag.cloud import Cloud, xyz
+from advpipe.pipeline.defences.base import Defended
+from advpipe.pipeline.errors import AdvpipeError
+
+
+class RandomSampling:
+    """Simple random sampling: exactly round(drop * N) of a cloud's N points go, uniformly."""
+
+    def __init__(self, *, drop: float = 0.05) -> None:
+        if not 0 < drop < 1:
+            raise AdvpipeError(
+                f"defence sample: drop is {drop:g}, but must lie between 0 and 1, such as 0.05"
+            )
+        self.drop = drop
+
+    def __call__(self, cloud: Cloud, rng: np.random.Generator) -> Defended:
+        gone = rng.choice(len(cloud), size=math.floor(self.drop * len(cloud) + 0.5), replace=False)
+        return Defended(np.delete(cloud, gone))
+
+
+class OutlierRemoval:
+    """Statistical outlier removal (Rusu et al. 2008): points far from their neighbours go.
+
+    A point goes if its mean distance to its k nearest neighbours exceeds the mean of these means over the
+    cloud by more than `sigmas` of their standard deviation (k 2 and 1.1, as in DUP-Net, ICCV 2019). Points
+    that are not finite stay. The neighbours come from a k-d tree.
+    """
+
+    def __init__(self, *, k: float = 2, sigmas: float = 1.1) -> None:
+        if not (k >= 1 and float(k).is_integer()):
+            raise AdvpipeError(f"defence outliers: k is {k:g}, but must be a whole number from 1 up")
+        if not 0 <= sigmas < math.inf:
+            raise AdvpipeError(f"defence outliers: sigmas is {sigmas:g}, but must be finite and 0 or more")
+        self.k, self.sigmas = int(k), sigmas
+
+    def __call__(self, cloud: Cloud, rng: np.random.Generator) -> Defended:
+        points = xyz(cloud).astype(np.float64)
+        finite = np.flatnonzero(np.isfinite(points).all(axis=1))
+        if len(finite) <= self.k:
+            return Defended(cloud)
+        distance_m, _ = cKDTree(points[finite]).query(points[finite], k=self.k + 1)
+        mean_m = distance_m[:, 1:].mean(axis=1)  # the nearest one is the point itself
+        limit_m = mean_m.mean() + self.sigmas * mean_m.std(ddof=1)
+        return Defended(np.delete(cloud, finite[mean_m > limit_m]))

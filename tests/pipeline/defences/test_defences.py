@@ -1,0 +1,132 @@
+"""Defences: what they do to a cloud, by hand and against Open3D; boxes come back from where they went."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from advpipe.pipeline.bag.cloud import POINT_DTYPE, xyz
+from advpipe.pipeline.defences.registry import DEFENCES, parse_defences
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.geometry.boxes import points_in_boxes
+
+BOXES = np.array([[5.0, 3.0, 0.5, 4.0, 2.0, 1.5, 0.4], [-8.0, -2.0, 0.0, 6.0, 2.5, 3.0, -2.9]])
+
+
+def cloud(n: int = 4000) -> np.ndarray:
+    rng = np.random.default_rng(0)
+    points = np.zeros(n, POINT_DTYPE)
+    points["x"], points["y"], points["z"] = rng.normal(0, [6, 4, 1], (n, 3)).T
+    points["intensity"], points["ring"] = rng.random(n), rng.integers(0, 64, n)
+    points["time"] = np.arange(n) * -1e-5
+    return points
+
+
+def defend(text: str, points: np.ndarray, seed: int = 0):
+    (defence,) = parse_defences([text]).values()
+    return defence(points, np.random.default_rng(seed))
+
+
+@pytest.mark.parametrize("word", DEFENCES)
+def test_every_defence_leaves_its_input_and_follows_its_generator(word):
+    points = cloud()
+    once, twice = defend(word, points), defend(word, points)
+    assert (points == cloud()).all()
+    assert (once.cloud == twice.cloud).all()
+    assert once.cloud.dtype == POINT_DTYPE
+    assert len(once.cloud) != len(points) or (xyz(once.cloud) != xyz(points)).any()
+
+
+@pytest.mark.parametrize("word", ["sample", "jitter", "shift"])
+def test_another_seed_gives_another_cloud(word):
+    one, other = defend(word, cloud()).cloud, defend(word, cloud(), seed=1).cloud
+    assert one.tobytes() != other.tobytes()
+
+
+@pytest.mark.parametrize("word", ["shift", "shift:2", "flip", "scale", "scale:0.8"])
+def test_boxes_come_back_from_where_the_points_went(word):
+    """A box around the moved points, brought back, holds the points that it held there."""
+    defended = defend(word, cloud())
+    there = points_in_boxes(xyz(defended.cloud), BOXES)
+    back = defended.placement.boxes_back(BOXES)
+    assert all(len(each) > 5 for each in there)
+    assert (back != BOXES).any()
+    for one, other in zip(there, points_in_boxes(xyz(cloud()), back, 1e-6), strict=True):
+        assert np.array_equal(one, other)
+
+
+def test_flip_and_scale_by_hand():
+    (box,) = defend("flip", cloud()).placement.boxes_back(np.array([[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 0.7]]))
+    assert box.tolist() == [1.0, -2.0, 3.0, 4.0, 5.0, 6.0, -0.7]
+    (box,) = defend("scale:2", cloud()).placement.boxes_back(np.array([[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 0.7]]))
+    assert box.tolist() == [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 0.7]
+
+
+def test_sampling_takes_exactly_its_share():
+    kept = defend("sample:0.1", cloud()).cloud
+    assert len(kept) == 3600
+    assert set(kept["time"].tolist()) < set(cloud()["time"].tolist())
+
+
+def test_quantisation_rounds():
+    points = cloud(3)
+    points["x"], points["y"], points["z"] = [0.014, -0.016, 7.0], 0.0, 0.0049
+    rounded = defend("quantise:0.01", points).cloud
+    assert rounded["x"].tolist() == np.array([0.01, -0.02, 7.0], np.float32).tolist()
+    assert rounded["z"].tolist() == [0.0, 0.0, 0.0]
+
+
+def test_jitter_has_its_standard_deviation():
+    moved = xyz(defend("jitter:0.02", cloud()).cloud).astype(float) - xyz(cloud())
+    assert moved.std(axis=0) == pytest.approx([0.02] * 3, rel=0.05)
+
+
+@pytest.mark.oracle
+@pytest.mark.parametrize(("k", "sigmas"), [(2, 1.1), (8, 2.0)])
+def test_outliers_are_those_of_open3d(k, sigmas):
+    """Open3D counts the point itself among the neighbours: k + 1 of them, and all means shrink alike."""
+    o3d = pytest.importorskip("open3d")
+    tree = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(xyz(cloud()).astype(float)))
+    _, kept = tree.remove_statistical_outlier(k + 1, sigmas)
+    ours = defend(f"outliers:k={k},sigmas={sigmas}", cloud()).cloud
+    assert 0 < len(ours) < len(cloud())
+    assert (ours == cloud()[np.sort(kept)]).all()
+
+
+def test_outlier_removal_keeps_what_has_no_neighbours():
+    assert len(defend("outliers", cloud(2)).cloud) == 2
+    assert len(defend("outliers", cloud(0)).cloud) == 0
+    points = cloud(200)
+    points["x"][7] = np.nan
+    assert np.isnan(defend("outliers", points).cloud["x"]).sum() == 1
+
+
+def test_names_are_resolved():
+    assert list(parse_defences(["jitter", "outliers:sigmas=2", "flip", "sample:0.2"])) == [
+        "jitter:sigma_m=0.01",
+        "outliers:k=2,sigmas=2",
+        "flip",
+        "sample:drop=0.2",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("texts", "message"),
+    [
+        (["jiter"], "unknown defence 'jiter'; known: sample, outliers, quantise, jitter, shift, flip, scale"),
+        (["jitter:metres=1"], "parameter 'metres' is unknown; known: sigma_m"),
+        (["flip:2"], "known: none"),
+        (["jitter:much"], "sigma_m is 'much', but must be a number"),
+        (["jitter:-1"], "finite and above 0"),
+        (["quantise:nan"], "finite and above 0"),
+        (["sample:1"], "between 0 and 1"),
+        (["outliers:k=1.5"], "whole number"),
+        (["outliers:sigmas=inf"], "finite"),
+        (["jitter:1,sigma_m=2"], "'sigma_m' is given twice"),
+        (["flip", "flip"], "flip is given twice"),
+    ],
+)
+def test_bad_defences_are_refused(texts, message):
+    with pytest.raises(AdvpipeError, match=message) as caught:
+        parse_defences(texts)
+    assert "\n" not in str(caught.value)
