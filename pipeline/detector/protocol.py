@@ -72,14 +72,58 @@ class Detector(Protocol):
         """
 
 
+@dataclass(frozen=True)
+class VoxelGrid:
+    """The voxels of a detector: the cells that it tells points apart by.
+
+    low_m: the lowest corner, x, y, z. size_m: of a voxel. shape: voxels along x, y and z that are read.
+    """
+
+    low_m: tuple[float, float, float]
+    size_m: tuple[float, float, float]
+    shape: tuple[int, int, int]
+
+    def cells(self, xyz_m: npt.NDArray[np.float32]) -> npt.NDArray[np.int64]:
+        """The cell (N, 3) of each point (N, 3 or more), -1 in all columns where it lies in none.
+
+        In single precision, as the detector counts: a point near a face is where the detector sees it.
+        """
+        low, size = np.float32(self.low_m), np.float32(self.size_m)
+        with np.errstate(invalid="ignore", over="ignore"):
+            scaled = np.floor((np.asarray(xyz_m, np.float32)[:, :3] - low) / size)
+            inside = ((scaled >= 0) & (scaled < np.array(self.shape))).all(axis=1)
+        return np.where(inside[:, None], scaled, -1).astype(np.int64)
+
+    def keys(self, cells: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        """One number (N,) for each cell (N, 3), -1 for a cell outside the grid."""
+        inside = ((cells >= 0) & (cells < np.array(self.shape))).all(axis=1)
+        linear = (cells[:, 0] * self.shape[1] + cells[:, 1]) * self.shape[2] + cells[:, 2]
+        return np.where(inside, linear, -1)
+
+    def low_corners_m(self, cells: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+        """The lowest corner (N, 3) of each cell (N, 3)."""
+        return np.array(self.low_m) + cells * np.array(self.size_m)
+
+
 @runtime_checkable
 class VoxelDetector(Detector, Protocol):
     """A detector that reads which voxels are occupied, and can say what each occupancy is worth."""
 
-    def occupancy_loss(self, points: Tensor, boxes: Tensor, labels: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """The loss as a function of voxel occupancy.
+    @property
+    def voxel_grid(self) -> VoxelGrid:
+        """Its voxels."""
 
-        Returns the scalar loss; the occupancy (V,) of the V occupied voxels, a leaf of ones that
-        requires a gradient; and the voxel of each point (N,) int64, -1 for a point that the
-        detector does not read (out of range).
+    def occupancy_loss(
+        self, points: Tensor, boxes: Tensor, labels: Tensor, ghosts: Tensor | None = None
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """The loss as a function of voxel occupancy, that of empty voxels included on demand.
+
+        ghosts: (G, 4) float32, points that stand in voxels without a point. They enter as voxels of
+        occupancy 0, so that the loss is that of the points alone, while its gradient says what a point
+        there would bring. Ghosts that share a voxel share its row; in an occupied voxel they are not there.
+
+        Returns the scalar loss; the occupancy (V,) of the V voxels that hold a point or a ghost, a leaf
+        of ones and zeros that requires a gradient; and the row of each point and then of each ghost
+        (N + G,) int64 in it, -1 for one that the detector does not read (out of range). Where the points
+        require a gradient, the same backward pass brings it to them.
         """

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from advpipe.pipeline.bag.cloud import xyzi
-from advpipe.pipeline.detector.protocol import Detections, Range
+from advpipe.pipeline.detector.protocol import Detections, Range, VoxelGrid
 from advpipe.pipeline.detector.second.anchors import AnchorGrid
 from advpipe.pipeline.detector.second.backbone2d import Backbone2d
 from advpipe.pipeline.detector.second.backbone3d import Backbone3d
@@ -69,6 +69,13 @@ class Second:
     def range_m(self) -> Range:
         return self.preset.range_m
 
+    @property
+    def voxel_grid(self) -> VoxelGrid:
+        depth, height, width = self.preset.grid_zyx
+        r = self.preset.range_m
+        shape = (width, height, depth - self.preset.layers_above)
+        return VoxelGrid((r.x_min_m, r.y_min_m, r.z_min_m), self.preset.voxel_size_m, shape)
+
     def detect(self, cloud: npt.NDArray[np.void]) -> Detections:
         """The objects in a cloud (N,), at most `preset.max_detections`; points not finite are not read."""
         points = torch.from_numpy(xyzi(cloud)).to(self._grid.x.device)
@@ -91,21 +98,25 @@ class Second:
         """
         return self._loss(self._voxels(points), boxes, labels, None)
 
-    def occupancy_loss(self, points: Tensor, boxes: Tensor, labels: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def occupancy_loss(
+        self, points: Tensor, boxes: Tensor, labels: Tensor, ghosts: Tensor | None = None
+    ) -> tuple[Tensor, Tensor, Tensor]:
         """The loss as a function of voxel occupancy, as `VoxelDetector.occupancy_loss`.
 
-        At all ones it is `loss`; with a voxel at zero it is `loss` without that voxel's points.
+        As returned it is `loss`; with a voxel at zero it is `loss` without that voxel's points, and with a
+        ghost's voxel at one it is `loss` with the ghosts there among the points.
         """
-        voxels = self._voxels(points)
-        occupancy = voxels.features.new_ones(len(voxels.sites)).requires_grad_()
+        voxels = self._voxels(points, ghosts)
+        occupancy = voxels.holds_points.to(voxels.features.dtype).requires_grad_()
         return self._loss(voxels, boxes, labels, occupancy), occupancy, voxels.point_to_voxel
 
-    def _voxels(self, points: Tensor) -> Voxels:
-        if not torch.isfinite(points).all():
+    def _voxels(self, points: Tensor, ghosts: Tensor | None = None) -> Voxels:
+        given = points if ghosts is None else torch.cat([points, ghosts])
+        if not torch.isfinite(given).all():
             raise AdvpipeError(
                 "the cloud holds points that are not finite; remove them before asking for a loss"
             )
-        return voxelise([points], self.preset)
+        return voxelise([given], self.preset, ghosts=len(given) - len(points))
 
     def _loss(self, voxels: Voxels, boxes: Tensor, labels: Tensor, occupancy: Tensor | None) -> Tensor:
         target = self._grid.assign(boxes, labels)

@@ -19,19 +19,24 @@ class Voxels:
     features: (V, 4) mean x, y, z, intensity of the points inside that count.
     sites: where they are.
     point_to_voxel: (N,) int64 row of each point of the concatenated clouds, -1 if in no voxel that is read.
+    holds_points: (V,) bool; the other voxels hold only ghosts.
     """
 
     features: Tensor
     sites: Sites
     point_to_voxel: Tensor
+    holds_points: Tensor
 
 
-def voxelise(clouds: Sequence[Tensor], preset: Preset, *, training: bool = False) -> Voxels:
+def voxelise(clouds: Sequence[Tensor], preset: Preset, *, training: bool = False, ghosts: int = 0) -> Voxels:
     """The voxels of clouds (N_i, 4) x, y, z, intensity, one batch entry each.
 
     Points out of range or not finite are not read. Every point of a voxel counts, so the order of the
     points does not matter and each has a gradient; except where the preset limits the points of a voxel
     or, in `training` to another number, the voxels of a cloud: the first ones then count, as in OpenPCDet.
+
+    The last `ghosts` points of the last cloud are none yet: a voxel that holds a point besides is as if
+    they were not there, and one without a point has them as its features.
     """
     points = torch.cat(list(clouds))
     batch = torch.cat([torch.full((len(c),), b, device=c.device) for b, c in enumerate(clouds)])
@@ -51,13 +56,19 @@ def voxelise(clouds: Sequence[Tensor], preset: Preset, *, training: bool = False
         keys = keys[kept]
     point_to_voxel = torch.full((len(points),), -1, dtype=torch.int64, device=points.device)
     point_to_voxel[rows] = voxel
+    holds_points = torch.ones(len(keys), dtype=torch.bool, device=points.device)
+    if ghosts:
+        is_ghost = rows >= len(points) - ghosts
+        holds_points = torch.zeros_like(holds_points).index_fill(0, voxel[~is_ghost], True)
+        counts = ~is_ghost | ~holds_points[voxel]
+        rows, voxel = rows[counts], voxel[counts]
     if preset.points_per_voxel is not None:
         counts = _place_in_voxel(voxel) < preset.points_per_voxel
         rows, voxel = rows[counts], voxel[counts]
     inside = points if len(rows) == len(points) else points.index_select(0, rows)
     count = torch.bincount(voxel, minlength=len(keys)).to(points.dtype)
     total = points.new_zeros(len(keys), points.shape[1]).index_add(0, voxel, inside)
-    return Voxels(total / count[:, None], Sites(keys, shape, len(clouds)), point_to_voxel)
+    return Voxels(total / count[:, None], Sites(keys, shape, len(clouds)), point_to_voxel, holds_points)
 
 
 def _place_in_voxel(voxel: Tensor) -> Tensor:

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from advpipe.pipeline.bag.cloud import xyzi
-from advpipe.pipeline.detector.protocol import Detections, Range
+from advpipe.pipeline.detector.protocol import Detections, Range, VoxelGrid
 
 BOX = [4.0, 5.0, 5.0, 6.0, 6.0, 6.0, 0.0]
 
@@ -28,38 +28,39 @@ class LinearVoxelDetector:
         self.weights = torch.as_tensor(weights, dtype=torch.float32)
         self.anchors = np.asarray(anchors, dtype=np.float64).reshape(-1, 7)
 
-    def _voxels(self, points):
-        cells = torch.floor(points[:, :3].detach()).long()
-        inside = ((cells >= 0) & (cells < 10)).all(dim=1)
-        keys = (cells * torch.tensor([100, 10, 1])).sum(dim=1)
-        occupied, rank = torch.unique(keys[inside], return_inverse=True)
-        voxel = torch.full((len(points),), -1)
-        voxel[inside] = rank
-        return occupied, voxel
+    voxel_grid = VoxelGrid((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (10, 10, 10))
 
-    def _scores(self, points, boxes, occupancy_of):
-        occupied, voxel = self._voxels(points)
-        cells = torch.stack([occupied // 100, occupied // 10 % 10, occupied % 10], dim=1)
-        read = voxel >= 0
-        count = torch.bincount(voxel[read], minlength=len(occupied))
-        mean_x = torch.zeros(len(occupied)).index_add(0, voxel[read], points[read, 0]) / count
-        occupancy = occupancy_of(len(occupied))
+    def _scores(self, points, boxes, ghosts):
+        given = torch.cat([points, ghosts])
+        cells = torch.floor(given[:, :3].detach()).long()
+        inside = ((cells >= 0) & (cells < 10)).all(dim=1)
+        keys, rows = torch.unique((cells @ torch.tensor([100, 10, 1]))[inside], return_inverse=True)
+        voxel = torch.full((len(given),), -1)
+        voxel[inside] = rows
+        holds_points = torch.zeros(len(keys), dtype=torch.bool)
+        holds_points[voxel[: len(points)][inside[: len(points)]]] = True
+        counts = inside & ((torch.arange(len(given)) < len(points)) | ~holds_points[voxel])
+        count = torch.bincount(voxel[counts], minlength=len(keys))
+        mean_x = torch.zeros(len(keys)).index_add(0, voxel[counts], given[counts, 0]) / count
+        occupancy = holds_points.float().requires_grad_()
+        cells = torch.stack([keys // 100, keys // 10 % 10, keys % 10], dim=1)
         inside = ((cells[None] + 0.5 - boxes[:, None, :3]).abs() <= boxes[:, None, 3:6] / 2).all(dim=2)
         worth = self.weights[cells[:, 0], cells[:, 1], cells[:, 2]] * occupancy * (1 + mean_x / 100)
         return (worth * inside).sum(dim=1), occupancy, voxel
 
     def loss(self, points, boxes, labels):
-        return -self._scores(points, boxes, torch.ones)[0].sum()
+        return -self._scores(points, boxes, torch.zeros(0, 4))[0].sum()
 
-    def occupancy_loss(self, points, boxes, labels):
+    def occupancy_loss(self, points, boxes, labels, ghosts=None):
         scores, occupancy, voxel = self._scores(
-            points, boxes, lambda count: torch.ones(count, requires_grad=True)
+            points, boxes, torch.zeros(0, 4) if ghosts is None else ghosts
         )
         return -scores.sum(), occupancy, voxel
 
     def detect(self, cloud):
         boxes = torch.as_tensor(self.anchors, dtype=torch.float32)
-        scores = self._scores(torch.from_numpy(xyzi(cloud)), boxes, torch.ones)[0].numpy().astype(float)
+        found = self._scores(torch.from_numpy(xyzi(cloud)), boxes, torch.zeros(0, 4))[0]
+        scores = found.detach().numpy().astype(float)
         found = np.flatnonzero(scores > 0.5)
         return Detections(self.anchors[found], np.clip(scores[found], 0, 1), np.zeros(len(found), np.int64))
 
@@ -73,17 +74,17 @@ class Shipped(LinearVoxelDetector):
     def __init__(self):
         super().__init__(np.random.default_rng(9).uniform(0.1, 1, (10, 10, 10)), [BOX])
 
-    def occupancy_loss(self, points, boxes, labels):
+    def occupancy_loss(self, *given):
         Shipped.gradients += 1
-        return super().occupancy_loss(points, boxes, labels)
+        return super().occupancy_loss(*given)
 
 
 class Interrupted(Shipped):
     """Ends its process like the user would in the third frame; of 10 rounds each."""
 
-    def occupancy_loss(self, points, boxes, labels):
+    def occupancy_loss(self, *given):
         if Shipped.gradients == 25:
             if "ATTACK_TEST_KILL" in os.environ:
                 os.kill(os.getpid(), signal.SIGKILL)
             raise KeyboardInterrupt
-        return super().occupancy_loss(points, boxes, labels)
+        return super().occupancy_loss(*given)

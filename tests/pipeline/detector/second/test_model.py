@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
 from advpipe.pipeline.bag.cloud import POINT_DTYPE
-from advpipe.pipeline.detector.protocol import VoxelDetector
+from advpipe.pipeline.detector.protocol import Range, VoxelDetector
 from advpipe.pipeline.detector.second.model import Second, SecondNet
-from advpipe.pipeline.detector.second.presets import SMALL
+from advpipe.pipeline.detector.second.presets import KITTI, SMALL
+from advpipe.pipeline.detector.second.voxels import voxelise
 from advpipe.pipeline.errors import AdvpipeError
 
 
@@ -110,6 +113,101 @@ def test_occupancy_gradient_matches_finite_differences(tiny, scene):
             voxels, boxes, labels, occupancy - step
         )
     assert float(change) == pytest.approx(float(2 * (gradient * step).sum()), rel=1e-3)
+
+
+@pytest.fixture
+def kitti(tiny, scene):
+    """A piece of `kitti`, whose voxels hold five points and clouds so many voxels at most."""
+    piece = replace(KITTI, range_m=Range(-6.4, -6.4, -3.0, 6.4, 6.4, 1.0))
+    piece = replace(piece, max_voxels=len(voxelise(scene[:1], replace(piece, max_voxels=None)).sites) + 60)
+    torch.manual_seed(6)
+    net = SecondNet(piece)
+    torch.nn.init.normal_(net.head.convolution.weight, std=0.05)
+    return Second(net)
+
+
+def ghosts_of(detector, points, count=40):
+    """Points in voxels beside those of `points`, none in one of them."""
+    grid = detector.voxel_grid
+    draw = np.random.default_rng(4)
+    candidates = points.repeat(20, 1)[torch.from_numpy(draw.permutation(20 * len(points)))]
+    candidates[:, :3] += torch.from_numpy(draw.uniform(-0.15, 0.15, (len(candidates), 3)))
+    taken = grid.keys(grid.cells(points.numpy()))
+    mine = grid.keys(grid.cells(candidates.numpy()))
+    return candidates[torch.from_numpy((mine >= 0) & ~np.isin(mine, taken))][:count]
+
+
+@pytest.mark.parametrize("name", ["tiny", "kitti"])
+def test_ghosts_at_zero_are_not_there_and_at_one_are_points(request, scene, name):
+    detector = request.getfixturevalue(name)
+    points, boxes, labels = scene
+    labels = labels.clamp(max=len(detector.classes) - 1)
+    ghosts = ghosts_of(detector, points)
+    loss, occupancy, row_of = detector.occupancy_loss(points, boxes, labels, ghosts)
+    assert occupancy.is_leaf
+    rows = row_of[len(points) :].unique()
+    read = rows[rows >= 0]
+    assert len(read) > 20
+    assert not occupancy[read].any()
+    assert int(occupancy.sum()) == len(occupancy) - len(read)
+    assert float(loss.detach()) == pytest.approx(float(detector.loss(points, boxes, labels)), rel=1e-5)
+    (gradient,) = torch.autograd.grad(loss, occupancy)
+    assert (gradient[read] != 0).float().mean() > 0.9
+    voxels = detector._voxels(points, ghosts)
+    for raised in (read[:1], read):
+        filled = occupancy.detach().clone()
+        filled[raised] = 1
+        really = torch.cat([points, ghosts[torch.isin(row_of[len(points) :], raised)]])
+        expected = float(detector.loss(really, boxes, labels))
+        assert float(detector._loss(voxels, boxes, labels, filled)) == pytest.approx(expected, rel=1e-5)
+
+
+def test_kitti_reads_no_ghost_past_its_voxels(kitti, scene):
+    ghosts = ghosts_of(kitti, scene[0], 400)
+    _, occupancy, row_of = kitti.occupancy_loss(scene[0], scene[1], scene[2].clamp(max=2), ghosts)
+    assert len(occupancy) == kitti.preset.max_voxels
+    assert (row_of[: len(scene[0])] >= 0).all()
+    assert (row_of[len(scene[0]) :] < 0).any()
+
+
+@pytest.mark.parametrize("name", ["tiny", "kitti"])
+def test_gradient_to_ghosts_matches_finite_differences(request, scene, name):
+    detector = request.getfixturevalue(name)
+    detector.net.double()
+    points, boxes = scene[0].double().requires_grad_(), scene[1].double()
+    labels = scene[2].clamp(max=len(detector.classes) - 1)
+    ghosts = ghosts_of(detector, scene[0]).double()
+    loss, occupancy, row_of = detector.occupancy_loss(points, boxes, labels, ghosts)
+    to_points, to_occupancy = torch.autograd.grad(loss, [points, occupancy])
+    voxels = detector._voxels(points.detach(), ghosts)
+    for row in row_of[len(points) :].unique()[-3:]:
+        raised = occupancy.detach().clone()
+        raised[row] = 1e-7  # between the kinks of the ReLUs
+        change = detector._loss(voxels, boxes, labels, raised) - loss.detach()
+        assert float(change) == pytest.approx(float(to_occupancy[row]) * 1e-7, rel=1e-2)
+    (plain,) = torch.autograd.grad(detector.loss(points, boxes, labels), points)
+    torch.testing.assert_close(to_points, plain, rtol=1e-9, atol=1e-15)
+
+
+def test_ghosts_in_occupied_voxels_and_outside_change_nothing(tiny, scene):
+    ghosts = torch.cat([scene[0][:50], torch.tensor([[50.0, 0.0, 0.0, 0.0]])])
+    plain_loss, plain, plain_rows = tiny.occupancy_loss(*scene)
+    loss, occupancy, rows = tiny.occupancy_loss(*scene, ghosts)
+    assert torch.equal(occupancy, plain)
+    assert float(loss.detach()) == float(plain_loss.detach())
+    assert rows.tolist() == [*plain_rows.tolist(), *plain_rows[:50].tolist(), -1]
+
+
+def test_voxel_grid_is_what_the_network_reads(tiny, scene):
+    grid = tiny.voxel_grid
+    keys = grid.keys(grid.cells(scene[0].numpy()))
+    rows = tiny.occupancy_loss(*scene)[2].numpy()
+    assert len(np.unique(keys)) == len(np.unique(rows)) == len(np.unique(np.stack([keys, rows]), axis=1).T)
+    assert grid.cells(np.array([[-6.4, -6.4, -3.0], [-6.41, 0, 0], [np.nan, 0, 0]], np.float32)).tolist() == [
+        [0, 0, 0],
+        [-1, -1, -1],
+        [-1, -1, -1],
+    ]
 
 
 @pytest.mark.parametrize(
