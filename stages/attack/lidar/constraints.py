@@ -1,0 +1,213 @@
+"""What an attack on a cloud may touch, beyond its budget: options that all LiDAR attacks share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.geometry.boxes import Boxes, points_in_boxes
+from advpipe.stages.attack.lidar.ghost import Ghost
+
+Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+
+APPLIES: Mapping[str, tuple[str, ...]] = {
+    "perturb": (
+        "along_ray",
+        "keep_occlusion_order",
+        "near_objects_m",
+        "objects",
+        "ghost",
+        "max_points",
+        "intensity",
+    ),
+    "detach": ("near_objects_m", "objects", "max_points"),
+    "attach": ("along_ray", "keep_occlusion_order", "near_objects_m", "objects", "ghost", "intensity"),
+}
+"""The options that mean something for each attack. A removed point goes nowhere and has no intensity, nor
+does a hole make a ghost; how many points `attach` adds is its budget already."""
+
+OBJECT_MARGIN_M = 1.0
+"""How far from its objects an attack on chosen ones may reach, where `near_objects_m` does not say."""
+
+SAME_SURFACE_M = 0.2
+"""What stands less than this behind its neighbours belongs to their surface: it has no order with them."""
+
+_NEIGHBOURS = 4
+_NEIGHBOUR_RAD = math.radians(1.5)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constraints:
+    """The options; each default leaves an attack free.
+
+    along_ray: points stay on their ray from the sensor, the origin of the cloud; an added point stands on
+        the ray of a point of the clean cloud.
+    keep_occlusion_order: no touched point comes to stand behind a surface that hides it (`Rules.hidden`).
+    near_objects_m: only points within this distance of a ground-truth box, 0 for those inside.
+    objects: attack these boxes alone: hide them. By id, or by place in the ground truth ("0", ...).
+    ghost: instead of hiding what is there, make the detector find this.
+    max_points: at most so many points of a cloud are touched.
+    intensity: intensities are attacked too; otherwise they stay as measured.
+    """
+
+    along_ray: bool = False
+    keep_occlusion_order: bool = False
+    near_objects_m: float | None = None
+    objects: tuple[str, ...] = field(default=())
+    ghost: Ghost | None = None
+    max_points: int | None = None
+    intensity: bool = False
+
+    def __post_init__(self) -> None:
+        near_m, limit = self.near_objects_m, self.max_points
+        if near_m is not None and not (math.isfinite(near_m) and near_m >= 0):
+            raise AdvpipeError(f"near_objects_m is {near_m}, but must be a distance from 0 up")
+        if limit is not None and not (limit >= 1 and float(limit).is_integer()):
+            raise AdvpipeError(f"max_points is {limit}, but must be a whole number from 1 up")
+        if self.objects and self.ghost:
+            raise AdvpipeError("objects and ghost are two attacks; give one of them")
+
+    @staticmethod
+    def of(options: Mapping[str, Any]) -> Constraints:
+        """Constraints from plain values, as the command line and files give them: `ghost` and `objects` as
+        text (objects also as a list). Raises AdvpipeError for a name that is none."""
+        known = [option.name for option in fields(Constraints)]
+        if unknown := [name for name in options if name not in known]:
+            raise AdvpipeError(f"unknown constraint {unknown[0]!r}; known: {', '.join(known)}")
+        values = dict(options)
+        if isinstance(values.get("ghost"), str):
+            values["ghost"] = Ghost.parse(values["ghost"])
+        if "objects" in values:
+            names = values["objects"]
+            values["objects"] = tuple(map(str, names.split(",") if isinstance(names, str) else names))
+        return Constraints(**values)
+
+    def check(self, attack: str) -> None:
+        """Raises AdvpipeError where an option is set that means nothing for this attack."""
+        for option in fields(self):
+            if getattr(self, option.name) != option.default and option.name not in APPLIES[attack]:
+                takes = ", ".join(APPLIES[attack])
+                raise AdvpipeError(f"{attack}: {option.name} means nothing here; it takes {takes}")
+
+    def attacked(self, boxes: Boxes, points: Float32) -> Boxes:
+        """The boxes that the attack is about: all, those of `objects`, or the ghost in the cloud (N, 3).
+
+        Without any (the objects are not in this frame, the ghost would hang in the air) it returns none.
+        """
+        if self.ghost:
+            return self.ghost.boxes(points)
+        if not self.objects:
+            return boxes
+        by_place = [str(i) for i in range(len(boxes))]
+        ids = boxes.ids or ("",) * len(boxes)
+        wanted = set(self.objects)
+        return boxes[np.array([bool({i, p} & wanted) for i, p in zip(ids, by_place, strict=True)], bool)]
+
+    def on(self, points: Float32, boxes: Boxes) -> Rules:
+        """What they mean for one clean cloud, its points (N, 3) all finite, with its ground truth."""
+        return Rules(self, points, self.attacked(boxes, points).geometry)
+
+
+@dataclass(frozen=True)
+class Rules:
+    """Constraints on one clean cloud.
+
+    points: (N, 3) float32. boxes: (M, 7) float64, those that the attack is about.
+    """
+
+    constraints: Constraints
+    points: Float32
+    boxes: Float64
+
+    @property
+    def margin_m(self) -> float | None:
+        """How far from the boxes points may be touched; None: anywhere."""
+        near_m = self.constraints.near_objects_m
+        if near_m is None and (self.constraints.objects or self.constraints.ghost):
+            return OBJECT_MARGIN_M
+        return near_m
+
+    @cached_property
+    def allowed(self) -> Bool:
+        """Which points (N,) may be touched."""
+        return self._near(self.points)
+
+    def permits(self, places: npt.NDArray[np.floating[Any]]) -> Bool:
+        """At which places (K, 3) a point may be added."""
+        allowed = self._near(places)
+        if self.constraints.keep_occlusion_order:
+            allowed[allowed] = ~self.hidden(places[allowed])
+        return allowed
+
+    def project(self, offset_m: npt.NDArray[np.floating[Any]]) -> Float64:
+        """The nearest displacements (N, 3) that the constraints allow; a length never grows.
+
+        A point that may not be touched stays. Along the ray: the component of the displacement on it. A
+        point that would come to stand behind a surface stays where it is.
+        """
+        offset = np.where(self.allowed[:, None], np.asarray(offset_m, np.float64), 0.0)
+        if self.constraints.along_ray:
+            offset = along_rays(self.points, offset)
+        if self.constraints.keep_occlusion_order:
+            moved = np.flatnonzero((offset != 0).any(axis=1))
+            start = self.points[moved].astype(np.float64)
+            covered = moved[self.hidden(start + offset[moved]) & ~self.hidden(start)]
+            offset[covered] = 0.0
+        return offset
+
+    def limit(self, worth: npt.NDArray[np.floating[Any]]) -> Bool:
+        """Which points (N,) to touch: the `max_points` of highest positive worth, the first of equals."""
+        touched: Bool = worth > 0
+        most = self.constraints.max_points
+        if most is not None and touched.sum() > most:
+            touched[np.argsort(-worth, kind="stable")[most:]] = False
+        return touched
+
+    def hidden(self, places: npt.NDArray[np.floating[Any]]) -> Bool:
+        """Which places (K, 3) the surfaces of the clean cloud hide from the sensor.
+
+        Those that stand more than `SAME_SURFACE_M` farther away than each of the four points of the cloud
+        that are nearest to them in direction. Where no point lies within 1.5 degrees nothing hides.
+        """
+        range_m = np.linalg.norm(places, axis=1)
+        direction = np.asarray(places, np.float64) / np.maximum(range_m, 1e-9)[:, None]
+        tree, clean_range_m = self._sight
+        if not len(clean_range_m) or not len(places):
+            return np.zeros(len(places), bool)
+        _, near = tree.query(direction, k=_NEIGHBOURS, distance_upper_bound=_NEIGHBOUR_RAD)
+        # A neighbour that is missing has the index N.
+        reach_m = np.append(clean_range_m, -np.inf)[near].max(axis=1)
+        hidden: Bool = np.isfinite(reach_m) & (range_m > reach_m + SAME_SURFACE_M)
+        return hidden
+
+    @cached_property
+    def _sight(self) -> tuple[Any, Float64]:
+        points = self.points.astype(np.float64)
+        range_m = np.linalg.norm(points, axis=1)
+        return cKDTree(points / np.maximum(range_m, 1e-9)[:, None]), range_m
+
+    def _near(self, places: npt.NDArray[np.floating[Any]]) -> Bool:
+        if self.margin_m is None:
+            return np.ones(len(places), bool)
+        near = np.zeros(len(places), bool)
+        for inside in points_in_boxes(places, self.boxes, self.margin_m):
+            near[inside] = True
+        return near
+
+
+def along_rays(points: Float32, offset_m: Float64) -> Float64:
+    """The component of displacements (N, 3) along the rays from the origin to the points (N, 3)."""
+    start = points.astype(np.float64)
+    squared = np.maximum(np.square(start).sum(axis=1, keepdims=True), 1e-18)
+    along: Float64 = (offset_m * start).sum(axis=1, keepdims=True) / squared * start
+    return along

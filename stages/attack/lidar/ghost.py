@@ -1,0 +1,62 @@
+"""A road user that is not there: what an attack may make a detector see."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
+
+SIZES_M = {
+    "car": (4.5, 1.85, 1.55),
+    "truck": (6.0, 2.2, 2.6),
+    "cyclist": (1.9, 0.75, 1.7),
+    "pedestrian": (0.8, 0.7, 1.75),
+}
+"""Length, width and height of a ghost of each class."""
+
+GROUND_RADIUS_M = 3.0
+_GROUND_PERCENTILE = 5
+
+
+@dataclass(frozen=True)
+class Ghost:
+    """A box of one of `geometry.boxes.CLASSES` at a place in the cloud's frame, on the ground there."""
+
+    name: str
+    x_m: float
+    y_m: float
+    yaw_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.name not in CLASSES:
+            raise AdvpipeError(f"ghost: unknown class {self.name!r}; known: {', '.join(CLASSES)}")
+        for place in fields(self)[1:]:
+            if not math.isfinite(getattr(self, place.name)):
+                raise AdvpipeError(f"ghost: {place.name} is {getattr(self, place.name)}, but must be finite")
+
+    @staticmethod
+    def parse(text: str) -> Ghost:
+        """The ghost of `CLASS:X:Y` or `CLASS:X:Y:YAW`, in metres and radians, such as `car:12:-3.5`."""
+        name, *numbers = text.split(":")
+        try:
+            if not 2 <= len(numbers) <= 3:
+                raise ValueError
+            return Ghost(name, *map(float, numbers))
+        except ValueError:
+            raise AdvpipeError(f"ghost is {text!r}, but must read CLASS:X:Y or CLASS:X:Y:YAW") from None
+
+    def boxes(self, points: npt.NDArray[np.float32]) -> Boxes:
+        """Its box as `Boxes` of one; of none where the cloud (N, 3) has no points about to stand on."""
+        near = np.hypot(points[:, 0] - self.x_m, points[:, 1] - self.y_m) < GROUND_RADIUS_M
+        if not near.any():
+            return Boxes()
+        size_m = SIZES_M[self.name]
+        ground_m = float(np.percentile(points[near, 2], _GROUND_PERCENTILE))
+        box = [self.x_m, self.y_m, ground_m + size_m[2] / 2, *size_m, self.yaw_rad]
+        label = np.array([CLASSES.index(self.name)], np.int64)
+        return Boxes(np.array([box]), label, ("ghost",), np.zeros((1, 3)))
