@@ -102,7 +102,8 @@ class VoxelGrid:
 
     def low_corners_m(self, cells: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
         """The lowest corner (N, 3) of each cell (N, 3)."""
-        return np.array(self.low_m) + cells * np.array(self.size_m)
+        corners: npt.NDArray[np.float64] = np.array(self.low_m) + cells * np.array(self.size_m)
+        return corners
 
 
 @runtime_checkable
