@@ -1,0 +1,142 @@
+"""What changes messages before they reach the radio: the protocol of editors, and how attacks are built.
+
+An attack on messages is a `V2xAttack`: a class whose constructor takes its context first and its
+parameters keyword-only, with defaults and units in their names. `edit` is called once a step, in time
+order, with all messages of all stations in that step, as the editors before it left them; it returns all
+that are to be sent instead:
+
+>>> class Zero(V2xAttack):
+...     def edit(self, step, sent):
+...         return [self._zero(one) if self.context.acts(one) else one for one in sent]
+
+- *Change* a message: `replace(one, payload=...)`; open CAMs with `context.cams.open(payload)` (None: corrupt,
+  hand it on as it is), make them say other things with `retold(tree, speed_mps=0.0)` of `cams.py`, and close
+  them with `context.cams.close(tree)`. Trees are shared: never change one in place.
+- *Drop* one: leave it out. *Delay* one: leave it out, and return it in a later step under its own number with
+  `replace(one, request_ns=...)`.
+- *Add* one: `context.message(sender, request_ns, payload)`. Ghosts' station ids: `context.pseudonym(...)`.
+- `request_ns` lies in `step.begin_ns <= request_ns < step.end_ns`, and the sender's radio (`Sent.station_id`,
+  whatever the payload claims) has to be on the road, that is in `step.radios`. The order does not matter.
+- The truth about every station with a radio is in `step.radios`: see `context.radio(step, station_id)`.
+- Chance comes from `context.rng("use", station_id, ...)` only.
+
+Labels are none of an attack's business: the engine compares what goes in with what comes out, by number.
+A message in another form is "changed", one that is missing "dropped" (or "delayed", if it comes later), a new
+one "added"; attacker is the one whose radio sends it. True values are those of the recorded message;
+whether the lie mattered is judged from both (`labels.py`), unless `always_matters` is set.
+"""
+
+from __future__ import annotations
+
+import zlib
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from itertools import count
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from advpipe.pipeline.bag.v2x import RadioPlace
+from advpipe.pipeline.bag.v2x_drive import V2xStep
+from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.scenario.v2x import V2x
+from advpipe.pipeline.seeding import named_generator
+from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.radio.draws import message_keys
+from advpipe.stages.attack.v2x.cams import Cams
+
+
+class MessageEditor(Protocol):
+    """Whoever changes what is sent. name: what labels call it, such as `gnss-bias`."""
+
+    @property
+    def name(self) -> str: ...
+
+    def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
+        """The messages of this step that are to be sent instead of `sent`."""
+        ...
+
+
+@dataclass
+class Numbers:
+    """What all attacks on one drive share: numbers of new messages, and station ids that are taken."""
+
+    next_message: int
+    station_ids: set[int]
+
+
+@dataclass(frozen=True, kw_only=True)
+class AttackContext:
+    """All that an attack is told of the drive it strikes.
+
+    name: the attack's, in labels and for chance. attackers: station ids of their radios, ascending.
+    victim: a station id; None where nobody is aimed at. active: whether the schedule lets the attack act at a
+    time in nanoseconds. start_ns: when the drive begins.
+    """
+
+    name: str
+    seed: int
+    attackers: tuple[int, ...]
+    victim: int | None
+    active: Callable[[int], bool]
+    start_ns: int
+    v2x: V2x
+    geodesy: Geodesy
+    cams: Cams
+    numbers: Numbers
+    _copies: count[int] = field(default_factory=lambda: count(1))
+
+    def acts(self, sent: Sent) -> bool:
+        """Whether an attacker's radio sends this message at a time at which the attack acts."""
+        return sent.station_id in self.attackers and self.active(sent.request_ns)
+
+    def rng(self, *names: str | int) -> np.random.Generator:
+        """A generator of its own for each use, under the attack's name."""
+        return named_generator(self.seed, "attack", self.name, *names)
+
+    def radio(self, step: V2xStep, station_id: int) -> RadioPlace | None:
+        """Where a station truly is in this step; None for one that is not on the road."""
+        return next((radio for radio in step.radios if radio.station_id == station_id), None)
+
+    def message(self, sender: int, request_ns: int, payload: bytes, power_dbm: float | None = None) -> Sent:
+        """A new message of an attacker's radio, with random draws of its own.
+
+        power_dbm: that of the scenario's radios if left out.
+        """
+        number = self.numbers.next_message
+        self.numbers.next_message += 1
+        copy = (zlib.crc32(self.name.encode()) << 24) + next(self._copies)
+        key = int(message_keys(sender, request_ns, copy))
+        power = self.v2x.radio.transmit_power_dbm if power_dbm is None else power_dbm
+        return Sent(number, key, sender, request_ns, payload, power)
+
+    def pseudonym(self, *names: str | int) -> int:
+        """A station id that no station has and none was given before; 31 bits, as stations choose theirs."""
+        rng = self.rng("pseudonym", *names)
+        while (station_id := int(rng.integers(1, 2**31))) in self.numbers.station_ids:
+            pass
+        self.numbers.station_ids.add(station_id)
+        return station_id
+
+
+class V2xAttack(ABC):
+    """An attack on messages; see above for its rules.
+
+    always_matters: labels do not judge its lies one by one. needs_traffic: it changes what its attackers
+    send anyway, so that a roadside unit, which sends nothing of its own, cannot be one.
+    """
+
+    always_matters: ClassVar[bool] = False
+    needs_traffic: ClassVar[bool] = True
+
+    def __init__(self, context: AttackContext) -> None:
+        self.context = context
+
+    @property
+    def name(self) -> str:
+        return self.context.name
+
+    @abstractmethod
+    def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
+        """The messages of this step that are to be sent instead of `sent`."""
