@@ -40,8 +40,8 @@ class V2xDrive:
     >>> for step in drive.steps():
     ...     heard = drive.send(air, step, step.sent)  # or other messages instead
 
-    v2x, seed, origin: those of the scenario. listeners: the instrumented vehicles that had a radio, by its
-    number. Raises AdvpipeError for a bag without V2X.
+    v2x, seed, origin: those of the scenario. stations: all vehicles that had a radio, by its number.
+    listeners: the instrumented ones among them. Raises AdvpipeError for a bag without V2X.
     """
 
     def __init__(self, reader: BagReader) -> None:
@@ -59,12 +59,12 @@ class V2xDrive:
             raise AdvpipeError(
                 f"{reader.path}: {SCENARIO_INFO.name} holds no scenario of this version; record it again"
             ) from None
-        self.listeners = {
+        self.stations: dict[int, str] = {
             station.station_id: station.vehicle
             for _, message in reader.messages(V2X_STATIONS.name)
             for station in message.stations
-            if station.vehicle in names
         }
+        self.listeners = {number: name for number, name in self.stations.items() if name in names}
 
     def air(self) -> Air:
         """The medium and the maps as they were when the drive began."""
