@@ -42,7 +42,8 @@ class TrainConfig:
     epochs: passes over the frames; steps, when given, overrides it. checkpoint_every: steps.
     start: a checkpoint of the same preset whose weights the run starts from.
     workers: processes, by default one a core; the result does not depend on it.
-    validation: a bag of another drive, for the average precision at the end.
+    validation: a bag of another drive, for the average precision; at the end on all of its frames that
+    validation_frames names, and every `validate_every` steps on about 40 of them, equally spaced.
     """
 
     bags: tuple[Path, ...]
@@ -63,6 +64,7 @@ class TrainConfig:
     checkpoint_every: int = 200
     validation: Path | None = None
     validation_frames: str = "::1"
+    validate_every: int = 1000
     augmentation: Augmentation = Augmentation()
 
     def __post_init__(self) -> None:

@@ -14,8 +14,8 @@ from advpipe.stages.train.config import TrainConfig
 
 @dataclass(frozen=True)
 class RunFolder:
-    """detector.safetensors, config.json, train.csv and loss.png; state.pt, latest.safetensors and
-    frames/ (decoded clouds) only while the run is not finished."""
+    """detector.safetensors, config.json, train.csv, validation.csv and training.png; state.pt,
+    latest.safetensors and frames/ (decoded clouds) only while the run is not finished."""
 
     path: Path
 
@@ -32,8 +32,12 @@ class RunFolder:
         return self.path / "train.csv"
 
     @property
+    def validations(self) -> Path:
+        return self.path / "validation.csv"
+
+    @property
     def picture(self) -> Path:
-        return self.path / "loss.png"
+        return self.path / "training.png"
 
     @property
     def state(self) -> Path:
@@ -60,7 +64,7 @@ class RunFolder:
         if self.path.exists() and not self.config.is_file() and any(self.path.iterdir()):
             raise AdvpipeError(f"{self.path} is not empty and holds no training run; choose another folder")
         if overwrite:
-            for file in (self.checkpoint, self.latest, self.state, self.log, self.picture):
+            for file in (self.checkpoint, self.latest, self.state, self.log, self.validations, self.picture):
                 file.unlink(missing_ok=True)
         elif self.checkpoint.exists():
             raise OutputExistsError(self.checkpoint)

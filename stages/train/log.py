@@ -1,4 +1,4 @@
-"""The training log: one CSV row a step, and the curve as a picture."""
+"""The training log: a CSV row for each step and for each validation, and both as a picture."""
 
 from __future__ import annotations
 
@@ -7,22 +7,26 @@ from pathlib import Path
 
 import numpy as np
 
+from advpipe.pipeline.geometry.boxes import CLASSES
+
 LOSSES = ("loss", "score_loss", "box_loss", "direction_loss", "quality_loss")
-COLUMNS = ("step", "learning_rate", *LOSSES, "gradient_norm")
+STEPS = ("step", "learning_rate", *LOSSES, "gradient_norm")
+VALIDATIONS = ("step", *CLASSES)
+"""Strict 3D AP of each class in percent."""
 
 
-class TrainLog:
-    """Rows of `COLUMNS`, appended step by step; steps from `first_step` on are written anew."""
+class Log:
+    """A CSV file of `columns`, appended row by row; steps from `first_step` on are written anew."""
 
-    def __init__(self, path: Path, first_step: int) -> None:
+    def __init__(self, path: Path, columns: tuple[str, ...], first_step: int) -> None:
         rows = []
         if path.is_file() and first_step:
             with path.open(newline="") as file:
-                rows = [row for row in list(csv.reader(file))[1:] if len(row) == len(COLUMNS)]
+                rows = [row for row in list(csv.reader(file))[1:] if len(row) == len(columns)]
         self.path = path
         self._file = path.open("w", newline="")
         self._writer = csv.writer(self._file, lineterminator="\n")
-        self._writer.writerow(COLUMNS)
+        self._writer.writerow(columns)
         self._writer.writerows(row for row in rows if int(row[0]) < first_step)
 
     def add(self, step: int, *values: float) -> None:
@@ -33,21 +37,27 @@ class TrainLog:
         self._file.close()
 
 
-def plot_losses(log: Path, picture: Path) -> None:
-    """The losses over the steps, smoothed over about a fiftieth of the run."""
+def plot_training(steps: Path, validations: Path, picture: Path) -> None:
+    """The losses over the steps, smoothed over about a fiftieth of the run, and the average precision."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    table = np.genfromtxt(log, delimiter=",", names=True, ndmin=1)
-    width = max(1, len(table) // 50)
-    figure = Figure(figsize=(7, 4), layout="constrained")
-    axes = figure.add_subplot()
+    losses, precision = (np.genfromtxt(f, delimiter=",", names=True, ndmin=1) for f in (steps, validations))
+    width = max(1, len(losses) // 50)
+    figure = Figure(figsize=(7, 7 if len(precision) else 4), layout="constrained")
+    axes, *below = figure.subplots(2 if len(precision) else 1, sharex=True, squeeze=False)[:, 0]
     for name in LOSSES:
-        if not table[name].any():  # no curve on a logarithmic axis
+        if not losses[name].any():  # no curve on a logarithmic axis
             continue
-        smooth = np.convolve(table[name], np.ones(width) / width, mode="valid")
-        axes.plot(table["step"][width - 1 :], smooth, label=name.replace("_", " "))
-    axes.set(xlabel="step", ylabel="loss", yscale="log", title="Training loss")
-    axes.grid(alpha=0.3)
-    axes.legend()
+        smooth = np.convolve(losses[name], np.ones(width) / width, mode="valid")
+        axes.plot(losses["step"][width - 1 :], smooth, label=name.replace("_", " "))
+    axes.set(ylabel="loss", yscale="log", title="Training")
+    for lower in below:
+        for name in CLASSES:
+            lower.plot(precision["step"], precision[name], marker=".", label=name)
+        lower.set(ylabel="strict 3D AP in % on the validation drive", ylim=(0, 100))
+    for one in (axes, *below):
+        one.grid(alpha=0.3)
+        one.legend()
+    (below or [axes])[-1].set_xlabel("step")
     FigureCanvasAgg(figure).print_png(picture)  # type: ignore[no-untyped-call]

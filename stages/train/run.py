@@ -20,7 +20,7 @@ from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.detector.registry import detector_sha256
 from advpipe.pipeline.detector.second.checkpoint import load_checkpoint, save_checkpoint
-from advpipe.pipeline.detector.second.model import SecondNet
+from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import preset_named
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.progress import track
@@ -28,15 +28,19 @@ from advpipe.stages.train.config import TrainConfig
 from advpipe.stages.train.examples import Examples
 from advpipe.stages.train.folder import RunFolder
 from advpipe.stages.train.frames import FrameStore
-from advpipe.stages.train.log import TrainLog, plot_losses
+from advpipe.stages.train.log import STEPS, VALIDATIONS, Log, plot_training
 from advpipe.stages.train.state import TrainState
-from advpipe.stages.train.validate import ClassPrecision, validate
+from advpipe.stages.train.status import Status
+from advpipe.stages.train.validate import ClassPrecision, ValidationDrive, strict_percents
 from advpipe.stages.train.workers import Gradients, gradients
+
+SOME_FRAMES = 40
+"""How many frames a validation in the middle of a run takes."""
 
 
 @dataclass(frozen=True)
 class TrainSummary:
-    """What a run made: the checkpoint, the log, and how good the detector is."""
+    """What a run made: the checkpoint, the logs, and how good the detector is."""
 
     checkpoint: Path
     log: Path
@@ -55,7 +59,7 @@ def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
     """
     folder = RunFolder(config.out)
     bags = [labelled_bag(bag) for bag in config.bags]
-    to_validate = validation_frames(config)
+    drive = validation_drive(config)
     torch.manual_seed(config.seed)
     net = new_net(config)
     digests = {bag: parent_sha256(bag) for bag in bags}
@@ -71,28 +75,39 @@ def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
     if folder.state.is_file():
         state.restore(folder.state)
 
+    def saved(steps_done: int) -> Second:
+        """The detector as its file has it: with weights in half precision."""
+        save_checkpoint(
+            net, folder.latest, {**provenance, "steps": f"{steps_done} of {steps}"}, overwrite=True
+        )
+        return load_checkpoint(folder.latest)
+
+    status = Status()
     with (
-        closing(TrainLog(folder.log, state.step)) as log,
+        closing(Log(folder.log, STEPS, state.step)) as log,
+        closing(Log(folder.validations, VALIDATIONS, state.step)) as validations,
         interrupts() as interrupted,
         gradients(net, examples, workers) as gradients_of,
     ):
-        for step in track(range(state.step, steps), "train", total=steps - state.step):
+        for step in track(range(state.step, steps), "train", steps - state.step, status.text):
             rate = learning_rate(step, steps, config)
             parts, norm = train_step(state, gradients_of, rate, config.clip_norm)
             log.add(step, rate, sum(parts), *parts, norm)
+            status.step(parts)
+            if drive is not None and state.step % config.validate_every == 0 and state.step < steps:
+                status.precision = drive.precision(saved(state.step), at_most=SOME_FRAMES)
+                validations.add(step, *strict_percents(status.precision))
             if state.step % config.checkpoint_every == 0 or interrupted.is_set():
                 state.save(folder.state)
-                about = {**provenance, "steps": f"{state.step} of {steps}"}
-                save_checkpoint(net, folder.latest, about, overwrite=True)
+                saved(state.step)
             if interrupted.is_set():
                 raise KeyboardInterrupt
-    plot_losses(folder.log, folder.picture)
-
-    # What is validated is what is saved: weights in half precision.
-    state.save(folder.state)
-    save_checkpoint(net, folder.latest, provenance, overwrite=True)
-    trained = load_checkpoint(folder.latest)
-    precision = validate(trained, to_validate, config.min_points)
+        state.save(folder.state)
+        trained = saved(steps)
+        precision = drive.precision(trained) if drive else {}
+        if precision:
+            validations.add(steps - 1, *strict_percents(precision))
+    plot_training(folder.log, folder.validations, folder.picture)
     about = {**provenance, "validation": json.dumps({k: asdict(v) for k, v in precision.items()})}
     save_checkpoint(trained.net, folder.checkpoint, about, overwrite=True)
     folder.tidy()
@@ -131,13 +146,12 @@ def store_frames(digests: dict[Path, str], folder: RunFolder, config: TrainConfi
     return FrameStore.build(frames(), folder.frames, [*digests.values(), radius_m], radius_m)
 
 
-def validation_frames(config: TrainConfig) -> Iterator[Frame]:
-    """The chosen frames of the validation bag; none without one. A bad choice is refused at once."""
+def validation_drive(config: TrainConfig) -> ValidationDrive | None:
+    """The drive to validate on; a bad choice of frames is refused at once."""
     if config.validation is None:
-        return iter(())
+        return None
     bag, chosen = labelled_bag(config.validation), FrameSlice.parse(config.validation_frames)
-    count = len(chosen.indices(count_frames(bag)))
-    return track(read_frames(bag, chosen), "validate", total=count)
+    return ValidationDrive(bag, chosen.indices(count_frames(bag)), config.min_points)
 
 
 def origin_of(config: TrainConfig, digests: dict[Path, str]) -> dict[str, str]:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from advpipe.pipeline.bag.cloud import xyz
+from advpipe.pipeline.bag.frames import FrameSlice, read_frames
 from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.geometry.boxes import CLASSES, count_points
 from advpipe.pipeline.metrics.average_precision import LOOSE_IOU, STRICT_IOU, average_precision, match_frame
+from advpipe.pipeline.progress import track
 from advpipe.stages.train.frames import LabelledCloud
 
 
@@ -21,6 +24,29 @@ class ClassPrecision:
     boxes: int
     strict_percent: float
     loose_percent: float
+
+
+@dataclass(frozen=True)
+class ValidationDrive:
+    """The chosen frames of a labelled bag."""
+
+    bag: Path
+    frames: range
+    min_points: int
+
+    def precision(self, detector: Detector, at_most: int | None = None) -> dict[str, ClassPrecision]:
+        """Average precision by class, on all chosen frames or on about so many, equally spaced."""
+        frames = self.frames[:: max(1, round(len(self.frames) / (at_most or len(self.frames))))]
+        chosen = FrameSlice(frames.start, frames.stop, frames.step)
+        clouds = read_frames(self.bag, chosen)
+        if at_most is None:
+            clouds = track(clouds, "validate", total=len(frames))
+        return validate(detector, clouds, self.min_points)
+
+
+def strict_percents(precision: dict[str, ClassPrecision]) -> list[float]:
+    """The strict average precision of every class in the order of `CLASSES`, NaN for one not asked for."""
+    return [precision[name].strict_percent if name in precision else float("nan") for name in CLASSES]
 
 
 def validate(

@@ -32,7 +32,9 @@ def configured(drive: Path, out: Path, **changes: object) -> TrainConfig:
 def test_it_learns_two_frames(record, tiny, tmp_path):
     drive = record(tmp_path / "bag", frames=2, seed=1)
     none = Augmentation.none()
-    config = configured(drive, tmp_path / "run", steps=90, augmentation=none, validation=drive)
+    config = configured(
+        drive, tmp_path / "run", steps=90, augmentation=none, validation=drive, validate_every=40
+    )
     summary = run.train(config)
     assert summary.frames == 2
     assert load_detector(str(summary.checkpoint)).provenance["steps"] == "90"
@@ -42,10 +44,12 @@ def test_it_learns_two_frames(record, tiny, tmp_path):
     assert sorted(p.name for p in config.out.iterdir()) == [
         "config.json",
         "detector.safetensors",
-        "loss.png",
         "train.csv",
+        "training.png",
+        "validation.csv",
     ]
     assert summary.picture.read_bytes().startswith(b"\x89PNG")
+    assert steps_of(config.out / "validation.csv") == [39, 79, 89]
 
 
 def steps_of(log: Path) -> list[int]:

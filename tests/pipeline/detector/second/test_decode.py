@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi
 
 import numpy as np
@@ -55,6 +56,23 @@ def test_boxes_come_back_once_each_best_first():
 def test_no_detection_under_the_threshold():
     box = torch.tensor([[10.3, -7.2, -1.0, 4.2, 1.8, 1.5, 0.3]])
     assert len(detections(predictions(box, torch.tensor([0]), [0.09]), 0, GRID)) == 0
+
+
+def test_the_better_placed_of_two_boxes_wins_where_the_head_predicts_quality():
+    """Class scores 0.9 and 0.8, IoUs 0.5 and 0.9: 0.9 * 0.5 < 0.8 * 0.9; power 2 squares the IoUs."""
+    boxes = torch.tensor([[10.0, 0.0, -1.0, 4.2, 1.8, 1.5, 0.3], [10.4, 0.0, -1.0, 4.2, 1.8, 1.5, 0.3]])
+    target = GRID.assign(boxes[:1], torch.tensor([0]))
+    anchors = target.positive[:2]
+    out = predictions(boxes[:0], torch.zeros(0, dtype=torch.int64), [])
+    out.scores[0, anchors, 0] = torch.logit(torch.tensor([0.9, 0.8]))
+    out.codes[0, anchors] = encode(boxes, GRID.boxes(anchors))
+    out = replace(out, qualities=torch.full((1, out.scores.shape[1]), -9.0))
+    out.qualities[0, anchors] = torch.logit(torch.tensor([0.5, 0.9]))
+    for power, score in ((1.0, 0.72), (2.0, 0.648)):
+        grid = AnchorGrid(replace(SMALL, quality_power=power, vote_iou=None), 128, 128)
+        found = detections(out, 0, grid)
+        assert found.scores == pytest.approx([score], rel=1e-5)
+        assert found.boxes[0, 0] == pytest.approx(10.4, abs=1e-4)
 
 
 def test_suppression_is_greedy():

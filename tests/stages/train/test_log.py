@@ -1,0 +1,50 @@
+"""Logs that a stopped run goes on with, the picture of them, and the line beside the progress bar."""
+
+from __future__ import annotations
+
+import math
+
+from PIL import Image
+
+from advpipe.stages.train.log import STEPS, VALIDATIONS, Log, plot_training
+from advpipe.stages.train.status import Status
+from advpipe.stages.train.validate import ClassPrecision
+
+
+def test_rows_from_the_first_step_on_are_written_anew(tmp_path):
+    path = tmp_path / "validation.csv"
+    log = Log(path, VALIDATIONS, 0)
+    for step in (1, 2, 3):
+        log.add(step, 10.0 * step, 0, 0, math.nan)
+    log.close()
+    with path.open("a") as file:
+        file.write("4,1")  # cut off by a kill
+    Log(path, VALIDATIONS, 3).close()
+    assert path.read_text().splitlines() == [
+        "step,car,truck,cyclist,pedestrian",
+        "1,10,0,0,nan",
+        "2,20,0,0,nan",
+    ]
+
+
+def test_the_picture_has_a_panel_for_validations_if_there_are_any(tmp_path):
+    heights = []
+    for count in (0, 2):
+        steps, validations = Log(tmp_path / "s.csv", STEPS, 0), Log(tmp_path / "v.csv", VALIDATIONS, 0)
+        for step in range(5):
+            steps.add(step, 0.001, 2.0, 1.0, 0.5, 0.5, 0.0, 3.0)
+        for step in range(count):
+            validations.add(step, 50, 40, 30, math.nan)
+        steps.close(), validations.close()
+        plot_training(tmp_path / "s.csv", tmp_path / "v.csv", tmp_path / "p.png")
+        heights.append(Image.open(tmp_path / "p.png").height)
+    assert heights[1] > heights[0]
+
+
+def test_the_status_remembers_the_mean_loss_and_the_last_precision():
+    status = Status()
+    for _ in range(3):
+        status.step([1.0, 0.5])
+    assert status.text() == "loss 1.50"
+    status.precision = {"car": ClassPrecision(9, 71.4, 90.0), "truck": ClassPrecision(0, math.nan, math.nan)}
+    assert status.text() == "loss 1.50, AP car 71"
