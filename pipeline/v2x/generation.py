@@ -16,6 +16,8 @@ from advpipe.pipeline.v2x.station_state import StationState
 
 CHECK_INTERVAL_NS = 100_000_000
 """T_CheckCamGen."""
+START_NS = 1_000_000_000
+"""Within which the stations of a drive's first step are switched on."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,6 +142,16 @@ class CamGenerator:
             exterior_lights=state.exterior_lights,
             path_history=self._path.points(*place)[: self._rules.path_points],
         )
+
+
+def switched_on_ns(first_seen_ns: int, drive_begin_ns: int, seed: int, vehicle: str) -> int:
+    """When a vehicle's station is switched on: as it comes, or within `START_NS` of a drive's begin.
+
+    Stations of the first step would all send at once otherwise.
+    """
+    if first_seen_ns != drive_begin_ns:
+        return first_seen_ns
+    return first_seen_ns + int(named_generator(seed, "v2x", "switched on", vehicle).integers(START_NS))
 
 
 def first_check_ns(active_ns: int, seed: int, station_id: int) -> int:

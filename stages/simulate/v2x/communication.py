@@ -14,6 +14,7 @@ from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.seeding import named_generator
 from advpipe.pipeline.v2x.air import Air, Heard, Sent
+from advpipe.pipeline.v2x.generation import switched_on_ns
 from advpipe.pipeline.v2x.ldm import Snapshot
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.draws import message_keys
@@ -21,9 +22,6 @@ from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.road_users import RoadUser
 from advpipe.stages.simulate.traffic import Traffic
 from advpipe.stages.simulate.v2x.station import Station, station_type, update_states
-
-START_NS = 1_000_000_000
-"""Within which the stations of the first step are switched on."""
 
 
 @dataclass(frozen=True)
@@ -126,10 +124,8 @@ class Communication:
         return Exchange(until_ns, sent, heard)
 
     def _new_station(self, name: str, user: RoadUser) -> Station:
-        """Switched on now; those of the first step at different times, or all would send at once."""
-        clock, active_ns = self._clock, self._now_ns
-        if active_ns == clock.stamp_ns(0):
-            active_ns += int(named_generator(clock.seed, "v2x", "switched on", name).integers(START_NS))
+        clock = self._clock
+        active_ns = switched_on_ns(self._now_ns, clock.stamp_ns(0), clock.seed, name)
         return Station(self._v2x, clock.seed, clock.step_s, self._id_of(name), user, active_ns)
 
     def _is_equipped(self, name: str, user: RoadUser) -> bool:

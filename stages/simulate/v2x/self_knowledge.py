@@ -11,6 +11,7 @@ import numpy as np
 from advpipe.pipeline.geometry.transforms import Float64, wrap_angle
 from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.scenario.v2x import SelfKnowledge
+from advpipe.pipeline.v2x.own_state import STANDING_MPS, Accuracy
 from advpipe.stages.simulate.road_users import RoadUser
 
 POSITION_TIME_S = 30.0
@@ -19,7 +20,6 @@ SPEED_TIME_S = 5.0
 """Correlation times. White errors of ten times a second would look like dynamics, set off CAMs and make
 nonsense of their path history; those of receivers wander."""
 
-STANDING_MPS = 0.05
 _BLOCK = 64
 
 
@@ -52,29 +52,11 @@ def _draws(rng: np.random.Generator) -> Iterator[list[float]]:
         yield from rng.standard_normal((_BLOCK, 4)).tolist()
 
 
-class Accuracy(NamedTuple):
-    """Standard deviations (1 sigma) that a station claims of itself; None where it has no idea."""
-
-    east_north_covariance_m2: tuple[float, float, float]
-    altitude_m: float | None
-    heading_rad: float
-    speed_mps: float
-    yaw_rate_radps: float | None
-
-
 def accuracy_of_receiver(knowledge: SelfKnowledge) -> Accuracy:
     """Of a station without instruments of ours."""
     variance_m2 = knowledge.position_stddev_m**2
     heading_rad = math.radians(knowledge.heading_stddev_deg)
     return Accuracy((variance_m2, 0.0, variance_m2), None, heading_rad, knowledge.speed_stddev_mps, None)
-
-
-def accuracy_of_estimate(estimate: Estimate) -> Accuracy:
-    """As the filter on board sees it; the map's axes are east and north."""
-    pose, twist = estimate.pose_covariance, estimate.twist_covariance
-    (east_east, east_north), (_, north_north) = pose[:2, :2].tolist()
-    variances = pose[2, 2], pose[5, 5], twist[0, 0], twist[5, 5]
-    return Accuracy((east_east, east_north, north_north), *(math.sqrt(value) for value in variances))
 
 
 class Knowledge(NamedTuple):

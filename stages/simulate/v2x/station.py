@@ -11,7 +11,7 @@ from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.scenario.v2x import V2x
 from advpipe.pipeline.seeding import named_generator
-from advpipe.pipeline.v2x.codes import AccelerationControl, DriveDirection, StationType, TrailerPresence
+from advpipe.pipeline.v2x.codes import StationType, TrailerPresence
 from advpipe.pipeline.v2x.dcc import ReactiveDcc
 from advpipe.pipeline.v2x.generation import (
     CHECK_INTERVAL_NS,
@@ -20,16 +20,11 @@ from advpipe.pipeline.v2x.generation import (
     GenerationRules,
     first_check_ns,
 )
+from advpipe.pipeline.v2x.own_state import Identity, accuracy_of_estimate, own_state
 from advpipe.pipeline.v2x.reference_point import reference_points
 from advpipe.pipeline.v2x.station_state import StationState
 from advpipe.stages.simulate.road_users import RoadUser
-from advpipe.stages.simulate.v2x.self_knowledge import (
-    STANDING_MPS,
-    Senses,
-    accuracy_of_estimate,
-    accuracy_of_receiver,
-    believed,
-)
+from advpipe.stages.simulate.v2x.self_knowledge import Senses, accuracy_of_receiver, believed
 
 STATION_TYPES = {
     "van": StationType.LIGHT_TRUCK,
@@ -43,10 +38,6 @@ STATION_TYPES = {
 """By the name of the body; what is not here is told by its class."""
 
 _BY_CLASS = {"car": StationType.PASSENGER_CAR, "truck": StationType.HEAVY_TRUCK}
-
-BRAKING_MPS2 = -0.5
-"""Slower by more than rolling out: the driver's foot is on the brake."""
-PEDAL_MPS2 = 0.1
 
 
 def station_type(user: RoadUser) -> StationType | None:
@@ -124,34 +115,18 @@ def update_states(
         strict=True,
     ):
         estimate = estimates.get(station.user.id)
-        accuracy = receiver if estimate is None else accuracy_of_estimate(estimate)
-        station.state = StationState(
-            station_id=station.id,
-            station_type=station.type,
-            time_ns=now_ns,
-            latitude_deg=place.latitude_deg,
-            longitude_deg=place.longitude_deg,
-            altitude_m=place.altitude_m,
-            heading_rad=place.heading_rad,
-            speed_mps=abs(speed_mps),
-            drive_direction=DriveDirection.FORWARD if speed_mps >= 0 else DriveDirection.BACKWARD,
-            length_m=station.user.variant.length_m,
-            width_m=station.user.variant.width_m,
-            trailer=station.trailer,
-            longitudinal_acceleration_mps2=acceleration_mps2,
-            lateral_acceleration_mps2=speed_mps * yaw_rate_radps,
+        station.state = own_state(
+            Identity(
+                station.id,
+                station.type,
+                station.user.variant.length_m,
+                station.user.variant.width_m,
+                station.trailer,
+            ),
+            now_ns,
+            place,
+            receiver if estimate is None else accuracy_of_estimate(estimate),
+            speed_mps=speed_mps,
+            acceleration_mps2=acceleration_mps2,
             yaw_rate_radps=yaw_rate_radps,
-            curvature_per_m=yaw_rate_radps / speed_mps if abs(speed_mps) > STANDING_MPS else 0.0,
-            east_north_covariance_m2=accuracy.east_north_covariance_m2,
-            altitude_std_m=accuracy.altitude_m,
-            heading_std_rad=accuracy.heading_rad,
-            speed_std_mps=accuracy.speed_mps,
-            yaw_rate_std_radps=accuracy.yaw_rate_radps,
-            acceleration_control=_pedals(acceleration_mps2),
         )
-
-
-def _pedals(acceleration_mps2: float) -> AccelerationControl:
-    if acceleration_mps2 < BRAKING_MPS2:
-        return AccelerationControl.BRAKE_PEDAL
-    return AccelerationControl.GAS_PEDAL if acceleration_mps2 > PEDAL_MPS2 else AccelerationControl.NONE

@@ -1,0 +1,66 @@
+"""The filter of a recorded vehicle, to be run again: what it assumes, as the bag's scenario says."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+
+from pydantic import ValidationError
+
+from advpipe.pipeline.bag.localisation import read_initial_pose
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.topics import SCENARIO_INFO, VehicleTopics
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.localisation.estimator import Estimator
+from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.scenario.map import Origin
+from advpipe.pipeline.scenario.sensors import Sensors
+from advpipe.pipeline.scenario.simulation import Simulation
+
+GNSS_FIX = "/gnss/fix"
+
+
+@dataclass(frozen=True)
+class RecordedFilter:
+    """sensors: the models that filters assume. origin: of the map. clock: of the drive."""
+
+    sensors: Sensors
+    origin: Origin
+    clock: Simulation
+
+    @property
+    def geodesy(self) -> Geodesy:
+        """The map's place on the Earth."""
+        return Geodesy(self.origin.latitude_deg, self.origin.longitude_deg, self.origin.altitude_m)
+
+    def estimator(self, reader: BagReader, topics: VehicleTopics) -> Estimator:
+        """A vehicle's filter as it was when the recording began."""
+        return Estimator(self.sensors, self.geodesy, read_initial_pose(reader, topics))
+
+
+def read_filter(reader: BagReader) -> RecordedFilter:
+    """Raises AdvpipeError for a bag that does not hold its scenario."""
+    if SCENARIO_INFO.name not in reader.topics:
+        raise AdvpipeError(f"{reader.path} has no {SCENARIO_INFO.name}: nobody knows what its filters assume")
+    try:
+        text = next(message for _, message in reader.messages(SCENARIO_INFO.name)).data
+        scenario = json.loads(text)
+        return RecordedFilter(
+            Sensors.model_validate(scenario["sensors"]),
+            Origin.model_validate(scenario["map"]["origin"]),
+            Simulation.model_validate(scenario["simulation"]),
+        )
+    except (StopIteration, ValidationError, LookupError, TypeError, ValueError):
+        raise AdvpipeError(
+            f"{reader.path}: {SCENARIO_INFO.name} holds no scenario of this version; record it again"
+        ) from None
+
+
+def vehicles_with_filter(reader: BagReader) -> list[str]:
+    """Names of the vehicles with fixes, an estimate, and where it started; sorted."""
+    names = [name.strip("/").partition("/")[0] for name in reader.topics if name.endswith(GNSS_FIX)]
+    return sorted(
+        name
+        for name in names
+        if {VehicleTopics(name).odometry.name, VehicleTopics(name).initial_pose.name} <= set(reader.topics)
+    )

@@ -1,0 +1,83 @@
+"""What a GPS attack is: from the fixes that a receiver would have had, the fixes that it is made to have."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.localisation.estimate import Innovation
+
+
+class Genuine(NamedTuple):
+    """A fix as the satellites alone would have given it: position_m (3,) in the map."""
+
+    stamp_ns: int
+    position_m: Float64
+
+
+@dataclass(frozen=True)
+class Sight:
+    """One fix at the moment of the attack, and what a spoofer may know of its victim.
+
+    genuine: all fixes until now, attacked or not, as they would have been; the last one is this fix.
+    since_s: since the first attacked fix of this span, interval_s: since the attacked fix before; both 0 at
+    a span's first. heading_rad: of the victim, about the map's vertical from its x axis, as it knows it.
+    innovation: what the victim's filter would make of the genuine fix, with all that it has been told so
+    far; only a spoofer who knows the filter and its sensors can ask for it.
+    """
+
+    genuine: Sequence[Genuine]
+    since_s: float
+    interval_s: float
+    heading_rad: float
+    innovation: Callable[[], Innovation]
+
+    @property
+    def position_m(self) -> Float64:
+        """The genuine fix (3,) in the map."""
+        return self.genuine[-1].position_m
+
+    @property
+    def is_first(self) -> bool:
+        """Whether a span of attacked fixes begins: a lie that grows starts anew."""
+        return self.since_s == 0
+
+
+Spoofer = Callable[[Sight], Float64 | None]
+"""Gives the false fix (3,) in the map, None for no fix at all; called for each attacked fix in order."""
+
+
+class GnssAttack(Protocol):
+    """An attack with its parameters, checked and frozen."""
+
+    def begin(self, rng: np.random.Generator) -> Spoofer:
+        """The attack on one victim; all its draws come from `rng`."""
+
+
+def check(attack: str, name: str, value: object, least: float = 0.0, most: float = 1e6) -> None:
+    """Raises AdvpipeError for a parameter that is no number from `least` to `most`."""
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not is_number or not math.isfinite(value) or not least <= value <= most:  # type: ignore[arg-type, operator]
+        raise AdvpipeError(f"{attack}: {name} is {value!r}; give a number from {least:g} to {most:g}")
+
+
+def one_of(attack: str, name: str, value: object, known: Sequence[str]) -> None:
+    """Raises AdvpipeError for a parameter that is none of the known words."""
+    if value not in known:
+        raise AdvpipeError(f"{attack}: {name} is {value!r}; known: {', '.join(known)}")
+
+
+def level(angle_rad: float) -> Float64:
+    """The horizontal unit vector (3,) at an angle from the map's x axis."""
+    return np.array([math.cos(angle_rad), math.sin(angle_rad), 0.0])
+
+
+def any_direction(rng: np.random.Generator) -> Float64:
+    """A horizontal unit vector (3,), uniform in all directions."""
+    return level(float(rng.uniform(0, math.tau)))

@@ -1,0 +1,41 @@
+"""Fixes that slowly slide away."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from advpipe.stages.attack.gnss.base import Sight, Spoofer, check, level
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drift:
+    """offset(t) = min(rate_mps * t, most_m) in one direction, t from the begin of a span.
+
+    rate_mps: the 0.2 m/s of TDRobertson's GRADUAL_DRIFT for CARLA. angle_deg: the direction, anticlockwise
+    from where the victim heads at the begin of a span; 90 is to its left, out of its lane, which is what
+    Shen et al. aim for ("Drift with Devil", USENIX Security 2020).
+    """
+
+    rate_mps: float = 0.2
+    angle_deg: float = 90.0
+    most_m: float = 50.0
+
+    def __post_init__(self) -> None:
+        check("gnss-drift", "rate_mps", self.rate_mps, most=1e4)
+        check("gnss-drift", "angle_deg", self.angle_deg, -360.0, 360.0)
+        check("gnss-drift", "most_m", self.most_m)
+
+    def begin(self, rng: np.random.Generator) -> Spoofer:
+        """Draws nothing."""
+        direction = np.zeros(3)
+
+        def spoof(sight: Sight) -> np.ndarray:
+            nonlocal direction
+            if sight.is_first:
+                direction = level(sight.heading_rad + math.radians(self.angle_deg))
+            return sight.position_m + min(self.rate_mps * sight.since_s, self.most_m) * direction
+
+        return spoof

@@ -1,0 +1,26 @@
+"""Fixes that stand still."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from advpipe.stages.attack.gnss.base import Sight, Spoofer
+
+
+@dataclass(frozen=True, kw_only=True)
+class Freeze:
+    """The genuine fix at the begin of a span, over and over (Simutack's "No Update" on its GNSS sensor)."""
+
+    def begin(self, rng: np.random.Generator) -> Spoofer:
+        """Draws nothing."""
+        frozen_m = np.zeros(3)
+
+        def spoof(sight: Sight) -> np.ndarray:
+            nonlocal frozen_m
+            if sight.is_first:
+                frozen_m = sight.position_m
+            return frozen_m
+
+        return spoof

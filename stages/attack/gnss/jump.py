@@ -1,0 +1,44 @@
+"""Fixes that jump now and then."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from advpipe.stages.attack.gnss.base import Sight, Spoofer, any_direction, check, one_of
+
+MODES = ("glitch", "step")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Jump:
+    """Each attacked fix jumps with a probability by distance_m, in a direction uniform in the plane.
+
+    mode `glitch`: this fix alone is off. mode `step`: it and all after it are, until a span ends; jumps add
+    up. The defaults are those of TDRobertson's SUDDEN_JUMP for CARLA: 5 m, probability 0.02 for each fix.
+    """
+
+    mode: str = "glitch"
+    distance_m: float = 5.0
+    probability: float = 0.02
+
+    def __post_init__(self) -> None:
+        one_of("gnss-jump", "mode", self.mode, MODES)
+        check("gnss-jump", "distance_m", self.distance_m)
+        check("gnss-jump", "probability", self.probability, most=1.0)
+
+    def begin(self, rng: np.random.Generator) -> Spoofer:
+        """Two draws for each attacked fix."""
+        offset_m = np.zeros(3)
+
+        def spoof(sight: Sight) -> np.ndarray:
+            nonlocal offset_m
+            if sight.is_first or self.mode == "glitch":
+                offset_m = np.zeros(3)
+            jumps, direction = rng.random() < self.probability, any_direction(rng)
+            if jumps:
+                offset_m = offset_m + self.distance_m * direction
+            return sight.position_m + offset_m
+
+        return spoof

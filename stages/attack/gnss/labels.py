@@ -1,0 +1,95 @@
+"""What was done to which fix, as Parquet beside the bag."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.stages.attack.gnss.victim import FixRecord, SpoofedVehicle
+
+FILE_NAME = "gnss_labels.parquet"
+
+NOISE_BOUND = 7.814727903251178
+"""95 % quantile of chi-square with 3 degrees of freedom: a lie matters that is farther off, in squared
+standard deviations of the receiver's own errors (the covariance in its fix), than 95 % of them are."""
+
+Row = dict[str, object]
+
+
+def write_labels(vehicles: Sequence[SpoofedVehicle], path: Path) -> None:
+    """One row for each fix of each victim, by victim and then by time.
+
+    vehicle; fix: counts the vehicle's fixes; stamp_ns; attack: its word, null where none was on; true and
+    false latitude_deg, longitude_deg, altitude_m: what the receiver would have said and what it says, null
+    without a fix; offset_east_m, offset_north_m, offset_up_m: false minus true; squared_sigmas: the offset in
+    the receiver's own covariance; matters: whether that is above `NOISE_BOUND`, or a fix is missing.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    numbers = (
+        *(f"{kind}_{name}" for kind in ("true", "false") for name in _GEOGRAPHIC),
+        *("offset_east_m", "offset_north_m", "offset_up_m", "squared_sigmas"),
+    )
+    schema = pa.schema(
+        [
+            ("vehicle", pa.string()),
+            ("fix", pa.int32()),
+            ("stamp_ns", pa.int64()),
+            ("attack", pa.string()),
+            *((name, pa.float64()) for name in numbers),
+            ("matters", pa.bool_()),
+        ]
+    )
+    pq.write_table(pa.Table.from_pylist(list(_rows(vehicles)), schema), str(path))
+
+
+_GEOGRAPHIC = ("latitude_deg", "longitude_deg", "altitude_m")
+
+
+def _rows(vehicles: Sequence[SpoofedVehicle]) -> Iterator[Row]:
+    for vehicle in vehicles:
+        for number, record in enumerate(vehicle.records):
+            yield {"vehicle": vehicle.vehicle, "fix": number, **label(record)}
+
+
+def label(record: FixRecord) -> Row:
+    """One row, without vehicle and number."""
+    offset_m, squared = _offset_m(record), 0.0
+    if offset_m is not None and offset_m.any():
+        squared = squared_sigmas(offset_m, record.covariance_m2)
+    is_lost = record.genuine is not None and record.told is None
+    row: Row = {
+        "stamp_ns": record.stamp_ns,
+        "attack": None if record.lie is None else record.lie.attack,
+        "squared_sigmas": None if offset_m is None else squared,
+        "matters": is_lost or squared > NOISE_BOUND,
+    }
+    for kind, place in (("true", record.genuine), ("false", record.told)):
+        values = [None] * 3 if place is None else place.tolist()
+        row |= {f"{kind}_{name}": value for name, value in zip(_GEOGRAPHIC, values, strict=True)}
+    parts = [None] * 3 if offset_m is None else offset_m.tolist()
+    names = ("offset_east_m", "offset_north_m", "offset_up_m")
+    return row | dict(zip(names, parts, strict=True))
+
+
+def squared_sigmas(offset_m: Float64, covariance_m2: Float64) -> float:
+    """offset' covariance^-1 offset; infinite along an axis without errors."""
+    values, axes = np.linalg.eigh(covariance_m2)
+    parts = np.square(axes.T @ offset_m)
+    if (parts[values <= 0] > 0).any():
+        return math.inf
+    return float(sum(part / value for part, value in zip(parts, values, strict=True) if value > 0))
+
+
+def _offset_m(record: FixRecord) -> Float64 | None:
+    """False minus true, along the map's axes, which are east, north and up."""
+    if record.lie is None or record.told is None:
+        return None if record.told is None else np.zeros(3)
+    assert record.lie.position_m is not None
+    assert record.genuine_m is not None
+    return record.lie.position_m - record.genuine_m

@@ -1,0 +1,48 @@
+"""Position Altering Attack (PAA): the victim is somewhere else, far from where it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.stages.attack.gnss.base import Sight, Spoofer, any_direction, check, one_of
+
+MODES = ("offset", "place")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Relocate:
+    """The paper's PAA: "a fictitious location far from its true position", "beyond normal error bounds".
+
+    Both ways that it names: mode `offset` injects "a large bias", which moves along with the vehicle;
+    mode `place` reports "entirely fabricated coordinates", one place all along a span. The distance from the
+    genuine fix (at the span's begin for `place`) is uniform in [least_m, most_m], its direction uniform in
+    the plane; both are drawn once for a victim. The height stays. The paper gives no figures: the defaults
+    are ours, and least_m is at least 10 m, which no fix of the default receiver errs by.
+    """
+
+    mode: str = "offset"
+    least_m: float = 50.0
+    most_m: float = 150.0
+
+    def __post_init__(self) -> None:
+        one_of("gnss-relocate", "mode", self.mode, MODES)
+        check("gnss-relocate", "least_m", self.least_m, 10.0)
+        check("gnss-relocate", "most_m", self.most_m, 10.0)
+        if self.least_m > self.most_m:
+            raise AdvpipeError(f"gnss-relocate: least_m {self.least_m:g} is above most_m {self.most_m:g}")
+
+    def begin(self, rng: np.random.Generator) -> Spoofer:
+        """Draws how far away, and where to."""
+        away_m = rng.uniform(self.least_m, self.most_m) * any_direction(rng)
+        place_m = np.zeros(3)
+
+        def spoof(sight: Sight) -> np.ndarray:
+            nonlocal place_m
+            if self.mode == "offset" or sight.is_first:
+                place_m = sight.position_m + away_m
+            return place_m
+
+        return spoof

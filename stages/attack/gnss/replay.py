@@ -1,0 +1,36 @@
+"""Fixes of a moment ago: a repeater of recorded signals (meaconing)."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass
+
+import numpy as np
+
+from advpipe.stages.attack.gnss.base import Sight, Spoofer, check
+
+NS_PER_S = 1e9
+
+
+@dataclass(frozen=True, kw_only=True)
+class Replay:
+    """The place of the latest genuine fix that is at least delay_s old, or of the first one of all.
+
+    delay_s: the 2 s of TDRobertson's REPLAY for CARLA. The message keeps its own stamp: the receiver does
+    not know.
+    """
+
+    delay_s: float = 2.0
+
+    def __post_init__(self) -> None:
+        check("gnss-replay", "delay_s", self.delay_s)
+
+    def begin(self, rng: np.random.Generator) -> Spoofer:
+        """Draws nothing."""
+
+        def spoof(sight: Sight) -> np.ndarray:
+            until_ns = sight.genuine[-1].stamp_ns - round(self.delay_s * NS_PER_S)
+            after = bisect_right(sight.genuine, until_ns, key=lambda fix: fix.stamp_ns)
+            return sight.genuine[max(after - 1, 0)].position_m
+
+        return spoof

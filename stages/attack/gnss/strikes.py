@@ -1,0 +1,83 @@
+"""The attacks on one victim, fix by fix, each when its schedule says so."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.localisation.estimate import Innovation
+from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.pipeline.seeding import named_generator
+from advpipe.stages.attack.gnss.base import Genuine, GnssAttack, Sight, Spoofer
+from advpipe.stages.attack.parameters import resolved_parameters
+from advpipe.stages.attack.recording import Recording
+from advpipe.stages.attack.registry import find_attack
+
+
+class Lie(NamedTuple):
+    """What a victim is made to believe of one fix: position_m (3,) in the map, None for no fix."""
+
+    attack: str
+    position_m: Float64 | None
+
+
+@dataclass
+class _Strike:
+    """One attack, and since when it has been on."""
+
+    spec: AttackSpec
+    spoofer: Spoofer
+    chance: np.random.Generator
+    begin_ns: int | None = None
+    last_ns: int = 0
+
+
+class Strikes:
+    """All attacks on one victim; `of` is asked for each of its fixes in order.
+
+    Raises AdvpipeError for a bad parameter, a schedule that begins after the recording, and for two attacks
+    whose schedules overlap: a receiver reports one place.
+    """
+
+    def __init__(self, victim: str, specs: Sequence[AttackSpec], recording: Recording, seed: int) -> None:
+        self.victim = victim
+        self.name = "+".join(dict.fromkeys(spec.type for spec in specs))
+        self._recording = recording
+        self._genuine: list[Genuine] = []
+        for one, other in combinations(specs, 2):
+            if one.schedule.overlaps(other.schedule):
+                raise AdvpipeError(
+                    f"{one.type} and {other.type} both spoof {victim} at the same time; give them schedules "
+                    "(from_s, to_s) that do not overlap"
+                )
+        self._strikes = []
+        for spec in specs:
+            recording.refuse_outside(spec)
+            names = ("attack", spec.type, spec.seed_name, victim)
+            attack: GnssAttack = find_attack(spec.type)(**resolved_parameters(spec))
+            spoofer = attack.begin(named_generator(seed, *names))
+            self._strikes.append(_Strike(spec, spoofer, named_generator(seed, *names, "schedule")))
+
+    def of(
+        self, time_ns: int, position_m: Float64, heading_rad: float, innovation: Callable[[], Innovation]
+    ) -> Lie | None:
+        """The lie about a genuine fix (3,) in the map at a log time; None where it is left alone."""
+        self._genuine.append(Genuine(time_ns, position_m))
+        lie = None
+        for strike in self._strikes:
+            if not strike.spec.schedule.active(self._recording.time_s(time_ns), strike.chance):
+                strike.begin_ns = None
+                continue
+            if strike.begin_ns is None:
+                strike.begin_ns = strike.last_ns = time_ns
+            since_s, interval_s = (time_ns - strike.begin_ns) / 1e9, (time_ns - strike.last_ns) / 1e9
+            sight = Sight(self._genuine, since_s, interval_s, heading_rad, innovation)
+            strike.last_ns = time_ns
+            lie = Lie(strike.spec.type, strike.spoofer(sight))
+        return lie

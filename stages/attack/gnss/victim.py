@@ -1,0 +1,133 @@
+"""One vehicle's localisation under attack: its fixes, and its own filter run again on them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from advpipe.pipeline.bag import messages
+from advpipe.pipeline.bag.localisation import read_initial_pose, read_measurements
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.recorded_filter import RecordedFilter
+from advpipe.pipeline.bag.topics import RawMessage, VehicleTopics
+from advpipe.pipeline.bag.types import serialise
+from advpipe.pipeline.geometry.transforms import Float64, yaw_of
+from advpipe.pipeline.localisation.estimate import Estimate, Innovation
+from advpipe.pipeline.localisation.estimator import Estimator
+from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.localisation.measurements import Measurements
+from advpipe.stages.attack.gnss.strikes import Lie, Strikes
+
+NO_FIX = -1
+COVARIANCE_UNKNOWN = 0
+
+
+@dataclass(frozen=True)
+class FixRecord:
+    """One fix before and after: latitude and longitude in degrees, altitude in metres (3,), or None.
+
+    covariance_m2: (3, 3) east, north, up, that the receiver states. position_m: (3,) in the map.
+    """
+
+    stamp_ns: int
+    genuine: Float64 | None
+    genuine_m: Float64 | None
+    covariance_m2: Float64
+    lie: Lie | None
+    told: Float64 | None
+
+
+@dataclass(frozen=True)
+class SpoofedVehicle:
+    """What became of a victim. fixes: its messages. records: one for each. estimates: by log time."""
+
+    vehicle: str
+    attack: str
+    fixes: tuple[RawMessage, ...]
+    records: tuple[FixRecord, ...]
+    estimates: dict[int, Estimate]
+
+    @property
+    def first_lie_ns(self) -> int | None:
+        """Stamp of the first attacked fix; None without any."""
+        return next((record.stamp_ns for record in self.records if record.lie is not None), None)
+
+
+def spoof_vehicle(reader: BagReader, recorded: RecordedFilter, strikes: Strikes) -> SpoofedVehicle:
+    """Goes through the recording with the victim's filter. Without a lie, nothing changes, to the bit."""
+    topics, geodesy = VehicleTopics(strikes.victim), recorded.geodesy
+    estimator = recorded.estimator(reader, topics)
+    waiting = reader.raw_messages([topics.gnss_fix.name])
+    raw = next(waiting, None)
+    heading_rad = yaw_of(read_initial_pose(reader, topics).map_SE3_base)
+    fixes: list[RawMessage] = []
+    records: list[FixRecord] = []
+    estimates: dict[int, Estimate] = {}
+    for measured in read_measurements(reader, topics):
+        while raw is not None and raw.log_time_ns <= measured.stamp_ns:
+            foresee = _foresight(estimator, measured)
+            fix, record = _spoof_fix(raw, reader.decode(raw), strikes, geodesy, heading_rad, foresee)
+            fixes.append(fix)
+            records.append(record)
+            measured = replace(measured, fix=record.told)
+            raw = next(waiting, None)
+        estimate = estimator.step(measured)
+        estimates[measured.stamp_ns] = estimate
+        heading_rad = yaw_of(estimate.map_SE3_base)
+    while raw is not None:  # after the last estimate: nobody sees it any more
+        fixes.append(raw)
+        raw = next(waiting, None)
+    return SpoofedVehicle(strikes.victim, strikes.name, tuple(fixes), tuple(records), estimates)
+
+
+def _foresight(estimator: Estimator, measured: Measurements) -> Callable[[Float64], Innovation]:
+    """What the filter would make of a fix in this step; the filter itself stays as it is."""
+
+    def foresee(fix: Float64) -> Innovation:
+        innovation = deepcopy(estimator).step(replace(measured, fix=fix)).innovation
+        assert innovation is not None
+        return innovation
+
+    return foresee
+
+
+def _spoof_fix(
+    raw: RawMessage,
+    message: Any,
+    strikes: Strikes,
+    geodesy: Geodesy,
+    heading_rad: float,
+    foresee: Callable[[Float64], Innovation],
+) -> tuple[RawMessage, FixRecord]:
+    stamp_ns = messages.stamp_ns(message)
+    covariance_m2 = np.array(message.position_covariance, dtype=np.float64).reshape(3, 3)
+    genuine = np.array([message.latitude, message.longitude, message.altitude])
+    if message.status.status < 0 or not np.isfinite(genuine).all():
+        return raw, FixRecord(stamp_ns, None, None, covariance_m2, None, None)
+    genuine_m = geodesy.to_map(genuine)
+    lie = strikes.of(raw.log_time_ns, genuine_m, heading_rad, lambda: foresee(genuine))
+    if lie is None or (lie.position_m is not None and np.array_equal(lie.position_m, genuine_m)):
+        return raw, FixRecord(stamp_ns, genuine, genuine_m, covariance_m2, lie, genuine)
+    told = None if lie.position_m is None else geodesy.to_geographic(lie.position_m)
+    spoofed = replace(raw, cdr=serialise(_with_place(message, told), raw.topic.type))
+    return spoofed, FixRecord(stamp_ns, genuine, genuine_m, covariance_m2, lie, told)
+
+
+def _with_place(message: Any, told: Float64 | None) -> Any:
+    """The fix at another place, with the receiver's own claims of accuracy; or that it has none."""
+    if told is None:
+        return replace(
+            message,
+            status=replace(message.status, status=NO_FIX),
+            latitude=float("nan"),
+            longitude=float("nan"),
+            altitude=float("nan"),
+            position_covariance=np.zeros(9),
+            position_covariance_type=COVARIANCE_UNKNOWN,
+        )
+    latitude_deg, longitude_deg, altitude_m = told.tolist()
+    return replace(message, latitude=latitude_deg, longitude=longitude_deg, altitude=altitude_m)
