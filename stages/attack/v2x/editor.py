@@ -70,13 +70,14 @@ class Numbers:
 class AttackContext:
     """All that an attack is told of the drive it strikes.
 
-    name: the attack's, in labels and for chance. attackers: station ids of their radios, ascending.
-    victim: a station id; None where nobody is aimed at. active: whether the schedule lets the attack act at a
-    time in nanoseconds. start_ns: when the drive begins.
+    name: the attack's, in labels and for chance; seed_name tells several of one name apart. attackers:
+    station ids of their radios, ascending. victim: a station id; None where nobody is aimed at. active:
+    whether the schedule lets the attack act at a time in nanoseconds. start_ns: when the bag begins.
     """
 
     name: str
     seed: int
+    seed_name: str
     attackers: tuple[int, ...]
     victim: int | None
     active: Callable[[int], bool]
@@ -93,7 +94,7 @@ class AttackContext:
 
     def rng(self, *names: str | int) -> np.random.Generator:
         """A generator of its own for each use, under the attack's name."""
-        return named_generator(self.seed, "attack", self.name, *names)
+        return named_generator(self.seed, "attack", self.name, self.seed_name, *names)
 
     def radio(self, step: V2xStep, station_id: int) -> RadioPlace | None:
         """Where a station truly is in this step; None for one that is not on the road."""
@@ -106,7 +107,7 @@ class AttackContext:
         """
         number = self.numbers.next_message
         self.numbers.next_message += 1
-        copy = (zlib.crc32(self.name.encode()) << 24) + next(self._copies)
+        copy = (zlib.crc32(f"{self.name} {self.seed_name}".encode()) << 24) + next(self._copies)
         key = int(message_keys(sender, request_ns, copy))
         power = self.v2x.radio.transmit_power_dbm if power_dbm is None else power_dbm
         return Sent(number, key, sender, request_ns, payload, power)

@@ -1,0 +1,247 @@
+"""The V2X of a drive with other messages: what is sent is changed, and then everything is sent again."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from advpipe.pipeline.bag.ldm import ldm_detections_cdr, ldm_snapshot_cdr
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.topics import (
+    V2X_SENT,
+    V2X_STATIONS,
+    V2X_STATISTICS,
+    RawMessage,
+    Topic,
+    VehicleTopics,
+)
+from advpipe.pipeline.bag.types import schema_text, type_hash
+from advpipe.pipeline.bag.v2x import (
+    StampedCdr,
+    own_messages,
+    received_messages,
+    sent_message,
+    stations_message,
+)
+from advpipe.pipeline.bag.v2x_drive import V2xDrive, V2xStep
+from advpipe.pipeline.bag.v2x_statistics import statistics_message
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.pipeline.seeding import named_generator
+from advpipe.pipeline.v2x.air import Air, Sent
+from advpipe.stages.attack.parameters import resolved_parameters
+from advpipe.stages.attack.recording import Recording, recording_of
+from advpipe.stages.attack.registry import find_attack
+from advpipe.stages.attack.v2x.attackers import Cast
+from advpipe.stages.attack.v2x.cams import Cams
+from advpipe.stages.attack.v2x.congestion import Congestion
+from advpipe.stages.attack.v2x.editor import AttackContext, MessageEditor, Numbers, V2xAttack
+from advpipe.stages.attack.v2x.labels import Labels
+
+
+def forge(
+    reader: BagReader,
+    attacks: Sequence[AttackSpec],
+    seed: int,
+    editors: Sequence[MessageEditor] = (),
+    *,
+    dcc_reacts: bool = False,
+) -> V2xChange:
+    """The V2X of a recorded drive as it is with these editors, and then these attacks, on what was sent.
+
+    dcc_reacts: whether the other stations' congestion control answers to the channel load that the attacks
+    make (see `Congestion`); as it is off, they send what they sent before.
+
+    Raises AdvpipeError for a bag without V2X or CAMs, an attacker or victim that is not in it, bad
+    parameters, and a schedule outside of the recording.
+    """
+    drive = V2xDrive(reader)
+    sent = reader.messages(V2X_SENT.name) if V2X_SENT.name in reader.topics else iter(())
+    last = max((int(message.number) for _, message in sent), default=None)
+    if last is None:
+        raise AdvpipeError(f"{reader.path} has no CAMs: nothing to forge; record more of the drive")
+    recording, cast = recording_of(reader), Cast(drive, str(reader.path), seed)
+    origin = drive.origin
+    geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
+    cams, numbers = Cams(), Numbers(last + 1, set(drive.stations))
+    made: list[V2xAttack] = []
+    for spec in attacks:
+        recording.refuse_outside(spec)
+        context = AttackContext(
+            name=spec.type,
+            seed=seed,
+            seed_name=spec.seed_name,
+            attackers=cast.attackers(spec),
+            victim=cast.victim(spec),
+            active=_schedule(spec, recording, seed),
+            start_ns=recording.start_ns,
+            v2x=drive.v2x,
+            geodesy=geodesy,
+            cams=cams,
+            numbers=numbers,
+        )
+        made.append(_build(spec, context))
+    numbers.station_ids |= set(cast.names)
+    labels = Labels(cams, geodesy, cast.names, drive.v2x.ldm.expiry_s)
+    attackers = frozenset(number for attack in made for number in attack.context.attackers)
+    congestion = Congestion(drive.v2x.cam, attackers) if dcc_reacts else None
+    return V2xChange(reader, drive, cast, (*editors, *made), labels, congestion)
+
+
+def _build(spec: AttackSpec, context: AttackContext) -> V2xAttack:
+    attack: V2xAttack = find_attack(spec.type)(context, **resolved_parameters(spec))
+    if attack.needs_traffic and spec.attackers is not None and spec.attackers.roadside_unit is not None:
+        raise AdvpipeError(
+            f"{spec.type} changes what a vehicle sends, and a roadside unit sends nothing of its own; name "
+            "vehicles as attackers"
+        )
+    return attack
+
+
+def _schedule(spec: AttackSpec, recording: Recording, seed: int) -> Callable[[int], bool]:
+    """Whether the attack acts at a time: asked again, the answer is the same."""
+    no_chance = np.random.default_rng(0)
+
+    def active(time_ns: int) -> bool:
+        rng = no_chance
+        if spec.schedule.kind == "random":
+            rng = named_generator(seed, "attack", spec.type, spec.seed_name, "schedule", time_ns)
+        return spec.schedule.active(recording.time_s(time_ns), rng)
+
+    return active
+
+
+class V2xChange:
+    """A `Change` of all that V2X writes into a bag; memory holds one step, and the labels.
+
+    topics: those that are replaced wholly. corrupt: how many messages of attackers are no CAMs; they are kept
+    as they are. held_back: how many messages the others' congestion control held back.
+    """
+
+    def __init__(
+        self,
+        reader: BagReader,
+        drive: V2xDrive,
+        cast: Cast,
+        editors: Sequence[MessageEditor],
+        labels: Labels,
+        congestion: Congestion | None,
+    ) -> None:
+        self._drive, self._units, self._editors = drive, tuple(cast.units), editors
+        self._labels, self._congestion = labels, congestion
+        self._cams = labels.cams
+        own = {number: VehicleTopics(name) for number, name in drive.listeners.items()}
+        self._own = own
+        self._map_times_ns = {
+            name: frozenset(reader.log_times_ns(topic).tolist() if topic in reader.topics else ())
+            for name, topic in ((t.vehicle, t.ldm.name) for t in own.values())
+        }
+        self._has_statistics = V2X_STATISTICS.name in reader.topics
+        self.topics = frozenset(
+            topic.name
+            for topic in (
+                V2X_SENT,
+                *([V2X_STATIONS] if self._units else ()),
+                *([V2X_STATISTICS] if self._has_statistics else ()),
+                *(topic for topics in own.values() for topic in _topics_of(topics)),
+            )
+        )
+        self._stage = "new"
+
+    @property
+    def corrupt(self) -> int:
+        return self._labels.corrupt
+
+    @property
+    def held_back(self) -> int:
+        return self._congestion.held_back if self._congestion else 0
+
+    def messages(self) -> Iterator[RawMessage]:
+        """All messages of the topics, in log-time order; the drive is sent as they are taken, once only."""
+        if self._stage != "new":
+            raise RuntimeError("the messages of a V2xChange can be taken once only")
+        self._stage = "begun"
+        sequences: Counter[str] = Counter()
+        for topic, cdr, stamp_ns in self._stamped():
+            full, schema = _described(topic)
+            yield RawMessage(full, schema, cdr, stamp_ns, stamp_ns, sequences[topic.name])
+            sequences[topic.name] += 1
+        self._stage = "done"
+
+    def write_labels(self, folder: Path) -> None:
+        """`v2x_labels.parquet`, see `Labels`. Sends the drive if nobody has taken its messages yet."""
+        if self._stage == "new":
+            for _ in self.messages():
+                pass
+        if self._stage != "done":
+            raise RuntimeError("labels are known once all messages have been taken")
+        self._labels.write(folder)
+
+    def _stamped(self) -> Iterator[StampedCdr]:
+        """As the simulation records them: all of a step, in the order of its stamps."""
+        air, pending, last_ns = self._drive.air(), list[StampedCdr](), 0
+        for recorded in self._drive.steps():
+            step = recorded._replace(radios=(*recorded.radios, *self._units))
+            last_ns = step.begin_ns
+            if self._units:
+                pending.append(stations_message(step.begin_ns, step.radios))
+            pending += self._maps(air, step.begin_ns)
+            yield from _by_stamp(pending)
+            pending = list(self._send(air, step))
+        if self._has_statistics:
+            last_ns = max((message[2] for message in pending), default=last_ns)
+            pending.append(statistics_message(last_ns, air.statistics()))
+        yield from _by_stamp(pending)
+
+    def _maps(self, air: Air, now_ns: int) -> Iterator[StampedCdr]:
+        for name, times_ns in self._map_times_ns.items():
+            if now_ns in times_ns:
+                topics, known = VehicleTopics(name), air.snapshot(name, now_ns)
+                yield topics.ldm, ldm_snapshot_cdr(known), now_ns
+                yield topics.ldm_objects, ldm_detections_cdr(known), now_ns
+
+    def _send(self, air: Air, step: V2xStep) -> Iterator[StampedCdr]:
+        sent = self._edited(step) if step.end_ns is not None else []
+        heard = self._drive.send(air, step, sent)
+        if self._congestion:
+            self._congestion.hear(heard.loads)
+        present = {radio.station_id for radio in step.radios}
+        for one in sent:
+            yield sent_message(one)
+            if one.station_id in self._own and one.station_id in present:
+                yield from own_messages(self._own[one.station_id], one)
+        for received in heard.received:
+            yield from received_messages(received)
+
+    def _edited(self, step: V2xStep) -> list[Sent]:
+        self._labels.begin(step.sent)
+        sent = list(step.sent)
+        for place, editor in enumerate(self._editors):
+            before, sent = sent, sorted(editor.edit(step, tuple(sent)), key=_order)
+            self._labels.compare(place, editor, before, sent)
+        self._cams.forget()
+        return self._congestion.allowed(step, sent) if self._congestion else sent
+
+
+def _order(sent: Sent) -> tuple[int, int]:
+    return sent.request_ns, sent.number
+
+
+def _by_stamp(messages: list[StampedCdr]) -> list[StampedCdr]:
+    return sorted(messages, key=lambda message: message[2])
+
+
+def _topics_of(topics: VehicleTopics) -> tuple[Topic, ...]:
+    sent = topics.sent_raw, topics.sent_cam
+    return *sent, topics.received_raw, topics.received_cam, topics.ldm, topics.ldm_objects
+
+
+@cache
+def _described(topic: Topic) -> tuple[Topic, str]:
+    return replace(topic, type_hash=type_hash(topic.type)), schema_text(topic.type)

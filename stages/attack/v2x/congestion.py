@@ -1,0 +1,59 @@
+"""Congestion control of the stations that do not attack, on a channel that an attack has filled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from advpipe.pipeline.bag.v2x_drive import V2xStep
+from advpipe.pipeline.scenario.v2x import CamRules
+from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.dcc import ReactiveDcc
+from advpipe.pipeline.v2x.radio.load import ChannelLoad
+
+
+class Congestion:
+    """Holds back what a station's reactive congestion control would not let it send.
+
+    A recorded drive cannot tell what a station would have said later instead: a message that comes too early
+    after the station's last one is lost, and the next one that was recorded is the next. On the drive's own
+    channel load, nothing is held back.
+
+    held_back: how many messages so far.
+    """
+
+    def __init__(self, rules: CamRules, attackers: frozenset[int]) -> None:
+        self._is_reactive = rules.dcc == "reactive"
+        self._least_ns, self._most_ns = round(rules.min_interval_s * 1e9), round(rules.max_interval_s * 1e9)
+        self._attackers = attackers
+        self._controls: dict[int, ReactiveDcc] = {}
+        self._last_ns: dict[int, int] = {}
+        self.held_back = 0
+
+    def allowed(self, step: V2xStep, sent: Sequence[Sent]) -> list[Sent]:
+        """What of it is sent in this step."""
+        if not self._is_reactive:
+            return list(sent)
+        present = {radio.station_id for radio in step.radios}
+        self._controls = {
+            number: self._controls.get(number) or ReactiveDcc() for number in sorted(present)
+        }  # who comes back, has been switched on anew
+        self._last_ns = {number: at_ns for number, at_ns in self._last_ns.items() if number in present}
+        kept = [one for one in sent if one.station_id in self._attackers or self._passes(one)]
+        self.held_back += len(sent) - len(kept)
+        return kept
+
+    def hear(self, loads: Sequence[ChannelLoad]) -> None:
+        """Takes the channel loads that the stations measured in the step."""
+        for load in loads:
+            for number, busy_ratio in zip(load.stations.tolist(), load.busy_ratio.tolist(), strict=True):
+                if number in self._controls:
+                    self._controls[number].update(busy_ratio)
+
+    def _passes(self, sent: Sent) -> bool:
+        interval_ns = round(self._controls[sent.station_id].interval_s * 1e9)
+        interval_ns = min(max(interval_ns, self._least_ns), self._most_ns)
+        last_ns = self._last_ns.get(sent.station_id)
+        if last_ns is not None and sent.request_ns - last_ns < interval_ns:
+            return False
+        self._last_ns[sent.station_id] = sent.request_ns
+        return True
