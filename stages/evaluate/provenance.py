@@ -10,7 +10,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.versions import installed
 from advpipe.stages.evaluate.detection.comparison import Comparison, bag_name
-from advpipe.stages.evaluate.detection.summary import Row
+from advpipe.stages.evaluate.detection.figures import Row
 
 
 def describe_bags(clean: Path, clean_sha256: str, comparisons: Sequence[Comparison]) -> Row:

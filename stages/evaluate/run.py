@@ -12,9 +12,10 @@ from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.partial import FolderKind, staged_folder
 from advpipe.stages.evaluate.detection.comparison import Comparison, bag_name
+from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.detection.looking import Looking
 from advpipe.stages.evaluate.detection.scoring import known_classes
-from advpipe.stages.evaluate.detection.summary import Row, summarise
+from advpipe.stages.evaluate.detection.summary import summarise
 from advpipe.stages.evaluate.detection.write_back import write_detections
 from advpipe.stages.evaluate.provenance import (
     describe_bags,

@@ -52,13 +52,14 @@ class Arm:
     """The matches on one kind of cloud, and average precisions from them.
 
     tables, ranked: by criterion and class. in_map: the classes of the mAP. draws: by criterion and class,
-    the R40 average precision (draws,) in each draw of the bootstrap.
+    the R40 average precision (draws,) in each draw of `bootstrap`.
     """
 
     tables: Mapping[tuple[str, str], MatchTable]
     ranked: Mapping[tuple[str, str], RankedMatches]
     in_map: Sequence[str]
     draws: Mapping[tuple[str, str], Float64]
+    bootstrap: BlockBootstrap
 
     @classmethod
     def of(
@@ -72,25 +73,34 @@ class Arm:
         """The clouds `word` of these frames."""
         tables = {
             (criterion, name): MatchTable.of(
-                [frame.clouds()[word].matches[criterion, name] for frame in frames]
+                [frame.all_clouds()[word].matches[criterion, name] for frame in frames]
             )
             for criterion in CRITERIA
             for name in classes
         }
         ranked = {key: RankedMatches.of(table) for key, table in tables.items()}
         draws = {key: ap_draws(each, bootstrap) for key, each in ranked.items()}
-        return cls(tables, ranked, in_map, draws)
+        return cls(tables, ranked, in_map, draws, bootstrap)
 
     def mean_ap(self, criterion: str = "strict", positions: RecallPositions = R40) -> float:
-        return float(
-            mean_average_precision(
-                [self.ranked[criterion, name].average_precision(positions=positions) for name in self.in_map]
-            )
+        return self.mean_of(
+            {
+                name: self.ranked[criterion, name].average_precision(positions=positions)
+                for name in self.in_map
+            }
         )
 
     def map_draws(self, criterion: str = "strict") -> Float64:
         """The mAP (draws,) in each draw of the bootstrap."""
-        return mean_average_precision([self.draws[criterion, name] for name in self.in_map])
+        return self.mean_of_draws({name: self.draws[criterion, name] for name in self.in_map})
+
+    def mean_of(self, by_class: Mapping[str, float]) -> float:
+        """The mean over the classes of the mAP."""
+        return float(mean_average_precision([by_class[name] for name in self.in_map]))
+
+    def mean_of_draws(self, by_class: Mapping[str, Float64]) -> Float64:
+        """The mean over the classes of the mAP in each draw (draws,)."""
+        return mean_average_precision([by_class[name] for name in self.in_map])
 
     def precisions(
         self,

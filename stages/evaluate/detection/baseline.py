@@ -1,34 +1,98 @@
-"""The random baseline of an attacked cloud: as many points touched, as far, but by chance."""
+"""Random baselines of an attacked cloud: the same budget spent by chance, and the best of several tries."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
 import numpy as np
-from scipy.spatial import cKDTree
+import numpy.typing as npt
 
 from advpipe.pipeline.bag.cloud import Cloud, xyz
-from advpipe.pipeline.baselines import add_random_points, move_random_points, remove_random_points
-from advpipe.pipeline.geometry.boxes import Boxes
-from advpipe.stages.evaluate.detection.cloud_difference import CloudDifference
+from advpipe.pipeline.seeding import named_generator
+from advpipe.stages.evaluate.detection.random_change import Budget, Change, RandomChange, near_objects
+
+Float64 = npt.NDArray[np.float64]
 
 
-def random_baseline(
-    clean: Cloud, adversarial: Cloud, change: CloudDifference, boxes: Boxes, rng: np.random.Generator
-) -> Cloud:
-    """The clean cloud after random changes of the attack's budget.
+@dataclass(frozen=True)
+class Baseline:
+    """A way to spend a budget by chance.
 
-    As many points go as the attack removed, from anywhere. As many move as it moved, in random
-    directions by the same distances. As many come as it added, near objects, as far from a point
-    of the clean cloud as its farthest.
+    is_near: on points near objects first, else anywhere. is_full: every point moves as far as the attack was
+    allowed to move any, however few it did move.
     """
-    cloud = clean
-    if len(change.moved):
-        distance_m = np.zeros(len(cloud))
-        chosen = rng.choice(len(cloud), size=len(change.moved), replace=False)
-        distance_m[chosen] = change.displacement_m
-        cloud = move_random_points(cloud, distance_m, rng)
-    if len(change.removed):
-        cloud = cloud[remove_random_points(cloud, len(change.removed), rng)]
-    if len(change.added):
-        reach_m, _ = cKDTree(xyz(clean)).query(xyz(adversarial[change.added]))
-        cloud = add_random_points(cloud, len(change.added), float(np.max(reach_m)), rng, boxes)
-    return cloud
+
+    title: str
+    is_near: bool = False
+    is_full: bool = False
+
+    def budget(self, budget: Budget, clean: Cloud) -> Budget | None:
+        """What this baseline spends; None where it would be another one over again."""
+        if not self.is_full:
+            return budget
+        if budget.removed or budget.added:
+            return None
+        finite = int(np.isfinite(xyz(clean)).all(axis=1).sum())
+        return replace(budget, moved_m=np.full(finite, budget.bound_m)) if len(budget.moved_m) else budget
+
+
+BASELINES = {
+    "baseline": Baseline("at random"),
+    "baseline_near": Baseline("at random near objects", is_near=True),
+    "baseline_full": Baseline("at random, every point", is_full=True),
+}
+
+BEST = "_best"
+"""What the word of a baseline ends with that is the best of several tries."""
+
+
+def baseline_title(word: str) -> str:
+    """Such as `at random near objects, best try`."""
+    title = BASELINES[word.removesuffix(BEST)].title
+    return f"{title}, best try" if word.endswith(BEST) else title
+
+
+def baseline_words() -> list[str]:
+    """All words of baselines, in the order of reports."""
+    return [word + end for word in BASELINES for end in ("", BEST)]
+
+
+def random_baselines(
+    clean: Cloud,
+    boxes: Float64,
+    budget: Budget,
+    worth: Callable[[Cloud], Float64],
+    *,
+    tries: int,
+    seed: int,
+    index: int,
+) -> Iterator[tuple[str, Cloud]]:
+    """The clouds of every baseline of frame `index`, by word; with more than one try, also the best ones.
+
+    boxes: (M, 7) of the objects to hide. worth: of each object (M,) in a cloud, what the detector sees of
+    it; the best try is chosen for each object by the detector's own result, as attacks do, and put together;
+    unless one try as a whole is better.
+    """
+    for word, baseline in BASELINES.items():
+        spent = baseline.budget(budget, clean)
+        if spent is None:
+            continue
+        rng = named_generator(seed, "evaluate", word, index)
+        pool = near_objects(clean, boxes) if baseline.is_near else np.ones(len(clean), dtype=bool)
+        random = RandomChange(clean, boxes, spent, pool, rng)
+        first = random.draw()
+        yield word, random.apply(first)
+        if tries > 1:
+            yield word + BEST, _best(random, [first, *(random.draw() for _ in range(tries - 1))], worth)
+
+
+def _best(random: RandomChange, tries: list[Change], worth: Callable[[Cloud], Float64]) -> Cloud:
+    worths = np.stack([worth(random.apply(each)) for each in tries])  # (tries, M)
+    if not worths.size:
+        return random.apply(tries[0])
+    together = random.apply(random.together(tries, np.argmin(worths, axis=0)))
+    alone = int(np.argmin(worths.sum(axis=1)))
+    if worths[alone].sum() < worth(together).sum():
+        return random.apply(tries[alone])
+    return together

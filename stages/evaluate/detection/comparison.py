@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.detector.protocol import Detections
+from advpipe.stages.evaluate.detection.displacement import Displacement
 from advpipe.stages.evaluate.detection.scoring import Matches, Truth
 
 Int64 = npt.NDArray[np.int64]
+Bool = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -20,23 +23,29 @@ class CloudResult:
     """What the detector made of one cloud, and how far the cloud is from the clean one.
 
     box_points: (K,) points of the cloud in the box of each detection.
+    emptied: (M,) objects that are evaluated, and have too few points in this cloud.
+    recounted: the strict matches if the objects were counted on this cloud alone; None where they are alike.
     """
 
     detections: Detections
     matches: Matches
     box_points: Int64
     points: int
+    emptied: Bool = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    recounted: Matches | None = None
     points_removed: int = 0
     points_added: int = 0
     points_moved: int = 0
-    max_displacement_m: float = 0.0
+    displacement: Displacement = field(default_factory=Displacement)
     chamfer_distance_m2: float = 0.0
-    objects_below_min_points: int = 0
 
 
 @dataclass(frozen=True)
 class FrameResult:
-    """One frame: its ground truth and up to three clouds of it. Indices count in their own bag."""
+    """One frame: its ground truth and the clouds of it. Indices count in their own bag.
+
+    baselines: by the words of `baseline_words`. defended: the clean and the adversarial cloud, by `under`.
+    """
 
     index: int
     adversarial_index: int
@@ -44,25 +53,52 @@ class FrameResult:
     truth: Truth
     clean: CloudResult
     adversarial: CloudResult | None = None
-    baseline: CloudResult | None = None
+    baselines: Mapping[str, CloudResult] = field(default_factory=dict)
+    defended: Mapping[str, CloudResult] = field(default_factory=dict)
 
     def clouds(self) -> dict[str, CloudResult]:
-        """The clouds that there are, by the word that reports use."""
-        given = {"clean": self.clean, "adv": self.adversarial, "baseline": self.baseline}
-        return {word: result for word, result in given.items() if result is not None}
+        """The clouds that the detector sees as they are, by the word that reports use."""
+        given = {"clean": self.clean}
+        if self.adversarial is not None:
+            given["adv"] = self.adversarial
+        return given | dict(self.baselines)
+
+    def all_clouds(self) -> dict[str, CloudResult]:
+        """Those, and the ones that a defence changed before the detector saw them."""
+        return self.clouds() | dict(self.defended)
+
+
+def under(word: str, defence: str) -> str:
+    """The word of a cloud under a defence: `adv under jitter:sigma_m=0.01`."""
+    return f"{word} under {defence}"
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """The frames of one adversarial bag, or of the clean bag alone."""
+    """The frames of one adversarial bag, or of the clean bag alone, as one detector sees them.
+
+    defences: their names; in every frame, the clouds were also looked at under each.
+    """
 
     bag: Path | None
     provenance: Mapping[str, str]
     frames: tuple[FrameResult, ...]
+    detector: str = ""
+    defences: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
         return bag_name(self.bag) if self.bag else "clean"
+
+    @property
+    def parameters(self) -> dict[str, object]:
+        return attack_parameters(self.provenance)
+
+
+def attack_parameters(provenance: Mapping[str, str]) -> dict[str, object]:
+    """What the provenance of an adversarial bag says of the attack's parameters."""
+    parameters = json.loads(provenance.get("parameters", "{}"))
+    return parameters if isinstance(parameters, dict) else {}  # a coordinated attack has a list of them
 
 
 def bag_name(bag: Path) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.stages.evaluate.detection.baseline import baseline_words
 from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult
 from advpipe.stages.evaluate.detection.scoring import Truth, false_positives, found_objects, new_boxes
 
@@ -15,15 +16,21 @@ COUNTS = (
     "points_removed",
     "points_added",
     "points_moved",
+    "mean_displacement_m",
+    "rms_displacement_m",
+    "median_displacement_m",
+    "p95_displacement_m",
     "max_displacement_m",
+    "max_added_m",
     "chamfer_distance_m2",
     "objects_below_min_points",
     "found_objects",
     "false_positives",
     "lost_objects",
     "new_false_positives",
+    "lost_objects_recounted",
 )
-"""What is counted of each cloud of a frame, the clean one too."""
+"""What is counted of each cloud of a frame, the clean one too; the last one leaves out emptied objects."""
 
 
 def lost_objects(truth: Truth, clean: CloudResult, cloud: CloudResult, min_score: float) -> Bool:
@@ -49,23 +56,30 @@ def frame_row(frame: FrameResult, min_score: float) -> dict[str, int | float | N
         "objects": int(frame.truth.is_evaluated.sum()),
     }
     clouds = frame.clouds()
-    for word in ("clean", "adv", "baseline"):
+    for word in ("clean", "adv", *baseline_words()):
         counts = _counts(frame, clouds[word], min_score) if word in clouds else dict.fromkeys(COUNTS)
         row |= {f"{name}_{word}": counts[name] for name in COUNTS}
     return row
 
 
 def _counts(frame: FrameResult, cloud: CloudResult, min_score: float) -> dict[str, int | float | None]:
+    lost, way = lost_objects(frame.truth, frame.clean, cloud, min_score), cloud.displacement
     return {
         "points": cloud.points,
         "points_removed": cloud.points_removed,
         "points_added": cloud.points_added,
         "points_moved": cloud.points_moved,
-        "max_displacement_m": cloud.max_displacement_m,
+        "mean_displacement_m": way.mean_m,
+        "rms_displacement_m": way.rms_m,
+        "median_displacement_m": way.median_m,
+        "p95_displacement_m": way.p95_m,
+        "max_displacement_m": way.max_m,
+        "max_added_m": way.max_added_m,
         "chamfer_distance_m2": cloud.chamfer_distance_m2,
-        "objects_below_min_points": cloud.objects_below_min_points,
+        "objects_below_min_points": int(cloud.emptied.sum()),
         "found_objects": int(found_objects(frame.truth, cloud.matches, min_score).sum()),
         "false_positives": int(false_positives(cloud.detections, cloud.matches, min_score).sum()),
-        "lost_objects": int(lost_objects(frame.truth, frame.clean, cloud, min_score).sum()),
+        "lost_objects": int(lost.sum()),
         "new_false_positives": int(new_false_positives(frame.clean, cloud, min_score).sum()),
+        "lost_objects_recounted": int((lost & ~cloud.emptied).sum()),
     }

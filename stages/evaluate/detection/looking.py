@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,18 +12,28 @@ import numpy as np
 from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.bag.frames import ALL_FRAMES, Frame, FrameSlice, find_lidar_topic
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.defences.registry import parse_defences
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
+from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import count_points
 from advpipe.pipeline.jobs import map_jobs
 from advpipe.pipeline.metrics.chamfer import chamfer_distance
 from advpipe.pipeline.seeding import named_generator
-from advpipe.stages.evaluate.detection.baseline import random_baseline
+from advpipe.stages.evaluate.detection.baseline import random_baselines
 from advpipe.stages.evaluate.detection.cloud_difference import CloudDifference, cloud_difference
-from advpipe.stages.evaluate.detection.comparison import CloudResult, Comparison, FrameResult
+from advpipe.stages.evaluate.detection.comparison import (
+    CloudResult,
+    Comparison,
+    FrameResult,
+    attack_parameters,
+    under,
+)
+from advpipe.stages.evaluate.detection.displacement import Displacement, finite_xyz
 from advpipe.stages.evaluate.detection.occlusion import Occlusion
 from advpipe.stages.evaluate.detection.pairing import attacked_frames, chosen_indices, pair_frames
-from advpipe.stages.evaluate.detection.scoring import Eye, Truth, ground_truth, match
+from advpipe.stages.evaluate.detection.random_change import Budget
+from advpipe.stages.evaluate.detection.scoring import Eye, Truth, ground_truth, match, worth
 
 RANDOM_RECIPE = "random"
 """A bag of this recipe is a random baseline itself and is given none."""
@@ -32,7 +43,9 @@ RANDOM_RECIPE = "random"
 class Looking:
     """What is looked at: a clean bag and adversarial versions of it, with the provenance of each.
 
-    baseline: whether random changes of the same budget are looked at too, drawn from `seed`.
+    baseline: whether random changes of the same budget are looked at too, drawn from `seed`; and of how many
+    tries the best. defences: as `parse_defences` reads them; the clean and the adversarial clouds are looked
+    at under each. frames: of the clean bag; those of the adversarial bags are scored that are among them.
     """
 
     detector: str
@@ -42,6 +55,9 @@ class Looking:
     lidar_topic: str | None = None
     seed: int = 0
     baseline: bool = True
+    baseline_tries: int = 1
+    defences: tuple[str, ...] = ()
+    frames: FrameSlice = ALL_FRAMES
 
     def comparisons(self, workers: int | None = None) -> list[Comparison]:
         """Each adversarial bag beside the clean one, or the clean bag alone where there is none.
@@ -53,13 +69,20 @@ class Looking:
         bags: list[tuple[Path | None, Mapping[str, str]]] = [(None, {})]
         if self.adversarial:
             bags = list(zip(self.adversarial, self.provenances, strict=True))
-        return [
-            Comparison(bag, about, tuple(frame for frame in results if frame is not None))
+        defences = tuple(parse_defences(self.defences))
+        comparisons = [
+            Comparison(bag, about, tuple(frame for frame in results if frame), self.detector, defences)
             for (bag, about), results in zip(bags, zip(*looked, strict=True), strict=True)
         ]
+        for each in comparisons:
+            if not each.frames:
+                raise AdvpipeError(f"{each.bag} holds none of the frames {self.frames}; choose others")
+        return comparisons
 
     @property
     def _chosen(self) -> FrameSlice:
+        if self.frames != ALL_FRAMES:
+            return self.frames
         return attacked_frames(
             [
                 FrameSlice.parse(about["frames"]) if "frames" in about else ALL_FRAMES
@@ -75,7 +98,8 @@ class Looking:
         eye = Eye(load_detector(self.detector))
         reader = BagReader(self.clean)
         occlusion = Occlusion(reader, find_lidar_topic(reader, self.lidar_topic))
-        pairs = pair_frames(self.clean, self.adversarial, self._chosen, self.lidar_topic)
+        is_part = self.frames != ALL_FRAMES
+        pairs = pair_frames(self.clean, self.adversarial, self._chosen, self.lidar_topic, is_part=is_part)
         last = chosen_indices(self.clean, self._chosen, self.lidar_topic)[-1]
 
         def look_at(index: int) -> list[FrameResult | None]:
@@ -88,32 +112,59 @@ class Looking:
             truth = ground_truth(before, eye.classes, eye.range_m, occlusion.at(before.stamp_ns))
             with fixed_torch_threads():
                 clean = _look(eye, truth, before.cloud, before.cloud)
+                defended = self._defended(eye, truth, "clean", before.index, before.cloud)
+                alone = FrameResult(before.index, -1, before.stamp_ns, truth, clean, defended=defended)
                 if not self.adversarial:
-                    return [FrameResult(before.index, -1, before.stamp_ns, truth, clean)]
+                    return [alone]
                 return [
-                    self._compare(eye, truth, clean, before, after, about) if after else None
+                    self._compare(eye, alone, before, after, about) if after else None
                     for after, about in zip(afters, self.provenances, strict=True)
                 ]
 
         return look_at
 
     def _compare(
-        self,
-        eye: Eye,
-        truth: Truth,
-        clean: CloudResult,
-        before: Frame,
-        after: Frame,
-        provenance: Mapping[str, str],
+        self, eye: Eye, alone: FrameResult, before: Frame, after: Frame, provenance: Mapping[str, str]
     ) -> FrameResult:
+        truth, look = alone.truth, partial(_look, eye, alone.truth, before.cloud)
         change = cloud_difference(before.cloud, after.cloud)
-        random = None
+        random = {}
         if self.baseline and provenance.get("recipe") != RANDOM_RECIPE:
-            rng = named_generator(self.seed, "evaluate", "baseline", before.index)
-            cloud = random_baseline(before.cloud, after.cloud, change, before.boxes, rng)
-            random = _look(eye, truth, before.cloud, cloud, cloud_difference(before.cloud, cloud))
-        attacked = _look(eye, truth, before.cloud, after.cloud, change)
-        return FrameResult(before.index, after.index, before.stamp_ns, truth, clean, attacked, random)
+            clouds = random_baselines(
+                before.cloud,
+                truth.boxes.geometry[truth.is_evaluated],
+                Budget.of(before.cloud, after.cloud, change, attack_parameters(provenance)),
+                lambda cloud: worth(truth, match(truth, eye.detect(cloud), eye.classes))[truth.is_evaluated],
+                tries=self.baseline_tries,
+                seed=self.seed,
+                index=before.index,
+            )
+            random = {word: look(cloud, cloud_difference(before.cloud, cloud)) for word, cloud in clouds}
+        defended = self._defended(eye, truth, "adv", before.index, after.cloud)
+        return FrameResult(
+            before.index,
+            after.index,
+            before.stamp_ns,
+            truth,
+            alone.clean,
+            look(after.cloud, change),
+            random,
+            {**alone.defended, **defended},
+        )
+
+    def _defended(
+        self, eye: Eye, truth: Truth, word: str, index: int, cloud: Cloud
+    ) -> dict[str, CloudResult]:
+        """A cloud under every defence, which draws the same for each cloud of a frame."""
+        results = {}
+        for name, defence in parse_defences(self.defences).items():
+            defended = defence(cloud, named_generator(self.seed, "evaluate", "defence", name, index))
+            found = eye.detect_placed(defended.cloud, defended.placement)
+            box_points = count_points(xyz(cloud), found.boxes)
+            results[under(word, name)] = CloudResult(
+                found, match(truth, found, eye.classes), box_points, len(defended.cloud)
+            )
+        return results
 
 
 def _look(
@@ -124,22 +175,19 @@ def _look(
     matches = match(truth, detections, eye.classes)
     box_points = count_points(xyz(cloud), detections.boxes)
     if change is None:
-        return CloudResult(detections, matches, box_points, len(cloud))
+        return CloudResult(detections, matches, box_points, len(cloud), np.zeros(len(truth.boxes), bool))
+    recounted = truth.counted_on(cloud)
+    is_alike = np.array_equal(recounted.is_evaluated, truth.is_evaluated)
     return CloudResult(
         detections,
         matches,
         box_points,
         points=len(cloud),
+        emptied=truth.is_evaluated & ~recounted.is_evaluated,
+        recounted=None if is_alike else match(recounted, detections, eye.classes, ("strict",)),
         points_removed=len(change.removed),
         points_added=len(change.added),
         points_moved=len(change.moved),
-        max_displacement_m=change.max_displacement_m,
-        chamfer_distance_m2=chamfer_distance(_finite(clean), _finite(cloud)),
-        objects_below_min_points=int((truth.is_evaluated & ~truth.enough_points(cloud)).sum()),
+        displacement=Displacement.of(clean, cloud, change),
+        chamfer_distance_m2=chamfer_distance(finite_xyz(clean), finite_xyz(cloud)),
     )
-
-
-def _finite(cloud: Cloud) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
-    """The coordinates (N, 3) of the points that have some: other sensors mark lost returns by NaN."""
-    points = xyz(cloud)
-    return points[np.isfinite(points).all(axis=1)]

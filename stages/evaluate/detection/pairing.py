@@ -14,16 +14,21 @@ def pair_frames(
     adversarial: Sequence[Path],
     chosen: FrameSlice = ALL_FRAMES,
     lidar_topic: str | None = None,
+    *,
+    is_part: bool = False,
 ) -> Iterator[tuple[Frame, list[Frame | None]]]:
     """The chosen frames of the clean bag in time order, each with its frame of every adversarial bag.
 
-    An adversarial bag may lack frames; one that none of the chosen clean frames has is refused.
+    An adversarial bag may lack frames; one that none of the chosen clean frames has is refused, or passed
+    over if `is_part` says that the adversarial bags may well hold frames that were not chosen.
     """
     others = [read_frames(bag, lidar_topic=lidar_topic) for bag in adversarial]
     waiting = [next(frames, None) for frames in others]
     for before in read_frames(clean, chosen, lidar_topic=lidar_topic):
         pairs: list[Frame | None] = []
         for number, after in enumerate(waiting):
+            while is_part and after is not None and after.stamp_ns < before.stamp_ns:
+                after = waiting[number] = next(others[number], None)
             if after is not None and after.stamp_ns < before.stamp_ns:
                 raise _foreign(adversarial[number], after.stamp_ns, clean)
             is_pair = after is not None and after.stamp_ns == before.stamp_ns
@@ -32,7 +37,7 @@ def pair_frames(
                 waiting[number] = next(others[number], None)
         yield before, pairs
     for number, after in enumerate(waiting):
-        if after is not None:
+        if after is not None and not is_part:
             raise _foreign(adversarial[number], after.stamp_ns, clean)
 
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.bag.frames import Frame
+from advpipe.pipeline.defences.base import Placement
 from advpipe.pipeline.detector.protocol import Detections, Detector, Range
 from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS, Boxes, count_points
 from advpipe.pipeline.geometry.iou import iou_3d, iou_bev
@@ -48,19 +49,21 @@ Matches = Mapping[tuple[str, str], FrameMatches]
 class Truth:
     """The M objects of a frame, in the LiDAR's frame.
 
-    is_evaluated: (M,), in the detector's range, of a class it finds, with enough points in the clean cloud.
+    is_findable: (M,), in the detector's range and of a class it finds.
+    is_evaluated: (M,), findable and with enough points in the clean cloud.
     points: (M,) in the clean cloud. occlusion: (M,) share that something hides; NaN where unknown.
     """
 
     boxes: Boxes
+    is_findable: Bool
     is_evaluated: Bool
     points: Int64
     occlusion: Float64
 
-    def enough_points(self, cloud: Cloud) -> Bool:
-        """Which objects (M,) have enough points in a cloud."""
-        enough: Bool = count_points(xyz(cloud), self.boxes.geometry) >= MIN_POINTS
-        return enough
+    def counted_on(self, cloud: Cloud) -> Truth:
+        """The objects as another cloud would have them evaluated: by their points in that one."""
+        points = count_points(xyz(cloud), self.boxes.geometry)
+        return replace(self, is_evaluated=self.is_findable & (points >= MIN_POINTS), points=points)
 
 
 def ground_truth(
@@ -73,9 +76,10 @@ def ground_truth(
     boxes = clean.boxes
     known = np.isin(boxes.labels, [CLASSES.index(name) for name in classes])
     points = count_points(xyz(clean.cloud), boxes.geometry)
-    evaluated = known & range_m.contains_centres(boxes.geometry) & (points >= MIN_POINTS)
+    findable = known & range_m.contains_centres(boxes.geometry)
     hidden = [(occlusion or {}).get(name, np.nan) for name in boxes.ids]
-    return Truth(boxes, evaluated, points, np.array(hidden, dtype=np.float64))
+    evaluated = findable & (points >= MIN_POINTS)
+    return Truth(boxes, findable, evaluated, points, np.array(hidden, dtype=np.float64))
 
 
 def labelled(labels: Int64, name: str) -> Bool:
@@ -105,24 +109,36 @@ class Eye:
 
     def detect(self, cloud: Cloud) -> Detections:
         """The detections in the detector's range, labelled by `geometry.boxes.CLASSES`, best first."""
-        key = hashlib.blake2b(np.ascontiguousarray(cloud).tobytes(), digest_size=16).digest()
+        return self.detect_placed(cloud, Placement())
+
+    def detect_placed(self, cloud: Cloud, placement: Placement) -> Detections:
+        """Those in a cloud that a defence put elsewhere, back where they belong."""
+        about = f"{placement}".encode()
+        key = hashlib.blake2b(np.ascontiguousarray(cloud).tobytes() + about, digest_size=16).digest()
         if key not in self._seen:
             found = self._detector.detect(cloud)
-            inside = np.flatnonzero(self.range_m.contains_centres(found.boxes))
+            boxes = placement.boxes_back(found.boxes)
+            inside = np.flatnonzero(self.range_m.contains_centres(boxes))
             best = inside[np.argsort(-found.scores[inside], kind="stable")]
-            self._seen[key] = Detections(
-                found.boxes[best], found.scores[best], self._labels[found.labels[best]]
-            )
+            self._seen[key] = Detections(boxes[best], found.scores[best], self._labels[found.labels[best]])
         return self._seen[key]
 
 
-def match(truth: Truth, detections: Detections, classes: tuple[str, ...]) -> Matches:
+def match(
+    truth: Truth, detections: Detections, classes: tuple[str, ...], criteria: Sequence[str] = tuple(CRITERIA)
+) -> Matches:
     """The matches of a frame by every criterion and class."""
-    overlaps = {space: iou(detections.boxes, truth.boxes.geometry) for space, iou in _OVERLAP.items()}
+    spaces = {CRITERIA[word].space for word in criteria}
+    overlaps = {
+        space: iou(detections.boxes, truth.boxes.geometry)
+        for space, iou in _OVERLAP.items()
+        if space in spaces
+    }
     matches = {}
     for name in classes:
         mine, theirs = labelled(truth.boxes.labels, name), labelled(detections.labels, name)
-        for word, criterion in CRITERIA.items():
+        for word in criteria:
+            criterion = CRITERIA[word]
             matches[word, name] = match_overlaps(
                 overlaps[criterion.space][np.ix_(theirs, mine)],
                 truth.is_evaluated[mine],
@@ -130,6 +146,24 @@ def match(truth: Truth, detections: Detections, classes: tuple[str, ...]) -> Mat
                 criterion.min_iou[name],
             )
     return matches
+
+
+def worth(truth: Truth, matches: Matches) -> Float64:
+    """What a detector sees of each object (M,): the score of what finds it, strictly or else loosely.
+
+    What an attack has to bring down; of objects that are not evaluated it is 0.
+    """
+    seen = np.zeros(len(truth.boxes))
+    for (word, name), frame in matches.items():
+        if word in _WORTH:
+            hit = frame.found()
+            scores = np.zeros(len(hit))
+            scores[hit] = frame.scores[frame.found_by[hit]]
+            seen[labelled(truth.boxes.labels, name)] += _WORTH[word] * scores
+    return seen
+
+
+_WORTH = {"strict": 1.0, "loose": 1e-3}  # the loose score only breaks ties
 
 
 def found_objects(truth: Truth, matches: Matches, min_score: float) -> Bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -11,15 +10,26 @@ import numpy.typing as npt
 
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import MIN_POINTS
-from advpipe.pipeline.metrics.average_precision import R11, RankedMatches
+from advpipe.pipeline.metrics.average_precision import RankedMatches
 from advpipe.pipeline.metrics.bootstrap import MIN_BLOCK_S, BlockBootstrap, percentile_interval
 from advpipe.pipeline.seeding import named_generator
 from advpipe.stages.evaluate.detection.arm import Arm, Precision
-from advpipe.stages.evaluate.detection.comparison import Comparison, FrameResult
+from advpipe.stages.evaluate.detection.baseline import BASELINES, baseline_title, baseline_words
+from advpipe.stages.evaluate.detection.comparison import Comparison, FrameResult, attack_parameters
+from advpipe.stages.evaluate.detection.defended import defended_rows
+from advpipe.stages.evaluate.detection.figures import (
+    Row,
+    attack_figures,
+    clean_means,
+    difference,
+    precisions,
+    recounted_figures,
+    total,
+)
 from advpipe.stages.evaluate.detection.frame_row import frame_row
 from advpipe.stages.evaluate.detection.scoring import CRITERIA
+from advpipe.stages.evaluate.detection.success import success_rows
 
-Row = dict[str, object]
 Float64 = npt.NDArray[np.float64]
 
 MIN_BOXES = 50
@@ -27,18 +37,16 @@ MIN_BOXES = 50
 
 FEW_BLOCKS = 10
 
-STRATA_CRITERIA = {"clean": tuple(CRITERIA), "adv": ("strict",), "baseline": ("strict",)}
-"""By which criteria near and far objects and the like are scored by themselves."""
-
 
 @dataclass(frozen=True)
 class Summary:
     """A comparison in figures.
 
-    row: what `report.json` holds of it. per_frame: its rows of `results.parquet`.
+    row: what `report.json` holds of it. per_frame: its rows of `frames.parquet`.
     min_score: the working point for counts and pictures: the best F1 on the clean clouds.
-    precisions: average precisions of the clouds `clean`, `adv` and `baseline`, as far as there are any.
-    curves: by cloud, criterion and class, recall and precision (G,) from the highest score down.
+    precisions: average precisions of the clean, the adversarial and the baselines' clouds, as far as there
+    are any. curves: by cloud, criterion and class, recall and precision (G,) from the highest score down.
+    defended: one row a defence. success: one row a cloud, class and range.
     """
 
     comparison: Comparison
@@ -47,6 +55,8 @@ class Summary:
     min_score: float
     precisions: Mapping[str, tuple[Precision, ...]]
     curves: Mapping[tuple[str, str, str], tuple[Float64, Float64]]
+    defended: tuple[Row, ...] = ()
+    success: tuple[Row, ...] = ()
 
 
 def summarise(
@@ -66,45 +76,41 @@ def summarise(
     in_map, notes = classes_in_map(boxes)
     stamps_ns = [frame.stamp_ns for frame in frames]
     bootstrap = BlockBootstrap.of(stamps_ns, draws, named_generator(seed, "evaluate", "bootstrap"))
-    arms = {word: Arm.of(frames, word, classes, in_map, bootstrap) for word in frames[0].clouds()}
+    # A baseline that only some frames have, such as those with a moved point, is none of the whole.
+    words = [word for word in frames[0].clouds() if all(word in frame.clouds() for frame in frames)]
+    arms = {word: Arm.of(frames, word, classes, in_map, bootstrap) for word in words}
     min_score = _working_score(frames)
     per_frame = tuple(frame_row(frame, min_score) for frame in frames)
-    if bootstrap.n_blocks < 2:
-        notes.append(f"The frames fill less than two blocks of {MIN_BLOCK_S:g} s: no confidence interval.")
-    elif bootstrap.n_blocks < FEW_BLOCKS:
-        notes.append(
-            f"Only {bootstrap.n_blocks} blocks of {MIN_BLOCK_S:g} s: the confidence intervals are rough."
-        )
+    notes += _notes_on_blocks(bootstrap.n_blocks)
     if arms["clean"].mean_ap() == 0 and "adv" in arms:
         notes.append("The mAP on the clean clouds is 0: the mAP ratio is undefined.")
 
     clean = arms["clean"]
     row: Row = {
         "bag": comparison.name,
+        "detector": comparison.detector,
         **_attack(comparison.provenance),
         "frames": len(frames),
         "blocks": bootstrap.n_blocks,
         "classes_in_map": list(in_map),
         "working_score": min_score,
         "objects": sum(boxes.values()),
-        "objects_found_clean": _sum(per_frame, "found_objects_clean"),
-        "false_positives_clean": _sum(per_frame, "false_positives_clean"),
-        "points_clean": _sum(per_frame, "points_clean"),
+        "objects_found_clean": total(per_frame, "found_objects_clean"),
+        "false_positives_clean": total(per_frame, "false_positives_clean"),
+        "points_clean": total(per_frame, "points_clean"),
         **{f"boxes_{name}": boxes[name] for name in classes},
         "map_clean": clean.mean_ap(),
         "map_clean_ci95": percentile_interval(clean.map_draws()),
-        **_other_means(clean),
-        **_precisions(clean, "clean"),
+        **clean_means(clean),
+        **precisions(clean, "clean"),
+        **_attacked(arms, frames, per_frame),
     }
-    for word, prefix in (("adv", ""), ("baseline", "baseline_")):
-        figures = _figures(arms.get(word, clean), clean, per_frame, word)
-        row |= {prefix + name: value if word in arms else None for name, value in figures.items()}
-    row |= _difference_to_baseline(arms)
     if hidden := row["objects_below_min_points"]:
         notes.append(f"{hidden} of the objects have fewer than {MIN_POINTS} points left; they still count.")
-    row["notes"] = [*notes, *remarks]
-    precisions = {
-        word: tuple(arm.precisions(frames, word, bootstrap, STRATA_CRITERIA[word]))
+    row["notes"] = [*notes, *_notes_on_baselines(row), *remarks]
+    criteria = {"clean": tuple(CRITERIA)}
+    precisions_of = {
+        word: tuple(arm.precisions(frames, word, bootstrap, criteria.get(word, ("strict",))))
         for word, arm in arms.items()
     }
     curves = {
@@ -112,7 +118,16 @@ def summarise(
         for word, arm in arms.items()
         for (criterion, name), ranked in arm.ranked.items()
     }
-    return Summary(comparison, row, per_frame, min_score, precisions, curves)
+    return Summary(
+        comparison,
+        row,
+        per_frame,
+        min_score,
+        precisions_of,
+        curves,
+        tuple(defended_rows(comparison, row, arms, classes, in_map, bootstrap)),
+        tuple(success_rows(comparison, row, words[1:], classes, min_score, bootstrap)),
+    )
 
 
 def count_boxes(frames: Sequence[FrameResult], classes: Sequence[str]) -> dict[str, int]:
@@ -129,91 +144,72 @@ def classes_in_map(boxes: Mapping[str, int]) -> tuple[list[str], list[str]]:
     return some, [f"No class has {MIN_BOXES} evaluated boxes: mAP over those with any ({', '.join(some)})."]
 
 
-def _figures(arm: Arm, clean: Arm, per_frame: Sequence[Mapping[str, int | float | None]], word: str) -> Row:
-    """What the attacked clouds, or the baseline's, lead to."""
-    counts = ("points_added", "points_removed", "points_moved", "objects_below_min_points")
-    losses = ("found_objects", "false_positives", "lost_objects", "new_false_positives")
-    return {
-        "map_adv": arm.mean_ap(),
-        "map_ratio_percent": 100 * _ratio(arm.mean_ap(), clean.mean_ap()),
-        "map_ratio_ci95": percentile_interval(_ratio_draws(arm, clean)),
-        "map_loose_adv": arm.mean_ap("loose"),
-        "map_loose_ratio_percent": 100 * _ratio(arm.mean_ap("loose"), clean.mean_ap("loose")),
-        "map_bev_adv": arm.mean_ap("bev"),
-        "map_bev_loose_adv": arm.mean_ap("bev_loose"),
-        **_precisions(arm, "adv"),
-        "chamfer_distance_m2": _sum(per_frame, f"chamfer_distance_m2_{word}") / len(per_frame),
-        "max_displacement_m": max(_column(per_frame, f"max_displacement_m_{word}"), default=0.0),
-        **{name: _sum(per_frame, f"{name}_{word}") for name in counts + losses},
-    }
+def _attacked(
+    arms: Mapping[str, Arm],
+    frames: Sequence[FrameResult],
+    per_frame: tuple[dict[str, int | float | None], ...],
+) -> Row:
+    """The figures of the attack (no prefix) and of every baseline (its word before them); None without one.
 
-
-def _difference_to_baseline(arms: Mapping[str, Arm]) -> Row:
-    """How many points of mAP ratio the attack costs beyond the same budget spent at random."""
-    if "baseline" not in arms:
-        return {"map_ratio_minus_baseline": None, "map_ratio_minus_baseline_ci95": None}
-    clean, adversarial, baseline = arms["clean"], arms["adv"], arms["baseline"]
-    draws = _ratio_draws(adversarial, clean) - _ratio_draws(baseline, clean)
-    return {
-        "map_ratio_minus_baseline": 100 * _ratio(adversarial.mean_ap() - baseline.mean_ap(), clean.mean_ap()),
-        "map_ratio_minus_baseline_ci95": percentile_interval(draws),
-    }
-
-
-def _other_means(clean: Arm) -> Row:
-    """The mAP on the clean clouds beside strict 3D R40: R11, and everything by the other criteria."""
-    row: Row = {"map_r11_clean": clean.mean_ap("strict", R11)}
-    for criterion in (word for word in CRITERIA if word != "strict"):
+    The attack `beats_random` if the 95 % interval of its paired difference to every baseline is below 0;
+    None where there is no baseline or no interval.
+    """
+    clean, row = arms["clean"], Row()
+    baselines = [word for word in baseline_words() if word in arms]
+    shown = {"adv": "", **{word: f"{word}_" for word in dict.fromkeys((next(iter(BASELINES)), *baselines))}}
+    for word, prefix in shown.items():
+        there = word in arms
+        figures = attack_figures(arms.get(word, clean), clean, frames, per_frame, word if there else "clean")
+        row |= {prefix + name: value if there else None for name, value in figures.items()}
+    recounted = recounted_figures(
+        arms.get("adv", clean), clean, frames, per_frame, "adv" if "adv" in arms else "clean"
+    )
+    row |= {name: value if "adv" in arms else None for name, value in recounted.items()}
+    row |= {"map_ratio_minus_baseline": None, "map_ratio_minus_baseline_ci95": None, "baselines": baselines}
+    beaten: list[bool | None] = []
+    for word in baselines:
+        points, bounds = difference(arms, word)
+        beaten.append(None if bounds is None else bounds[1] < 0)
         row |= {
-            f"map_{criterion}_clean": clean.mean_ap(criterion),
-            f"map_{criterion}_clean_ci95": percentile_interval(clean.map_draws(criterion)),
-            f"map_{criterion}_r11_clean": clean.mean_ap(criterion, R11),
+            f"map_ratio_minus_{word}": points,
+            f"map_ratio_minus_{word}_ci95": bounds,
+            f"beats_{word}": beaten[-1],
         }
+    row["beats_random"] = None if not beaten or None in beaten else all(beaten)
     return row
 
 
-def _precisions(arm: Arm, word: str) -> Row:
-    """Average precision of each class: strict 3D without a further word, then loose, then bird's-eye."""
-    row: Row = {}
-    for (criterion, name), ranked in arm.ranked.items():
-        key = f"ap_{name}_{word}" if criterion == "strict" else f"ap_{criterion}_{name}_{word}"
-        row[key] = ranked.average_precision()
-        if criterion == "strict":
-            row[f"{key}_ci95"] = percentile_interval(arm.draws[criterion, name])
-    return row
+def _notes_on_blocks(n_blocks: int) -> list[str]:
+    if n_blocks < 2:
+        return [f"The frames fill less than two blocks of {MIN_BLOCK_S:g} s: no confidence interval."]
+    if n_blocks < FEW_BLOCKS:
+        return [f"Only {n_blocks} blocks of {MIN_BLOCK_S:g} s: the confidence intervals are rough."]
+    return []
+
+
+def _notes_on_baselines(row: Row) -> list[str]:
+    """Which baselines the attack does not beat."""
+    words = row["baselines"]
+    if row["beats_random"] is not False or not isinstance(words, list):
+        return []
+    unbeaten = [baseline_title(word) for word in words if not row[f"beats_{word}"]]
+    return [f"Does not beat the same budget spent {'; '.join(unbeaten)}."]
 
 
 def _attack(provenance: Mapping[str, str]) -> Row:
     """Attack, recipe, and its budget: the parameter that the attack names, else its first."""
-    parameters = json.loads(provenance.get("parameters", "{}"))
+    parameters = attack_parameters(provenance)
     parameter = provenance.get("budget", next(iter(parameters), None))
     return {
         "attack": provenance.get("attack", "none" if not provenance else "unknown"),
         "recipe": provenance.get("recipe"),
         "parameter": parameter,
-        "value": parameters.get(parameter),
+        "value": parameters.get(parameter) if parameter else None,
         "parameters": parameters,
+        "attacked_against": provenance.get("detector"),
     }
 
 
 def _working_score(frames: Sequence[FrameResult]) -> float:
     loose = [m for frame in frames for (word, _), m in frame.clean.matches.items() if word == "loose"]
     return RankedMatches.of(loose).best_f1_score()
-
-
-def _ratio(part: float, whole: float) -> float:
-    return part / whole if whole else float("nan")
-
-
-def _ratio_draws(arm: Arm, clean: Arm) -> Float64:
-    """The mAP ratio in percent (draws,); NaN where the clean mAP is 0."""
-    whole = np.where(clean.map_draws() > 0, clean.map_draws(), np.nan)
-    return 100 * arm.map_draws() / whole
-
-
-def _column(per_frame: Sequence[Mapping[str, int | float | None]], name: str) -> list[int | float]:
-    return [value for row in per_frame if (value := row[name]) is not None]
-
-
-def _sum(per_frame: Sequence[Mapping[str, int | float | None]], name: str) -> int | float:
-    return sum(_column(per_frame, name))

@@ -9,7 +9,8 @@ from pathlib import Path
 from jinja2 import Environment, StrictUndefined
 
 from advpipe.pipeline.geometry.boxes import CLASSES
-from advpipe.stages.evaluate.detection.summary import Row, Summary
+from advpipe.stages.evaluate.detection.figures import Row
+from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.clean import class_table, distinct_clean, lead, strata_tables
 from advpipe.stages.evaluate.report.numbers import number
 from advpipe.stages.evaluate.report.pictures import ATTACK, CLEAN, OVERVIEW, Picture

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from advpipe.stages.evaluate.detection.summary import Row
+from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.report.scene import attack_title
 from advpipe.stages.evaluate.report.style import BASELINE, INK, PREDICTION
 

@@ -8,7 +8,8 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from advpipe.stages.evaluate.detection.summary import Row, Summary
+from advpipe.stages.evaluate.detection.figures import Row
+from advpipe.stages.evaluate.detection.summary import Summary
 
 FORMULAS: Mapping[str, str] = {
     "ap": "AP = (1/40) * sum over r in {1/40, ..., 1} of max precision at recall >= r (R40); R11 reads "

@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.table import Table
 
 from advpipe.stages.evaluate.detection.arm import WHOLE
-from advpipe.stages.evaluate.detection.summary import Row
+from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.report.numbers import NOTHING, interval, number
 from advpipe.stages.evaluate.report.report import Report
 

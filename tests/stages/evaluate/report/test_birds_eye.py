@@ -29,7 +29,7 @@ def cloud() -> np.ndarray:
 
 def scene(lost=(False, False), after_boxes=BOXES, attacked=True) -> Scene:
     boxes = Boxes(BOXES, np.zeros(2, np.int64), ("a", "b"), np.zeros((2, 3)))
-    truth = Truth(boxes, np.array([True, True]), np.array([90, 40]), np.zeros(2))
+    truth = Truth(boxes, np.array([True, True]), np.array([True, True]), np.array([90, 40]), np.zeros(2))
     after = View(cloud()[50:], after_boxes)
     change = cloud_difference(cloud(), after.cloud)
     before = View(cloud(), BOXES)
@@ -72,7 +72,7 @@ def test_a_clean_scene_has_one_panel():
 
 
 def test_a_frame_without_anything():
-    nothing = Truth(Boxes(), np.zeros(0, bool), np.zeros(0, np.int64), np.zeros(0))
+    nothing = Truth(Boxes(), np.zeros(0, bool), np.zeros(0, bool), np.zeros(0, np.int64), np.zeros(0))
     empty = View(np.zeros(0, POINT_DTYPE), np.zeros((0, 7)))
     blank = Scene(
         "nothing", "n", nothing, np.zeros(0, bool), empty, empty, cloud_difference(empty.cloud, empty.cloud)

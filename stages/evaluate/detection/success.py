@@ -1,0 +1,81 @@
+"""Which objects an attack hides and what it makes up, by class and range."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.metrics.bootstrap import BlockBootstrap, percentile_interval
+from advpipe.stages.evaluate.detection.arm import WHOLE
+from advpipe.stages.evaluate.detection.comparison import Comparison, FrameResult
+from advpipe.stages.evaluate.detection.figures import Row, above_0, ratio
+from advpipe.stages.evaluate.detection.frame_row import lost_objects, new_false_positives
+from advpipe.stages.evaluate.detection.scoring import found_objects, labelled
+from advpipe.stages.evaluate.detection.strata import STRATA, Stratum, range_m
+
+Int64 = npt.NDArray[np.int64]
+
+EVERYWHERE = Stratum("", WHOLE, 0.0, float("inf"))
+RANGES = (EVERYWHERE, *(stratum for stratum in STRATA if stratum.by == "range"))
+EVERY_CLASS = "all"
+
+
+def success_rows(
+    comparison: Comparison,
+    row: Row,
+    words: Sequence[str],
+    classes: Sequence[str],
+    min_score: float,
+    bootstrap: BlockBootstrap,
+) -> Iterator[Row]:
+    """A row for each cloud of `words`, class and range: objects found on the clean clouds and lost on these.
+
+    attack_success_percent: lost of found, with its interval from the bootstrap. new_false_positives are
+    told by their own class and range.
+    """
+    for word in words:
+        for name in (EVERY_CLASS, *classes):
+            for stratum in RANGES:
+                counts = np.array(
+                    [_counts(frame, word, name, stratum, min_score) for frame in comparison.frames]
+                )  # (F, 3): found, lost, new
+                found, lost, new = (int(count) for count in counts.sum(axis=0))
+                yield {
+                    **{
+                        key: row[key] for key in ("bag", "detector", "attack", "recipe", "parameter", "value")
+                    },
+                    "cloud": word,
+                    "class": name,
+                    "range": stratum.name,
+                    "found_clean": found,
+                    "lost": lost,
+                    "attack_success_percent": 100 * ratio(lost, found),
+                    "attack_success_ci95": percentile_interval(_rate_draws(counts, bootstrap)),
+                    "new_false_positives": new,
+                }
+
+
+def _counts(
+    frame: FrameResult, word: str, name: str, stratum: Stratum, min_score: float
+) -> tuple[int, int, int]:
+    cloud, truth = frame.clouds()[word], frame.truth
+    objects = stratum.holds(range_m(truth.boxes.geometry))
+    detections = stratum.holds(range_m(cloud.detections.boxes))
+    if name != EVERY_CLASS:
+        objects &= labelled(truth.boxes.labels, name)
+        detections &= labelled(cloud.detections.labels, name)
+    return (
+        int((found_objects(truth, frame.clean.matches, min_score) & objects).sum()),
+        int((lost_objects(truth, frame.clean, cloud, min_score) & objects).sum()),
+        int((new_false_positives(frame.clean, cloud, min_score) & detections).sum()),
+    )
+
+
+def _rate_draws(counts: Int64, bootstrap: BlockBootstrap) -> npt.NDArray[np.float64]:
+    """The share of lost objects in percent in each draw."""
+    found, lost = (
+        np.bincount(bootstrap.block, counts[:, column], minlength=bootstrap.n_blocks) for column in (0, 1)
+    )
+    return bootstrap.samples(lambda times: 100 * (times @ lost) / above_0((times @ found).astype(np.float64)))
