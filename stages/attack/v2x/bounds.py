@@ -1,0 +1,39 @@
+"""Parameters of attacks on messages, checked as they come from the command line or a scenario file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from advpipe.pipeline.errors import AdvpipeError
+
+
+def number(attack: str, parameter: str, value: Any, low: float, high: float = math.inf) -> float:
+    """The value; raises AdvpipeError, with the attack's and the parameter's names, outside of [low, high]."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
+        limits = f"at least {low:g}" if high == math.inf else f"{low:g} to {high:g}"
+        raise AdvpipeError(f"{attack}: {parameter} is {value!r}; it takes a number, {limits}")
+    return value
+
+
+def whole(attack: str, parameter: str, value: Any, low: int, high: int) -> int:
+    """The same for whole numbers."""
+    if int(number(attack, parameter, value, low, high)) != value:
+        raise AdvpipeError(f"{attack}: {parameter} is {value!r}; it takes a whole number")
+    return int(value)
+
+
+def span(attack: str, parameter: str, low: Any, high: Any, least: float, most: float) -> tuple[float, float]:
+    """Both ends of a range to draw from, `<parameter>_min...` and `..._max...` in one word, in order."""
+    ends = number(attack, parameter, low, least, most), number(attack, parameter, high, least, most)
+    if ends[0] > ends[1]:
+        raise AdvpipeError(f"{attack}: {parameter}: the least, {low:g}, is above the most, {high:g}")
+    return ends
+
+
+def one_of(attack: str, parameter: str, value: Any, known: Sequence[str]) -> str:
+    """One of the known words."""
+    if value not in known:
+        raise AdvpipeError(f"{attack}: {parameter} is {value!r}; known: {', '.join(known)}")
+    return str(value)

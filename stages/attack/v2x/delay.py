@@ -1,0 +1,96 @@
+"""One's own messages, late: held back by a radio, or told again long after they were true."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
+
+from advpipe.pipeline.bag.v2x_drive import V2xStep
+from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.codec import CamTree
+from advpipe.stages.attack.v2x.bounds import number, span, whole
+from advpipe.stages.attack.v2x.cams import retold, told
+from advpipe.stages.attack.v2x.ears import later
+from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack
+
+
+class Delay(V2xAttack):
+    """Each message leaves so much later, drawn once for each attacker: NextGen's time delay attack.
+
+    restamp: with a generation time that is as much later, so that maps take it. A message of an attacker that
+    leaves the road meanwhile, or of the drive's end, is never sent.
+    """
+
+    def __init__(
+        self,
+        context: AttackContext,
+        *,
+        delay_min_s: float = 2.0,
+        delay_max_s: float = 4.0,
+        restamp: bool = False,
+    ) -> None:
+        super().__init__(context)
+        least_s, most_s = span(context.name, "delay_s", delay_min_s, delay_max_s, 0, 600)
+        self._restamp = bool(restamp)
+        self._delays_ns = {
+            attacker: round(float(context.rng("delay", attacker).uniform(least_s, most_s)) * 1e9)
+            for attacker in context.attackers
+        }
+        self._held: list[Sent] = []
+
+    def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
+        kept = []
+        for one in sent:
+            if self.context.acts(one):
+                self._held.append(replace(one, request_ns=one.request_ns + self._delays_ns[one.station_id]))
+            else:
+                kept.append(one)
+        if step.end_ns is None:
+            return kept
+        due = [one for one in self._held if one.request_ns < step.end_ns]
+        self._held = [one for one in self._held if one.request_ns >= step.end_ns]
+        present = {radio.station_id for radio in step.radios}
+        return kept + [self._released(one) for one in due if one.station_id in present]
+
+    def _released(self, one: Sent) -> Sent:
+        cams = self.context.cams
+        tree = cams.open(one.payload) if self._restamp else None
+        if tree is None:
+            return one
+        return replace(one, payload=cams.close(later(tree, self._delays_ns[one.station_id])))
+
+
+class Stale(V2xAttack):
+    """What the attacker itself said some messages ago: F2MD's stale messages (there, 60 at one a second).
+
+    restamp: with the generation time of the message that it replaces. Until there have been so many, the
+    truth is told.
+    """
+
+    def __init__(
+        self, context: AttackContext, *, messages: int = 20, restamp: bool = True, ahead_s: float = 0.0
+    ) -> None:
+        super().__init__(context)
+        self._messages = whole(context.name, "messages", messages, 1, 100_000)
+        self._restamp = bool(restamp)
+        self._ahead_ns = round(number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
+        self._said: dict[int, deque[CamTree]] = {}
+
+    def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
+        in_order = sorted(sent, key=lambda one: (one.request_ns, one.number))
+        return [self._aged(one) if one.station_id in self.context.attackers else one for one in in_order]
+
+    def _aged(self, one: Sent) -> Sent:
+        cams = self.context.cams
+        own = cams.open(one.payload)
+        if own is None:
+            return one
+        said = self._said.setdefault(one.station_id, deque(maxlen=self._messages + 1))
+        said.append(own)
+        if len(said) <= self._messages or not self.context.active(one.request_ns):
+            return one
+        old = said[0]
+        if self._restamp:
+            old = retold(old, generation_delta_time_ms=told(own, "generation_delta_time_ms"))
+        return replace(one, payload=cams.close(later(old, self._ahead_ns)))

@@ -1,0 +1,66 @@
+"""Messages that are never sent."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from advpipe.pipeline.bag.v2x_drive import V2xStep
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.v2x.air import Sent
+from advpipe.stages.attack.v2x.bounds import number
+from advpipe.stages.attack.v2x.cams import told
+from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack
+
+
+class Drop(V2xAttack):
+    """Leaves out what an attacker would send: all of it, or those messages that matter most.
+
+    probability: of each message to be left out, once the others hold. near_m: only where the attacker is
+    within this distance of the victim. braking_mps2: only messages that tell of braking at least so hard.
+    """
+
+    def __init__(
+        self,
+        context: AttackContext,
+        *,
+        probability: float = 1.0,
+        near_m: float | None = None,
+        braking_mps2: float | None = None,
+    ) -> None:
+        super().__init__(context)
+        name = context.name
+        self._probability = number(name, "probability", probability, 0, 1)
+        self._near_m = None if near_m is None else number(name, "near_m", near_m, 0)
+        self._braking_mps2 = None if braking_mps2 is None else number(name, "braking_mps2", braking_mps2, 0)
+        if near_m is not None and context.victim is None:
+            raise AdvpipeError(f"{name}: near_m is a distance to the victim; name one")
+        self._rngs: dict[int, np.random.Generator] = {}
+
+    def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
+        in_order = sorted(sent, key=lambda one: (one.request_ns, one.number))
+        return [one for one in in_order if not (self.context.acts(one) and self._is_dropped(step, one))]
+
+    def _is_dropped(self, step: V2xStep, one: Sent) -> bool:
+        if self._near_m is not None and not self._distance_m(step, one.station_id) <= self._near_m:
+            return False
+        if self._braking_mps2 is not None and not self._acceleration_mps2(one) <= -self._braking_mps2:
+            return False
+        if one.station_id not in self._rngs:
+            self._rngs[one.station_id] = self.context.rng("drop", one.station_id)
+        return bool(self._rngs[one.station_id].random() < self._probability)
+
+    def _distance_m(self, step: V2xStep, attacker: int) -> float:
+        """To the victim; infinite where either is not on the road."""
+        assert self.context.victim is not None
+        places = [self.context.radio(step, station) for station in (attacker, self.context.victim)]
+        if places[0] is None or places[1] is None:
+            return math.inf
+        return math.dist(places[0].map_SE3_base[:3, 3], places[1].map_SE3_base[:3, 3])
+
+    def _acceleration_mps2(self, one: Sent) -> float:
+        tree = self.context.cams.open(one.payload)
+        told_mps2 = None if tree is None else told(tree, "longitudinal_acceleration_mps2")
+        return math.inf if told_mps2 is None else float(told_mps2)

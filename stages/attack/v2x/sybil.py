@@ -1,0 +1,252 @@
+"""One radio, many stations: crowds of ghosts around, ahead, or on others' tracks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from advpipe.pipeline.bag.v2x_drive import V2xStep
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.v2x.air import Sent
+from advpipe.stages.attack.v2x.bounds import number, one_of, whole
+from advpipe.stages.attack.v2x.cams import retold
+from advpipe.stages.attack.v2x.ears import HEARING_M, Ears, later
+from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack
+from advpipe.stages.attack.v2x.ghosts import GhostsAhead
+from advpipe.stages.attack.v2x.phantoms import Braking, Companion, Key, Motion, Phantoms
+
+AROUND = ("attacker", "victim")
+MOST_GHOSTS = 1000
+
+
+class SybilGrid(V2xAttack):
+    """Ghosts on a grid that moves with a vehicle, as F2MD's grid Sybil: 5 m apart, in lanes 2 m apart.
+
+    around: each attacker itself, or the victim. The cells next to the vehicle are taken first, those ahead
+    before those behind, left before right; jitter_m: each stands up to so far from its cell.
+    """
+
+    always_matters = True
+    needs_traffic = False
+
+    def __init__(
+        self,
+        context: AttackContext,
+        *,
+        ghosts: int = 5,
+        spacing_m: float = 5.0,
+        lane_m: float = 2.0,
+        lanes: int = 3,
+        jitter_m: float = 0.0,
+        around: str = "attacker",
+        length_m: float = 4.5,
+        width_m: float = 1.8,
+        ahead_s: float = 0.0,
+        dcc: bool = False,
+    ) -> None:
+        super().__init__(context)
+        name = context.name
+        self._around_victim = one_of(name, "around", around, AROUND) == "victim"
+        if self._around_victim and context.victim is None:
+            raise AdvpipeError(f"{name}: around is 'victim', but there is none; name one")
+        self._jitter_m = number(name, "jitter_m", jitter_m, 0)
+        self._cells = grid_cells(
+            whole(name, "ghosts", ghosts, 1, MOST_GHOSTS),
+            number(name, "spacing_m", spacing_m, 0),
+            number(name, "lane_m", lane_m, 0),
+            whole(name, "lanes", lanes, 1, 99),
+        )
+        self._phantoms = Phantoms(context, length_m=length_m, width_m=width_m, ahead_s=ahead_s, dcc=dcc)
+        self._companions: dict[int, list[Companion]] = {}
+
+    def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
+        edited = list(sent)
+        for attacker in self.context.attackers:
+            centre = self.context.victim if self._around_victim else attacker
+            assert centre is not None
+            radio = self.context.radio(step, centre)
+            if radio is None or self.context.radio(step, attacker) is None:
+                self._companions.pop(attacker, None)
+                continue
+            if attacker not in self._companions:
+                self._companions[attacker] = self._crowd(attacker)
+            companions = self._companions[attacker]
+            motions: dict[Key, Motion] = {
+                (attacker, index): companion.motion(step, radio) for index, companion in enumerate(companions)
+            }
+            if self.context.active(step.begin_ns):
+                edited += self._phantoms.tell(step, attacker, motions)
+        self._phantoms.hear(step, edited)
+        return edited
+
+    def _crowd(self, attacker: int) -> list[Companion]:
+        rng = self.context.rng("grid", attacker)
+        jitters_m = rng.uniform(-self._jitter_m, self._jitter_m, (len(self._cells), 2)).tolist()
+        return [
+            Companion((ahead_m + jitter_m[0], left_m + jitter_m[1]))
+            for (ahead_m, left_m), jitter_m in zip(self._cells, jitters_m, strict=True)
+        ]
+
+
+def grid_cells(ghosts: int, spacing_m: float, lane_m: float, lanes: int) -> list[tuple[float, float]]:
+    """Metres ahead and to the left of each ghost's cell, the nearest ones first; never the middle itself."""
+    sides = range(-(lanes // 2), lanes - lanes // 2)
+    rows = range(-ghosts, ghosts + 1)
+    cells = [(row * spacing_m, side * lane_m) for row in rows for side in sides if (row, side) != (0, 0)]
+    cells.sort(key=lambda cell: (math.hypot(*cell), -cell[0], -cell[1]))
+    return cells[:ghosts]
+
+
+class SybilCongestion(GhostsAhead):
+    """A traffic jam ahead of the target: rows of ghosts that brake from its speed and then crawl.
+
+    The first row's rears are `margin_m + headway_s * speed` ahead; rows are spacing_m apart, lanes lane_m,
+    the target's own in the middle. jitter_m: each is up to so far from its place along the road.
+    speed_spread: each crawls that share faster or slower than jam_mps, at most.
+    """
+
+    def __init__(
+        self,
+        context: AttackContext,
+        *,
+        ghosts: int = 6,
+        lanes: int = 3,
+        lane_m: float = 3.2,
+        spacing_m: float = 7.5,
+        margin_m: float = 5.0,
+        headway_s: float = 2.0,
+        jam_mps: float = 1.5,
+        deceleration_mps2: float = 3.0,
+        jitter_m: float = 1.0,
+        speed_spread: float = 0.05,
+        from_speed_mps: float = 0.0,
+        length_m: float = 4.5,
+        width_m: float = 1.8,
+        ahead_s: float = 0.0,
+        dcc: bool = False,
+    ) -> None:
+        super().__init__(
+            context,
+            from_speed_mps=from_speed_mps,
+            length_m=length_m,
+            width_m=width_m,
+            ahead_s=ahead_s,
+            dcc=dcc,
+        )
+        name = context.name
+        self._ghosts_laid = whole(name, "ghosts", ghosts, 1, MOST_GHOSTS)
+        self._lanes = whole(name, "lanes", lanes, 1, 99)
+        self._lane_m = number(name, "lane_m", lane_m, 0)
+        self._spacing_m = number(name, "spacing_m", spacing_m, 0)
+        self._margin_m = number(name, "margin_m", margin_m, 0)
+        self._headway_s = number(name, "headway_s", headway_s, 0)
+        self._jam_mps = number(name, "jam_mps", jam_mps, 0)
+        self._deceleration_mps2 = number(name, "deceleration_mps2", deceleration_mps2, 0.1)
+        self._jitter_m = number(name, "jitter_m", jitter_m, 0)
+        self._speed_spread = number(name, "speed_spread", speed_spread, 0, 1)
+
+    def _lay(self, begin_ns: int, front: Float64, speed_mps: float, key: Key) -> list[Braking]:
+        rng = self.context.rng("congestion", *key)
+        gap_m = self._margin_m + self._headway_s * speed_mps
+        laid = []
+        for index in range(self._ghosts_laid):
+            row, side = divmod(index, self._lanes)
+            jitter_m, spread = rng.uniform(-1, 1, 2).tolist()
+            # The target's own lane first, then left, right, and so on.
+            lane = (side + 1) // 2 * (1 if side % 2 else -1)
+            ahead_m = gap_m + row * self._spacing_m + jitter_m * self._jitter_m
+            final_mps = self._jam_mps * (1 + spread * self._speed_spread)
+            start = self._beside(front, ahead_m, lane * self._lane_m)
+            first_mps = max(speed_mps, final_mps)
+            laid.append(Braking(start, begin_ns, first_mps, 0.0, self._deceleration_mps2, final_mps))
+        return laid
+
+
+_SILENCE_NS = 2_000_000_000
+
+
+@dataclass
+class _Track:
+    """A ghost that follows a station: its own id, the followed one, and the time of what it replayed last."""
+
+    id: int
+    station: int
+    last_ns: int
+
+
+class SybilReplay(V2xAttack):
+    """Ghosts that drive where others have driven: each tells, under an id of its own, all that one station
+    told `age_s` ago, with generation times that are as much later; beside the attacker's own CAMs. After
+    F2MD's replay Sybil, where the pseudonym changes with each one followed.
+
+    ghosts: at once, of each attacker. range_m: within which others are heard. When a station has nothing
+    more to replay for two seconds, the ghost is gone, and another, of another station, comes.
+    """
+
+    always_matters = True
+    needs_traffic = False
+
+    def __init__(
+        self,
+        context: AttackContext,
+        *,
+        ghosts: int = 5,
+        age_s: float = 3.0,
+        range_m: float = HEARING_M,
+        ahead_s: float = 0.0,
+    ) -> None:
+        super().__init__(context)
+        name = context.name
+        self._ghosts = whole(name, "ghosts", ghosts, 1, MOST_GHOSTS)
+        self._age_ns = round(number(name, "age_s", age_s, 0.2, 600) * 1e9)
+        self._ahead_ns = round(number(name, "ahead_s", ahead_s, 0, 32) * 1e9)
+        self._ears = Ears(context.attackers, number(name, "range_m", range_m, 0), age_s + _SILENCE_NS / 1e9)
+        self._tracks: dict[int, list[_Track]] = {attacker: [] for attacker in context.attackers}
+        self._rngs = {attacker: context.rng("tracks", attacker) for attacker in context.attackers}
+        self._begun = 0
+
+    def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
+        edited = list(sent)
+        if step.end_ns is not None:
+            for attacker in self.context.attackers:
+                if self.context.radio(step, attacker) is not None:
+                    edited += self._tell(step.begin_ns, step.end_ns, attacker)
+        self._ears.listen(step, sent)
+        return edited
+
+    def _tell(self, begin_ns: int, end_ns: int, attacker: int) -> list[Sent]:
+        cams, tracks = self.context.cams, self._tracks[attacker]
+        tracks[:] = [track for track in tracks if begin_ns - self._age_ns - track.last_ns < _SILENCE_NS]
+        if self.context.active(begin_ns):
+            self._begin_tracks(begin_ns - self._age_ns, end_ns - self._age_ns, attacker)
+        told: list[Sent] = []
+        for track in tracks:
+            for old in self._ears.between(
+                attacker, track.station, begin_ns - self._age_ns, end_ns - self._age_ns
+            ):
+                track.last_ns = old.request_ns
+                at_ns = old.request_ns + self._age_ns
+                tree = cams.open(old.payload)
+                if tree is not None and self.context.active(at_ns):
+                    tree = later(retold(tree, station_id=track.id), self._age_ns + self._ahead_ns)
+                    told.append(self.context.message(attacker, at_ns, cams.close(tree)))
+        return told
+
+    def _begin_tracks(self, from_ns: int, until_ns: int, attacker: int) -> None:
+        """Fills up with stations that begin to be replayed in this step, and are not already."""
+        tracks, rng = self._tracks[attacker], self._rngs[attacker]
+        missing = self._ghosts - len(tracks)
+        if missing <= 0:
+            return
+        taken = {track.station for track in tracks}
+        others = [
+            station
+            for station in self._ears.stations(attacker, until_ns)
+            if station not in taken and self._ears.between(attacker, station, from_ns, until_ns)
+        ]
+        for index in rng.permutation(len(others))[:missing].tolist():
+            self._begun += 1
+            pseudonym = self.context.pseudonym("track", attacker, self._begun)
+            tracks.append(_Track(pseudonym, others[index], from_ns))
