@@ -1,21 +1,83 @@
-"""The attacks by the word that names them on the command line."""
+"""The attacks by the word that names them on the command line and in scenario files."""
 
 from __future__ import annotations
 
+import hashlib
+import importlib
+import inspect
+import os
+import sys
 from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 from advpipe.pipeline.errors import AdvpipeError
-from advpipe.stages.attack.lidar.base import LidarAttack
-from advpipe.stages.attack.lidar.detach import Detach
 
-ATTACKS: dict[str, Callable[..., LidarAttack]] = {
-    "detach": Detach,
+_HERE = "advpipe.stages.attack"
+
+ATTACKS: dict[str, str] = {
+    "detach": "lidar.detach:Detach",
+    "gnss-bias": "gnss.bias:Bias",
+    "gnss-relocate": "gnss.relocate:Relocate",
+    "gnss-drift": "gnss.drift:Drift",
+    "gnss-drift-aware": "gnss.drift_aware:DriftAware",
+    "gnss-jump": "gnss.jump:Jump",
+    "gnss-walk": "gnss.walk:Walk",
+    "gnss-replay": "gnss.replay:Replay",
+    "gnss-freeze": "gnss.freeze:Freeze",
+    "gnss-jam": "gnss.jam:Jam",
+    "cam-replay": "v2x.replay:Replay",
+    "cam-disruptive-replay": "v2x.replay:DisruptiveReplay",
+    "cam-stale": "v2x.delay:Stale",
+    "cam-delay": "v2x.delay:Delay",
+    "cam-drop": "v2x.drop:Drop",
+    "cam-masquerade": "v2x.masquerade:Masquerade",
+    "cam-dos": "v2x.flood:Dos",
+    "cam-dos-random": "v2x.flood:DosRandom",
+    "cam-dos-disruptive": "v2x.flood:DosDisruptive",
+    "cam-dos-random-sybil": "v2x.flood:DosRandomSybil",
+    "cam-dos-disruptive-sybil": "v2x.flood:DosDisruptiveSybil",
+    "cam-sybil-grid": "v2x.sybil:SybilGrid",
+    "cam-sybil-replay": "v2x.sybil:SybilReplay",
+    "cam-sybil-congestion": "v2x.sybil:SybilCongestion",
+    "cam-ghost-stop": "v2x.ghosts:GhostStop",
+    "cam-ghost-brake": "v2x.ghosts:GhostBrake",
 }
+"""Word to module and class; a user's own LiDAR attack is named by `module:Class` itself."""
 
 
-def find_attack(word: str) -> Callable[..., LidarAttack]:
-    """The attack class of a word; raises `AdvpipeError` with the known words for any other."""
+def find_attack(word: str) -> Callable[..., Any]:
+    """The class of a word, or of `module:Class`; raises `AdvpipeError` with the known words for any other."""
+    if word in ATTACKS:
+        module, _, name = ATTACKS[word].partition(":")
+        found: Callable[..., Any] = getattr(importlib.import_module(f"{_HERE}.{module}"), name)
+        return found
+    module, colon, name = word.partition(":")
+    if colon:
+        return _users_class(module, name)
+    raise AdvpipeError(f"unknown attack {word!r}; known: {', '.join(ATTACKS)}, or module:Class of your own")
+
+
+def source_sha256(word: str) -> str:
+    """SHA-256 of the file that a user's own attack lies in; "" for ours, which their version tells apart."""
+    if word in ATTACKS:
+        return ""
     try:
-        return ATTACKS[word]
-    except KeyError:
-        raise AdvpipeError(f"unknown attack {word!r}; known: {', '.join(ATTACKS)}") from None
+        source = inspect.getsourcefile(find_attack(word))
+    except TypeError:  # made by a program or in another language
+        return ""
+    return hashlib.sha256(Path(source).read_bytes()).hexdigest() if source else ""
+
+
+def _users_class(module: str, name: str) -> Callable[..., Any]:
+    # A program that was installed does not look into the working directory, where the user's file lies.
+    if os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())
+    try:
+        found = getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError, ValueError, SyntaxError) as error:
+        raise AdvpipeError(f"cannot load attack {module}:{name}: {error}") from None
+    if not callable(found):
+        raise AdvpipeError(f"{module}:{name} is no class; an attack is a class whose instances are called")
+    made: Callable[..., Any] = found
+    return made

@@ -23,7 +23,7 @@ NEAR_M = 300.0
 
 @dataclass
 class _Laid:
-    """Ghosts laid out together. count: so many times until now. senders: by place in `ghosts`, station ids."""
+    """Ghosts laid out together, for the `count`-th time. senders: station ids, by place in `ghosts`."""
 
     count: int
     ghosts: list[Braking]
