@@ -1,0 +1,176 @@
+"""The checks: each turns what was received into one number, the larger the less believable.
+
+NaN where a check does not apply: nothing told, nothing to compare with.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from advpipe.pipeline.geometry.iou import intersection_area
+from advpipe.pipeline.misbehaviour.claim import Claim, Receiver
+from advpipe.pipeline.misbehaviour.config import Expectation
+
+LEAST_WAY_M = 1.0
+"""Over which a direction of motion means something."""
+LEAST_SPEED_MPS = 1.0
+_SHORT_S = 0.02
+
+
+def range_m(claim: Claim, receiver: Receiver) -> float:
+    """How far off it claims to be."""
+    return math.hypot(claim.x_m - receiver.x_m, claim.y_m - receiver.y_m)
+
+
+def freshness_s(claim: Claim) -> float:
+    """How old it is on arrival; from the future, how far."""
+    return abs(claim.arrival_ns - claim.generation_ns) / 1e9
+
+
+def frequency_hz(claim: Claim, last: Claim) -> float:
+    """One over the time since the station's last message, by arrival or by generation, whichever is less.
+
+    Infinite for a message that was generated no later than the last one.
+    """
+    arrived_s = (claim.arrival_ns - last.arrival_ns) / 1e9
+    generated_s = (claim.generation_ns - last.generation_ns) / 1e9
+    interval_s = min(arrived_s, generated_s)
+    return 1 / interval_s if interval_s > 0 else math.inf
+
+
+def elapsed_s(claim: Claim, last: Claim) -> float:
+    """Between the times that two messages tell of."""
+    return (claim.generation_ns - last.generation_ns) / 1e9
+
+
+def velocity_mps(claim: Claim) -> tuple[float, float]:
+    """Along x and y."""
+    return claim.speed_mps * math.cos(claim.yaw_rad), claim.speed_mps * math.sin(claim.yaw_rad)
+
+
+def told_way_m(claim: Claim, last: Claim) -> tuple[float, float]:
+    """The way between two messages that the mean of their velocities makes."""
+    (x0, y0), (x1, y1) = velocity_mps(last), velocity_mps(claim)
+    half_s = elapsed_s(claim, last) / 2
+    return (x0 + x1) * half_s, (y0 + y1) * half_s
+
+
+def bend_m(claim: Claim, last: Claim, expected: Expectation) -> float:
+    """What the told way leaves out between two messages: changes of acceleration, and the arc of a turn."""
+    t = elapsed_s(claim, last)
+    turned_rad = math.remainder(claim.yaw_rad - last.yaw_rad, math.tau)
+    way_m = (abs(claim.speed_mps) + abs(last.speed_mps)) / 2 * abs(t)
+    arc_m = expected.turn_share * min(abs(turned_rad), 1.0) * way_m
+    return math.hypot(expected.acceleration_change_mps2 * t * t / 8, arc_m)
+
+
+def way_sigma_m(elapsed: float, expected: Expectation, *bends_m: float) -> float:
+    """How well the told way and the way between places agree."""
+    t = abs(elapsed)
+    wander_m = expected.position_m_per_root_s * math.sqrt(t)
+    return math.hypot(expected.position_m, wander_m, expected.speed_bias_mps * t, *bends_m)
+
+
+def position_speed_sigma(claim: Claim, last: Claim, expected: Expectation) -> float:
+    """The way from the last place against the one that both speeds and headings tell of."""
+    x_m, y_m = told_way_m(claim, last)
+    miss_m = math.hypot(claim.x_m - last.x_m - x_m, claim.y_m - last.y_m - y_m)
+    return miss_m / way_sigma_m(elapsed_s(claim, last), expected, bend_m(claim, last, expected))
+
+
+def heading_sigma(claim: Claim, last: Claim, expected: Expectation) -> float:
+    """The direction of the way from the last place against the mean of both headings.
+
+    The middle of a vehicle that turns moves outwards of its heading, the more the tighter it turns.
+    """
+    x_m, y_m = claim.x_m - last.x_m, claim.y_m - last.y_m
+    way_m = math.hypot(x_m, y_m)
+    speed = min(abs(claim.speed_mps), abs(last.speed_mps))
+    if not (way_m >= LEAST_WAY_M and speed >= LEAST_SPEED_MPS):
+        return math.nan
+    turned_rad = math.remainder(claim.yaw_rad - last.yaw_rad, math.tau)
+    moved_rad = math.atan2(y_m, x_m) + (math.pi if claim.speed_mps < 0 else 0.0)
+    off_rad = abs(math.remainder(moved_rad - last.yaw_rad - turned_rad / 2, math.tau))
+    t = abs(elapsed_s(claim, last))
+    place_m = math.sqrt(expected.position_m**2 + expected.position_m_per_root_s**2 * t)
+    outward_rad = expected.overhang_m * max(abs(claim.yaw_rate_radps), abs(last.yaw_rate_radps)) / speed
+    if math.isnan(outward_rad):
+        outward_rad = 0.0
+    return off_rad / math.hypot(expected.heading_rad, place_m / way_m, outward_rad / 2, turned_rad / 4)
+
+
+def turn_sigma(claim: Claim, last: Claim, expected: Expectation) -> float:
+    """The change of heading against the yaw rates told: what they do not span, over what is expected."""
+    t = elapsed_s(claim, last)
+    if t < _SHORT_S:
+        return math.nan
+    turned_rad = math.remainder(claim.yaw_rad - last.yaw_rad, math.tau)
+    miss_rad = _outside(turned_rad, last.yaw_rate_radps * t, claim.yaw_rate_radps * t)
+    steady_rad = math.hypot(expected.heading_rad, expected.heading_rad_per_root_s * math.sqrt(t))
+    return miss_rad / math.hypot(steady_rad, expected.yaw_rate_change_radps * t)
+
+
+def acceleration_sigma(claim: Claim, last: Claim, expected: Expectation) -> float:
+    """The change of speed against the accelerations told: what they do not span, over what is expected."""
+    t = elapsed_s(claim, last)
+    if t < _SHORT_S:
+        return math.nan
+    changed_mps = claim.speed_mps - last.speed_mps
+    miss_mps = _outside(changed_mps, last.acceleration_mps2 * t, claim.acceleration_mps2 * t)
+    steady_mps = math.hypot(expected.speed_mps, expected.speed_mps_per_root_s * math.sqrt(t))
+    # Between two accelerations lies anything that a driver does meanwhile, and rarely much more.
+    return miss_mps / math.hypot(steady_mps, expected.acceleration_change_mps2 * t / 2 * min(t, 1.0))
+
+
+def dynamics_mps2(claim: Claim, last: Claim | None) -> float:
+    """The larger of the acceleration told and the one that the speeds make."""
+    told = abs(claim.acceleration_mps2)
+    if last is None:
+        return told
+    t = elapsed_s(claim, last)
+    made = abs(claim.speed_mps - last.speed_mps) / max(t, 0.1) if t > 0 else math.nan
+    return float(np.fmax(told, made))
+
+
+def size_m(claim: Claim, last: Claim) -> float:
+    """How much its length or width has changed."""
+    return float(np.fmax(abs(claim.length_m - last.length_m), abs(claim.width_m - last.width_m)))
+
+
+def appearance_m(claim: Claim, receiver: Receiver, earshot_m: float) -> float:
+    """How far within earshot a station is that nobody has heard of."""
+    return max(earshot_m - range_m(claim, receiver), 0.0)
+
+
+def box(claim: Claim, at_ns: int) -> tuple[float, ...] | None:
+    """Its box at another time, seen from above: columns of `BOX_COLUMNS`; None where it tells none."""
+    dx_mps, dy_mps = velocity_mps(claim)
+    later_s = (at_ns - claim.generation_ns) / 1e9
+    found = (
+        *(claim.x_m + dx_mps * later_s, claim.y_m + dy_mps * later_s, 0.0),
+        *(claim.length_m, claim.width_m, 1.0, claim.yaw_rad),
+    )
+    return found if all(map(math.isfinite, found)) else None
+
+
+def overlap_share(own: tuple[float, ...], others: list[tuple[float, ...]]) -> float:
+    """The largest share of the smaller of two boxes that both cover, with any of the others."""
+    near = [
+        other
+        for other in others
+        if math.hypot(other[0] - own[0], other[1] - own[1])
+        <= (math.hypot(own[3], own[4]) + math.hypot(other[3], other[4])) / 2
+    ]
+    if not near:
+        return 0.0
+    boxes = np.array(near)
+    common = intersection_area(np.repeat([own], len(near), axis=0), boxes)
+    return float((common / np.minimum(own[3] * own[4], boxes[:, 3] * boxes[:, 4])).max())
+
+
+def _outside(value: float, one: float, other: float) -> float:
+    """How far a value is from what lies between two others."""
+    low, high = min(one, other), max(one, other)
+    return max(low - value, value - high, 0.0) if math.isfinite(value + one + other) else math.nan

@@ -1,0 +1,276 @@
+"""The detector: goes through a receiver's messages in order of arrival, and says which it does not believe.
+
+Rule: a message is flagged if any check's statistic is above its threshold. What goes on from a flagged
+message rather than from the station's believed ones is flagged as well (`branch`), so that a lie is not
+believed for being repeated; messages that a masquerader mixes into a station's own do not taint those.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.misbehaviour import checks
+from advpipe.pipeline.misbehaviour.claim import Claim, Receiver
+from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig, Expectation
+from advpipe.pipeline.misbehaviour.kalman import Kalman
+
+_KALMAN_POSITION_M, _KALMAN_SPEED_MPS = 0.2, 0.15
+_MOST_TURNING = 8.0  # m/s2; beyond, tyres slip
+
+
+class Judgement(NamedTuple):
+    """Of M messages: statistics (M, C), columns in the order of `CHECKS`, and who is flagged (M,)."""
+
+    statistics: Float64
+    flagged: npt.NDArray[np.bool_]
+
+    def because(self, config: DetectorConfig) -> npt.NDArray[np.bool_]:
+        """Which checks object, (M, C)."""
+        limits = [config.thresholds.get(name, math.inf) for name in CHECKS]
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.statistics > np.array(limits))
+
+
+@dataclass
+class _Track:
+    """Messages of one station that agree with each other."""
+
+    kalman: Kalman
+    claims: deque[Claim] = field(default_factory=deque)
+    ways: deque[tuple[float, float]] = field(default_factory=deque)
+    last_fault_ns: int = 0
+
+    @property
+    def last(self) -> Claim:
+        return self.claims[-1]
+
+    def add(self, claim: Claim, window_s: float) -> None:
+        way = self.ways[-1] if self.ways else (0.0, 0.0)
+        if self.claims:
+            x_m, y_m = checks.told_way_m(claim, self.last)
+            way = way[0] + x_m, way[1] + y_m
+        self.claims.append(claim)
+        self.ways.append(way)
+        while len(self.claims) > 2 and checks.elapsed_s(claim, self.claims[1]) >= window_s:
+            self.claims.popleft()
+            self.ways.popleft()
+
+    def drift(self, claim: Claim, config: DetectorConfig) -> float:
+        """The way since the first message in the window against all speeds told since."""
+        first = self.claims[0]
+        if len(self.claims) < 2 or checks.elapsed_s(claim, first) > 2 * config.window_s:
+            return math.nan
+        x_m, y_m = checks.told_way_m(claim, self.last)
+        told_x_m, told_y_m = (
+            self.ways[-1][0] - self.ways[0][0] + x_m,
+            self.ways[-1][1] - self.ways[0][1] + y_m,
+        )
+        miss_m = math.hypot(claim.x_m - first.x_m - told_x_m, claim.y_m - first.y_m - told_y_m)
+        expected = config.expectation
+        steps = [*self.claims, claim]
+        # What each step leaves out adds up; errors of places and speeds grow with time.
+        bends_m = [checks.bend_m(after, before, expected) for before, after in pairwise(steps)]
+        sigma_m = checks.way_sigma_m(checks.elapsed_s(claim, first), expected, *bends_m)
+        return miss_m / sigma_m
+
+
+@dataclass
+class _Station:
+    """What is known of one station id: those messages that are believed, and others."""
+
+    believed: _Track | None = None
+    suspect: _Track | None = None
+
+
+class Detector:
+    """Keeps what a receiver remembers; `judge` takes one message after the other.
+
+    >>> detector = Detector(config)
+    >>> statistics, is_flagged = detector.judge(claim, receiver)
+    """
+
+    def __init__(self, config: DetectorConfig) -> None:
+        self._config = config
+        self._limits = [config.thresholds.get(name, math.inf) for name in CHECKS]
+        self._stations: dict[int, _Station] = {}
+        self._first_ns: int | None = None
+
+    def judge(self, claim: Claim, receiver: Receiver) -> tuple[list[float], bool]:
+        """Statistics in the order of `CHECKS`, and whether the message is flagged."""
+        if self._first_ns is None:
+            self._first_ns = claim.arrival_ns
+        values = dict.fromkeys(CHECKS, math.nan)
+        values["format"] = float(claim.invalid)
+        if claim.station_id < 0 or not math.isfinite(claim.x_m):
+            return list(values.values()), self._is_bad(list(values.values()))
+        station = self._stations.setdefault(claim.station_id, _Station())
+        self._forget(station, claim)
+        track, goes_on_from_lie = self._track(station, claim)
+        values["branch"] = float(goes_on_from_lie)
+        self._measure_alone(values, claim, receiver)
+        if track is None:
+            if (claim.arrival_ns - self._first_ns) / 1e9 > self._config.settle_s:
+                values["appearance"] = checks.appearance_m(claim, receiver, self._config.earshot_m)
+        else:
+            self._measure_change(values, claim, track)
+        newest = max(
+            (t.last for t in (station.believed, station.suspect) if t is not None),
+            key=lambda last: last.arrival_ns,
+            default=None,
+        )
+        if newest is not None:
+            values["frequency"] = checks.frequency_hz(claim, newest)
+            if claim.station_type != newest.station_type:
+                values["identity"] = 1.0
+        values["overlap"] = self._overlap(claim, receiver, station)
+        statistics = list(values.values())
+        is_bad = self._is_bad(statistics)
+        self._remember(station, claim, track, goes_on_from_lie, is_bad, statistics)
+        return statistics, is_bad
+
+    def _is_bad(self, statistics: Sequence[float]) -> bool:
+        return any(value > limit for value, limit in zip(statistics, self._limits, strict=True))
+
+    def _forget(self, station: _Station, claim: Claim) -> None:
+        memory_ns = self._config.memory_s * 1e9
+        if station.believed is not None and claim.arrival_ns - station.believed.last.arrival_ns > memory_ns:
+            station.believed = None
+        if station.suspect is not None and claim.arrival_ns - station.suspect.last.arrival_ns > memory_ns:
+            station.suspect = None
+
+    def _track(self, station: _Station, claim: Claim) -> tuple[_Track | None, bool]:
+        """The messages that this one goes on from, and whether those are not believed."""
+        believed, suspect = station.believed, station.suspect
+        if believed is None or suspect is None:
+            return believed or suspect, believed is None and suspect is not None
+        expected = self._config.expectation
+        limit = self._config.thresholds.get("position_speed", math.inf)
+        to_believed = _fit(claim, believed.last, expected)
+        to_suspect = _fit(claim, suspect.last, expected)
+        # A message that fits what is believed is, even if it fits a lie as well.
+        return (suspect, True) if to_suspect <= limit < to_believed else (believed, False)
+
+    def _measure_alone(self, values: dict[str, float], claim: Claim, receiver: Receiver) -> None:
+        values["identity"] = float(claim.station_id == receiver.station_id)
+        values["range"] = checks.range_m(claim, receiver)
+        values["speed"] = abs(claim.speed_mps)
+        values["position"] = claim.off_road_m
+        if abs(claim.speed_mps) >= checks.LEAST_SPEED_MPS:
+            values["wrong_way"] = claim.wrong_way_rad
+        values["freshness"] = checks.freshness_s(claim)
+        values["dynamics"] = checks.dynamics_mps2(claim, None)
+
+    def _measure_change(self, values: dict[str, float], claim: Claim, track: _Track) -> None:
+        expected, last = self._config.expectation, track.last
+        values["size"] = checks.size_m(claim, last)
+        if checks.elapsed_s(claim, last) <= 0:  # `frequency` objects; nothing follows from such a pair
+            return
+        values["position_speed"] = checks.position_speed_sigma(claim, last, expected)
+        values["drift"] = track.drift(claim, self._config)
+        values["heading"] = checks.heading_sigma(claim, last, expected)
+        values["turn"] = checks.turn_sigma(claim, last, expected)
+        values["acceleration"] = checks.acceleration_sigma(claim, last, expected)
+        values["dynamics"] = checks.dynamics_mps2(claim, last)
+        values["kalman"] = self._kalman(claim, track)
+
+    def _kalman(self, claim: Claim, track: _Track) -> float:
+        velocity = checks.velocity_mps(claim)
+        if not math.isfinite(velocity[0]):
+            return math.nan
+        elapsed = checks.elapsed_s(claim, track.last)
+        turned_rad = math.remainder(claim.yaw_rad - track.last.yaw_rad, math.tau)
+        turning_mps2 = abs(claim.speed_mps * turned_rad / elapsed)
+        return track.kalman.update(
+            elapsed, (claim.x_m, claim.y_m), velocity, min(turning_mps2, _MOST_TURNING)
+        )
+
+    def _overlap(self, claim: Claim, receiver: Receiver, own: _Station) -> float:
+        """With the receiver, and with stations believed; of two the one heard for less long is in the wrong."""
+        box = checks.box(claim, claim.arrival_ns)
+        if box is None:
+            return math.nan
+        others: list[tuple[float, ...]] = [
+            (receiver.x_m, receiver.y_m, 0.0, receiver.length_m, receiver.width_m, 1.0, receiver.yaw_rad)
+        ]
+        age = len(own.believed.claims) if own.believed is not None else 0
+        for other in self._stations.values():
+            track = other.believed
+            if other is own or track is None or len(track.claims) < max(age, 2):
+                continue
+            if (claim.arrival_ns - track.last.arrival_ns) / 1e9 > 1.0:
+                continue
+            x_m, y_m = track.last.x_m - claim.x_m, track.last.y_m - claim.y_m
+            if x_m * x_m + y_m * y_m > 60.0**2:  # no box reaches so far, with a second of motion
+                continue
+            if (theirs := checks.box(track.last, claim.arrival_ns)) is not None:
+                others.append(theirs)
+        return checks.overlap_share(box, others)
+
+    def _remember(
+        self,
+        station: _Station,
+        claim: Claim,
+        track: _Track | None,
+        goes_on_from_lie: bool,
+        is_bad: bool,
+        statistics: Sequence[float],
+    ) -> None:
+        config, at_ns = self._config, claim.arrival_ns
+        if not is_bad:
+            if track is None or track is not station.believed:
+                station.believed = track = self._new_track(claim)
+            track.add(claim, config.window_s)
+            return
+        faults = [
+            name
+            for name, value, limit in zip(CHECKS, statistics, self._limits, strict=True)
+            if value > limit and name != "branch"
+        ]
+        if goes_on_from_lie and station.suspect is not None:
+            lie = station.suspect
+            if checks.elapsed_s(claim, lie.last) <= 0:
+                lie.last_fault_ns = at_ns
+                return
+            lie.add(claim, config.window_s)
+            if faults:
+                lie.last_fault_ns = at_ns
+            elif (at_ns - lie.last_fault_ns) / 1e9 >= config.pardon_s:
+                station.believed, station.suspect = lie, None
+            return
+        station.suspect = self._new_track(claim)
+        station.suspect.add(claim, config.window_s)
+        station.suspect.last_fault_ns = at_ns
+
+    def _new_track(self, claim: Claim) -> _Track:
+        kalman = Kalman(self._config.kalman_acceleration_mps2, _KALMAN_POSITION_M, _KALMAN_SPEED_MPS)
+        velocity = checks.velocity_mps(claim)
+        if math.isfinite(velocity[0]):
+            kalman.update(0.0, (claim.x_m, claim.y_m), velocity)
+        return _Track(kalman)
+
+
+def judge_all(claims: Sequence[Claim], receivers: Sequence[Receiver], config: DetectorConfig) -> Judgement:
+    """Goes through the messages of one receiver, in order of arrival, with its own pose at each."""
+    detector = Detector(config)
+    statistics = np.full((len(claims), len(CHECKS)), np.nan)
+    flagged = np.zeros(len(claims), bool)
+    for row, (claim, receiver) in enumerate(zip(claims, receivers, strict=True)):
+        statistics[row], flagged[row] = detector.judge(claim, receiver)
+    return Judgement(statistics, flagged)
+
+
+def _fit(claim: Claim, last: Claim, expected: Expectation) -> float:
+    """How well a message goes on from another; infinite where it tells too little, or came earlier."""
+    if checks.elapsed_s(claim, last) <= 0:
+        return math.inf
+    found = checks.position_speed_sigma(claim, last, expected)
+    return found if math.isfinite(found) else math.inf

@@ -1,0 +1,74 @@
+"""A Kalman filter of one station: does the next claim come as the ones before it foretell?"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class _Axis(NamedTuple):
+    """Place and velocity along one axis, and their covariance."""
+
+    place: float
+    velocity: float
+    p_pp: float
+    p_pv: float
+    p_vv: float
+
+
+class Kalman:
+    """Constant velocity driven by white acceleration, x and y on their own; measures both and velocities.
+
+    Four degrees of freedom; in closed form, as there are thousands of messages.
+    """
+
+    def __init__(self, acceleration_mps2: float, position_m: float, speed_mps: float) -> None:
+        self._q = acceleration_mps2**2
+        self._r = position_m**2, speed_mps**2
+        self._axes: tuple[_Axis, _Axis] | None = None
+
+    def update(
+        self,
+        elapsed_s: float,
+        place_m: tuple[float, float],
+        velocity_mps: tuple[float, float],
+        turning_mps2: float = 0.0,
+    ) -> float:
+        """Takes a claim `elapsed_s` after the last one; returns its normalised innovation squared.
+
+        turning_mps2: the centripetal acceleration, which the filter knows nothing of. 0 for the first.
+        """
+        if self._axes is None:
+            r_p, r_v = self._r
+            x, y = (_Axis(p, v, r_p, 0.0, r_v) for p, v in zip(place_m, velocity_mps, strict=True))
+            self._axes = x, y
+            return 0.0
+        (x, nis_x), (y, nis_y) = (
+            self._step(axis, elapsed_s, p, v, self._q + turning_mps2**2)
+            for axis, p, v in zip(self._axes, place_m, velocity_mps, strict=True)
+        )
+        self._axes = x, y
+        return nis_x + nis_y
+
+    def _step(self, axis: _Axis, t: float, place: float, velocity: float, q: float) -> tuple[_Axis, float]:
+        r_p, r_v = self._r
+        # Predict: the acceleration is constant over the step, drawn anew for each.
+        p_pp = axis.p_pp + 2 * t * axis.p_pv + t * t * axis.p_vv + q * t**4 / 4
+        p_pv = axis.p_pv + t * axis.p_vv + q * t**3 / 2
+        p_vv = axis.p_vv + q * t * t
+        y_p, y_v = place - axis.place - t * axis.velocity, velocity - axis.velocity
+        s_pp, s_vv = p_pp + r_p, p_vv + r_v
+        det = s_pp * s_vv - p_pv * p_pv
+        nis = (s_vv * y_p * y_p - 2 * p_pv * y_p * y_v + s_pp * y_v * y_v) / det
+        # K = P S^-1, row by row.
+        k_pp, k_pv = (p_pp * s_vv - p_pv * p_pv) / det, (p_pv * s_pp - p_pp * p_pv) / det
+        k_vp, k_vv = (p_pv * s_vv - p_vv * p_pv) / det, (p_vv * s_pp - p_pv * p_pv) / det
+        return (
+            _Axis(
+                axis.place + t * axis.velocity + k_pp * y_p + k_pv * y_v,
+                axis.velocity + k_vp * y_p + k_vv * y_v,
+                p_pp - k_pp * p_pp - k_pv * p_pv,
+                p_pv - k_pp * p_pv - k_pv * p_vv,
+                p_vv - k_vp * p_pv - k_vv * p_vv,
+            ),
+            nis,
+        )

@@ -1,0 +1,187 @@
+"""Thresholds from drives: what honest messages reach, and what tells the attacks of another drive apart.
+
+Both detectors are tuned on the same streams: the one that scores the higher mean F1 over the attacks, of the
+settings whose false positives on clean streams stay within the bound.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.misbehaviour.catch import (
+    CatchMessages,
+    CatchParameters,
+    catch_flags,
+    catch_messages,
+)
+from advpipe.pipeline.misbehaviour.claim import Claim, Receiver
+from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
+from advpipe.pipeline.misbehaviour.detector import judge_all
+from advpipe.pipeline.misbehaviour.scores import Bools, scores
+from advpipe.pipeline.seeding import named_generator
+
+MOST_FALSE_POSITIVES = 0.005
+"""Of clean messages, on the tuning drives: half of the 1 % that another drive may show."""
+EXCEEDED = (0.0, 0.0005, 0.001, 0.002)
+"""Shares of clean messages that may be above a check's tuned threshold."""
+PARDON_S = (1.0, 3.0, 10.0, math.inf)
+CATCH_DRAWS = 300
+
+
+@dataclass(frozen=True)
+class Stream:
+    """What one receiver heard in order of arrival, and which of it were lies (M,)."""
+
+    claims: Sequence[Claim]
+    receivers: Sequence[Receiver]
+    is_lie: Bools
+    attack: str = ""
+
+
+class Tuned(NamedTuple):
+    """The chosen settings, and what they reach on the streams they were chosen on."""
+
+    config: DetectorConfig
+    mean_f1: float
+    false_positive_rate: float
+
+
+class TunedCatch(NamedTuple):
+    """The same of the baseline."""
+
+    parameters: CatchParameters
+    mean_f1: float
+    false_positive_rate: float
+
+
+def clean_thresholds(streams: Iterable[Stream], exceeded: float, base: DetectorConfig) -> dict[str, float]:
+    """For every check with a margin: what that share of clean messages exceeds, times the margin.
+
+    A check that never applied, and one without a margin, keeps the threshold of `base`.
+    """
+    watching = base.with_thresholds({})
+    tables = [judge_all(each.claims, each.receivers, watching).statistics for each in streams]
+    statistics = np.concatenate(tables) if tables else np.zeros((0, len(CHECKS)))
+    found = dict(base.thresholds)
+    for column, (name, check) in enumerate(CHECKS.items()):
+        values = statistics[:, column]
+        values = values[np.isfinite(values)]
+        if check.margin is not None and name in found and len(values):
+            level = float(np.quantile(values, 1 - exceeded)) * check.margin
+            # What honest messages never show at all says nothing of how little a lie shows.
+            found[name] = max(level, LEAST.get(name, 0.0))
+    return found
+
+
+LEAST = {
+    "position": 1.5,
+    "overlap": 0.3,
+    "wrong_way": 0.6,
+    "freshness": 0.2,
+    "appearance": 150.0,
+    "turn": 3.0,
+    "heading": 3.0,
+    "drift": 3.5,
+    "acceleration": 3.5,
+    "position_speed": 3.5,
+    "speed": 20.0,
+    "range": 300.0,
+    "dynamics": 5.0,
+    "kalman": 20.0,
+}
+"""Thresholds that tuning never goes below, in the checks' units: a short drive shows too little."""
+
+
+def tune(clean: Sequence[Stream], attacked: Sequence[Stream], base: DetectorConfig | None = None) -> Tuned:
+    """The thresholds and the pardon that serve best. Raises ValueError where no setting is within the bound."""
+    base = base or DetectorConfig()
+    best: Tuned | None = None
+    for exceeded in EXCEEDED:
+        thresholds = clean_thresholds(clean, exceeded, base)
+        for pardon_s in PARDON_S if attacked else (base.pardon_s,):
+            config = replace(base, thresholds=thresholds, pardon_s=pardon_s)
+            rate = _false_positive_rate([judge_all(s.claims, s.receivers, config).flagged for s in clean])
+            if rate > MOST_FALSE_POSITIVES:
+                continue
+            flags = (judge_all(s.claims, s.receivers, config).flagged for s in attacked)
+            mean_f1 = _mean_f1(attacked, flags)
+            if best is None or mean_f1 > best.mean_f1:
+                best = Tuned(config, mean_f1, rate)
+    if best is None:
+        raise ValueError(f"no setting flags less than {MOST_FALSE_POSITIVES:.1%} of the clean messages")
+    return best
+
+
+def tune_catch(clean: Sequence[Stream], attacked: Sequence[Stream], seed: int = 0) -> TunedCatch:
+    """The same for the baseline, by random search over its parameters; where no draw is within the bound,
+    the one with the fewest false positives."""
+    honest = [catch_messages(s.claims, s.receivers) for s in clean]
+    lying = [catch_messages(s.claims, s.receivers) for s in attacked]
+    best: TunedCatch | None = None
+    for parameters in _catch_draws(seed):
+        rate = _false_positive_rate([catch_flags(each, parameters) for each in honest])
+        if best is not None and rate > max(MOST_FALSE_POSITIVES, best.false_positive_rate):
+            continue
+        mean_f1 = _mean_f1(attacked, _catch_all(lying, parameters))
+        is_first_within = best is not None and best.false_positive_rate > MOST_FALSE_POSITIVES
+        if best is None or is_first_within or mean_f1 > best.mean_f1:
+            best = TunedCatch(parameters, mean_f1, rate)
+    assert best is not None
+    return best
+
+
+_CATCH_RANGES: dict[str, tuple[float, float]] = {
+    "max_range_m": (250.0, 900.0),
+    "max_speed_mps": (18.0, 57.0),
+    "max_acceleration_mps2": (2.5, 8.0),
+    "max_deceleration_mps2": (4.0, 10.0),
+    "max_heading_change_rad": (0.5, 2.0),
+    "max_intersection_s": (0.5, 3.0),
+    "max_time_s": (1.0, 5.0),
+    "max_off_road_m": (0.5, 10.0),
+    "heading_time_s": (0.5, 3.0),
+    "margin_up_m": (0.2, 10.0),
+    "margin_down_m": (0.2, 10.0),
+    "off_road_speed_mps": (0.1, 3.0),
+}
+
+
+def _catch_draws(seed: int) -> Iterator[CatchParameters]:
+    yield CatchParameters()
+    rng = named_generator(seed, "misbehaviour/catch")
+    names = [field.name for field in fields(CatchParameters)]
+    for _ in range(CATCH_DRAWS):
+        draws = rng.random(len(names)).tolist()
+        values = {
+            name: low + draw * (high - low)
+            for name, draw, (low, high) in zip(names, draws, (_CATCH_RANGES[n] for n in names), strict=True)
+        }
+        yield CatchParameters(**values)
+
+
+def _catch_all(messages: Sequence[CatchMessages], parameters: CatchParameters) -> Iterator[Bools]:
+    return (catch_flags(each, parameters) for each in messages)
+
+
+def _mean_f1(attacked: Sequence[Stream], flags: Iterable[npt.NDArray[np.bool_]]) -> float:
+    """Over the attacks, each over all of its receivers."""
+    by_attack: dict[str, list[tuple[Bools, Bools]]] = {}
+    for stream, flagged in zip(attacked, flags, strict=True):
+        by_attack.setdefault(stream.attack, []).append((flagged, stream.is_lie))
+    found = [
+        scores(np.concatenate([f for f, _ in pairs]), np.concatenate([lie for _, lie in pairs])).f1
+        for pairs in by_attack.values()
+    ]
+    known = [value for value in found if math.isfinite(value)]
+    return float(np.mean(known)) if known else 0.0
+
+
+def _false_positive_rate(flags: Sequence[Bools]) -> float:
+    total = sum(map(len, flags))
+    return sum(int(each.sum()) for each in flags) / total if total else 0.0
