@@ -49,10 +49,11 @@ class CatchParameters:
 
 @dataclass(frozen=True)
 class CatchMessages:
-    """Messages of one receiver in order of arrival as columns (M,), each with its station's one before.
+    """Messages of one receiver in order of arrival.
 
-    before: its row, -1 for a station's first. columns: by field of `Claim`, and `range_m` from the receiver, `elapsed_s` since the one before,
-    `overlap`, the share of the smaller box that another station's last covers, and `other_s`, its age.
+    columns: (M,) each, by field of `Claim`; and `range_m` from the receiver, `elapsed_s` since the station's
+    message before, `overlap`, the share of the smaller box that another station's last one covers, and
+    `other_s`, how old that is. before: the row (M,) of the station's message before, -1 for its first.
     """
 
     columns: dict[str, Float64]

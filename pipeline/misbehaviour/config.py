@@ -41,8 +41,8 @@ CHECKS: Mapping[str, Check] = MappingProxyType(
         "acceleration": Check("sigma", 6.0, 1.1, "speed's change against accelerations told", "F2MD"),
         "dynamics": Check("m/s2", 10.0, 1.2, "acceleration told, or speed's change over time", "NextGen"),
         "size": Check("m", 0.15, None, "change of length or width, told in 0.1 m", "VASP dimension"),
-        "overlap": Check("1", 0.5, 1.2, "share of the smaller box that another's covers", "F2MD intersection"),
-        "appearance": Check("m", 1e9, 1.1, "how far within earshot a new station is", "F2MD sudden appearance"),
+        "overlap": Check("1", 0.5, 1.2, "share of the smaller box that another covers", "F2MD intersection"),
+        "appearance": Check("m", 1e9, 1.1, "how far within earshot a new station is", "F2MD appearance"),
         "kalman": Check("1", 40.0, 1.2, "innovation squared over its variance, 4 values", "F2MD Kalman"),
         "branch": Check("1", 0.5, None, "goes on from a message that was flagged", "ours"),
     }

@@ -194,7 +194,7 @@ class Detector:
         )
 
     def _overlap(self, claim: Claim, receiver: Receiver, own: _Station) -> float:
-        """With the receiver, and with stations believed; of two the one heard for less long is in the wrong."""
+        """With the receiver, and with stations believed: of two, the younger one is in the wrong."""
         box = checks.box(claim, claim.arrival_ns)
         if box is None:
             return math.nan

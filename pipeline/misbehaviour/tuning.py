@@ -99,7 +99,10 @@ LEAST = {
 
 
 def tune(clean: Sequence[Stream], attacked: Sequence[Stream], base: DetectorConfig | None = None) -> Tuned:
-    """The thresholds and the pardon that serve best. Raises ValueError where no setting is within the bound."""
+    """The thresholds and the pardon that serve best.
+
+    Raises ValueError where no setting is within the bound.
+    """
     base = base or DetectorConfig()
     best: Tuned | None = None
     for exceeded in EXCEEDED:
