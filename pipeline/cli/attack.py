@@ -3,23 +3,53 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from advpipe.pipeline.cli.shared import DetectorName, Overwrite
+
+USUAL_BUDGETS: dict[str, dict[str, float]] = {
+    "detach": {"ratio": 0.01},
+    "perturb": {"eps_cm": 10.0},
+    "attach": {"eps_m": 0.5},
+}
+"""Of the paper's Table I: what an attack gets where the user names no budget."""
 
 
 def attack(
     bag: Annotated[
         Path | None, typer.Argument(help="Data set, rosbag2 folder or .mcap.", show_default="newest data set")
     ] = None,
-    kind: Annotated[str, typer.Option("--type", help="Which attack: detach.")] = "detach",
-    ratio: Annotated[float, typer.Option(help="Share of the points to remove (detach).")] = 0.01,
+    kind: Annotated[
+        str,
+        typer.Option("--type", help="detach, perturb, attach, cam-..., gnss-..., or module:Class."),
+    ] = "detach",
+    ratio: Annotated[float | None, typer.Option(help="Share of the points to remove (detach).")] = None,
+    eps_cm: Annotated[float | None, typer.Option(help="How far points may move (perturb).")] = None,
+    points: Annotated[int | None, typer.Option(help="How many points to add (attach).")] = None,
+    eps_m: Annotated[float | None, typer.Option(help="How far from the scene they may lie (attach).")] = None,
+    along_ray: Annotated[bool, typer.Option("--along-ray", help="Points move along their ray only.")] = False,
     recipe: Annotated[
-        str, typer.Option(help="best, paper (as published) or random (the baseline).")
-    ] = "best",
-    frames: Annotated[str, typer.Option(help="start:stop:step; the bag then holds only these.")] = "::",
+        str | None,
+        typer.Option(help="best, paper (as published) or random (the baseline).", show_default="best"),
+    ] = None,
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", help="A parameter of the attack: name=value; repeatable.")
+    ] = None,
+    attacker: Annotated[
+        list[str] | None,
+        typer.Option(help="Who lies by V2X: a vehicle's id (repeatable), 20%, or rsu:X,Y in metres."),
+    ] = None,
+    victim: Annotated[
+        str | None, typer.Option(help="Vehicle whose GPS or LiDAR is attacked, or that CAMs aim at.")
+    ] = None,
+    from_s: Annotated[float, typer.Option("--from", help="Begin, in seconds of the recording.")] = 0.0,
+    to_s: Annotated[float | None, typer.Option("--to", help="End.", show_default="of the recording")] = None,
+    lidar: Annotated[
+        str | None, typer.Option(help="Topic of the clouds, such as /ego/lidar/points, among several.")
+    ] = None,
+    frames: Annotated[str, typer.Option(help="start:stop:step; it then holds only these clouds.")] = "::",
     detector: DetectorName = "small",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the attack's own draws.")] = 0,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes.", show_default="one a core")] = None,
@@ -29,21 +59,71 @@ def attack(
     overwrite: Overwrite = False,
 ) -> None:
     """Stage 2: write an adversarial version of a bag; everything not attacked is copied byte for byte."""
-    from advpipe.pipeline.bag.frames import FrameSlice
     from advpipe.pipeline.bag.locate import newest_dataset, resolve_bag
     from advpipe.pipeline.errors import writing
+    from advpipe.pipeline.scenario.attacks import attack_spec
     from advpipe.stages.attack.run import AttackRequest, attack_id
     from advpipe.stages.attack.run import attack as run
 
     clean = resolve_bag(bag or newest_dataset(Path("datasets")))
-    request = AttackRequest(
-        type=kind,
-        recipe=recipe,
-        parameters={"ratio": ratio},
-        detector=detector,
-        frames=FrameSlice.parse(frames),
-        seed=seed,
+    options = {"ratio": ratio, "eps_cm": eps_cm, "points": points, "eps_m": eps_m}
+    given = {name: value for name, value in options.items() if value is not None}
+    given |= {"along_ray": True} if along_ray else {}
+    spec = attack_spec(
+        {
+            "type": kind,
+            "recipe": recipe,
+            "parameters": {**USUAL_BUDGETS.get(kind, {}), **given, **_parameters(settings or [])},
+            "schedule": {"from_s": from_s, "to_s": to_s},
+            "attackers": _attackers(attacker or []),
+            "victim": victim,
+            "lidar": lidar,
+            "frames": frames,
+            "detector": detector,
+        }
     )
+    request = AttackRequest((spec,), seed)
     target = out or clean.parent / attack_id(request)
     with writing(target):
         print(run(clean, target, request, overwrite=overwrite, workers=workers))
+
+
+def _parameters(settings: list[str]) -> dict[str, Any]:
+    """The values of `name=value`, each read as YAML."""
+    import yaml
+
+    from advpipe.pipeline.errors import AdvpipeError
+
+    found: dict[str, Any] = {}
+    for setting in settings:
+        name, equals, text = setting.partition("=")
+        if not equals or not name.strip():
+            raise AdvpipeError(f"--set {setting!r}: write name=value, such as rounds=20")
+        try:
+            found[name.strip().replace("-", "_")] = yaml.safe_load(text)
+        except (yaml.YAMLError, ValueError) as error:
+            raise AdvpipeError(f"--set {setting!r}: the value cannot be read: {error}") from None
+    return found
+
+
+def _attackers(words: list[str]) -> dict[str, Any] | None:
+    """The section `attackers` that these words stand for."""
+    from advpipe.pipeline.errors import AdvpipeError
+
+    if not words:
+        return None
+    special = [word for word in words if word.endswith("%") or word.startswith("rsu:")]
+    if not special:
+        return {"vehicles": words}
+    if len(words) > 1:
+        raise AdvpipeError(
+            f"--attacker {special[0]}: a share or a roadside unit stands alone; leave out the rest"
+        )
+    (word,) = words
+    try:
+        if word.endswith("%"):
+            return {"share": float(word[:-1]) / 100}
+        numbers = [float(part) for part in word.removeprefix("rsu:").split(",")]
+        return {"roadside_unit": dict(zip(("x_m", "y_m", "z_m")[: len(numbers)], numbers, strict=True))}
+    except ValueError:
+        raise AdvpipeError(f"--attacker {word}: write a vehicle's id, 20%, or rsu:X,Y in metres") from None

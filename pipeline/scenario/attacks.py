@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, Literal
 
@@ -12,10 +13,12 @@ from pydantic import (
     GetJsonSchemaHandler,
     StringConstraints,
     ValidationError,
+    field_validator,
     model_validator,
 )
 from pydantic_core import CoreSchema, core_schema
 
+from advpipe.pipeline.bag.frame_slice import FrameSlice
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.scenario.base import NotNegative, Positive, Probability, Section
 
@@ -24,11 +27,20 @@ Family = Literal["gnss", "cam", "lidar"]
 FAMILIES: tuple[Family, ...] = ("gnss", "cam", "lidar")
 """In the order in which they are applied: a spoofed position is told by CAMs, clouds come last."""
 
+OWN_KEYS: dict[Family, tuple[str, ...]] = {
+    "cam": ("attackers", "dcc_reacts"),
+    "lidar": ("recipe", "lidar", "frames", "detector"),
+}
+"""Keys of an attack that one family alone knows."""
+
+PAPER_NAMES = {"rba": "gnss-bias", "paa": "gnss-relocate"}
+"""What the paper calls attacks, in lower case, and what they are here."""
+
 BagName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)]
 """A folder beside the clean bag."""
 
-Value = bool | int | float | str | tuple[float, ...] | None
-"""What a parameter of an attack may be."""
+Value = Any
+"""A parameter of an attack: a number, a word, true, false, null, or a list of those."""
 
 
 class Schedule(Section):
@@ -115,11 +127,33 @@ class AttackSpec(Section):
         None, description="an instrumented vehicle whose GPS or LiDAR is attacked, or to whom CAMs lie"
     )
     seed_name: str = Field("", description="draws differ between attacks of different names")
-    lidar: str | None = Field(None, description="topic of the attacked clouds, among several")
-    frames: str = Field(
-        "::", pattern=r"^(\d+|\d*:\d*(:\d*)?)$", description="which clouds its bag holds, start:stop:step"
+    dcc_reacts: bool = Field(
+        False, description="whether other stations' congestion control answers to forged messages"
     )
+    lidar: str | None = Field(None, description="topic of the attacked clouds, among several")
+    frames: str = Field("::", description="which clouds its bag holds, start:stop:step; of a LiDAR attack")
     detector: str = Field("small", description="that a LiDAR attack fools, as after --detector")
+
+    @field_validator("type", mode="before")
+    @classmethod
+    def _paper_name(cls, word: Any) -> Any:
+        if not isinstance(word, str):
+            return word
+        return PAPER_NAMES.get(word.lower().removeprefix("gnss-"), word)
+
+    @field_validator("parameters")
+    @classmethod
+    def _plain(cls, parameters: dict[str, Value]) -> dict[str, Value]:
+        return {name: _plain_value(name, value) for name, value in parameters.items()}
+
+    @field_validator("frames")
+    @classmethod
+    def _frame_slice(cls, text: str) -> str:
+        try:
+            FrameSlice.parse(text)
+        except AdvpipeError as error:
+            raise ValueError(str(error)) from None
+        return text
 
     @property
     def family(self) -> Family:
@@ -138,11 +172,24 @@ class AttackSpec(Section):
         return self
 
 
+def _plain_value(name: str, value: Value) -> Value:
+    """The value, lists as tuples; ValueError for a number without end, and for what is no plain value."""
+    if isinstance(value, (list, tuple)):
+        return tuple(_plain_value(name, item) for item in value)
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ValueError(f"{name} is {value}; it has to be finite")
+    if value is not None and not isinstance(value, (bool, int, float, str)):
+        raise ValueError(f"{name} is a {type(value).__name__}; give a number, a word or a list of them")
+    return value
+
+
 class OneOrMany:
     """Marks a list that may be written as its only item."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         def as_list(value: Any) -> Any:
+            if value in ([], ()):
+                raise ValueError("names no attack")
             return [value] if isinstance(value, (dict, AttackSpec)) else value
 
         return core_schema.no_info_before_validator_function(as_list, handler(source))
@@ -150,11 +197,11 @@ class OneOrMany:
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        many = dict(handler(schema))
+        many = {**handler(schema), "minItems": 1}
         return {"anyOf": [many["items"], many]}
 
 
-BagAttacks = Annotated[tuple[AttackSpec, ...], Field(min_length=1), OneOrMany()]
+BagAttacks = Annotated[tuple[AttackSpec, ...], OneOrMany()]
 """What is done to one bag: an attack, or several that are carried out together."""
 
 Attacks = dict[BagName, BagAttacks]

@@ -76,7 +76,7 @@ def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> Scenario:
 
 
 def dump_scenario(scenario: Scenario) -> str:
-    """The resolved scenario as YAML: every key, defaults included.
+    """The resolved scenario as YAML: every key but the attacks, defaults included.
 
     Of a path only the file name stays: a data set tells nobody how its maker's disk is laid out.
     """
@@ -85,8 +85,12 @@ def dump_scenario(scenario: Scenario) -> str:
 
 
 def scenario_tree(scenario: Scenario) -> dict[str, Any]:
-    """The resolved scenario as plain values, files by their names."""
-    tree: dict[str, Any] = scenario.model_dump(mode="json")
+    """The resolved scenario as plain values, files by their names; without its attacks.
+
+    A drive knows nothing of what is done to it later: its bytes are the same with other attacks. Each
+    adversarial bag has its own in attack.yaml.
+    """
+    tree: dict[str, Any] = scenario.model_dump(mode="json", exclude={"attacks"})
     for section, key in _files(tree):
         section[key] = Path(section[key]).name
     return tree
@@ -224,7 +228,8 @@ def _explain(error: ValidationError, path: Path, overridden: Sequence[tuple[str,
     if place and any(all(map(str.__eq__, keys, place)) for keys in overridden):
         where = f"--set {where}"
     else:
-        line = _lines(path).get(place)
+        lines = _lines(path)
+        line = lines.get(place) or lines.get(tuple(part for part in place if not part.isdigit()))
         where = f"{path}: " + (f"{where[:-2]} (line {line}): " if line else where)
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
     return " ".join(f"{where}{message}{more}".split())
@@ -244,10 +249,14 @@ def _keys_at(place: tuple[str, ...]) -> list[str]:
     model: type[BaseModel] = Scenario
     for part in place:
         annotation: Any = model.model_fields[part].annotation if part in model.model_fields else model
-        for candidate in (annotation, *typing.get_args(annotation)):
-            if isinstance(candidate, type) and issubclass(candidate, BaseModel):
-                model = candidate
+        model = next(iter(_models_in(annotation)), model)
     return list(model.model_fields)
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for part in typing.get_args(annotation) for model in _models_in(part)]
 
 
 def _nearest(word: str, known: list[str], otherwise: str | None = None) -> str:
@@ -263,10 +272,12 @@ def _lines(path: Path) -> dict[tuple[str, ...], int]:
     visited: set[int] = set()
 
     def visit(node: yaml.Node | None, place: tuple[str, ...]) -> None:
-        if isinstance(node, yaml.MappingNode) and id(node) not in visited:
+        if isinstance(node, yaml.CollectionNode) and id(node) not in visited:
             visited.add(id(node))
-            for key, value in node.value:
-                here = (*place, str(key.value))
+            is_list = isinstance(node, yaml.SequenceNode)
+            for index, item in enumerate(node.value):
+                key, value = (item, item) if is_list else item
+                here = (*place, str(index) if is_list else str(key.value))
                 found[here] = key.start_mark.line + 1
                 visit(value, here)
 

@@ -6,6 +6,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
+from advpipe.pipeline.scenario.attacks import Attacks
 from advpipe.pipeline.scenario.base import Name, Section
 from advpipe.pipeline.scenario.environment import Environment
 from advpipe.pipeline.scenario.map import Map
@@ -21,6 +22,8 @@ from advpipe.pipeline.scenario.traffic import (
     Vehicles,
 )
 from advpipe.pipeline.scenario.v2x import V2x
+
+TAKEN_NAMES = ("clean", "reports")
 
 
 class Recording(Section):
@@ -45,6 +48,7 @@ class Scenario(Section):
     environment: Environment = Environment()
     v2x: V2x = V2x()
     recording: Recording = Recording()
+    attacks: Attacks = Field({}, description="bags that `advpipe run` makes of the drive, by name")
 
     @property
     def is_world_driven(self) -> bool:
@@ -91,6 +95,25 @@ class Scenario(Section):
         for name, vehicle in self.vehicles.items():
             if vehicle.driver == "trajectory" and self.trajectories is None:
                 raise ValueError(f"vehicles.{name}.driver is trajectory, but there is no trajectories.file")
+        return self
+
+    @model_validator(mode="after")
+    def _attacks(self) -> Scenario:
+        for name, specs in self.attacks.items():
+            if name in TAKEN_NAMES:
+                raise ValueError(f"attacks.{name} has the name of another folder of a data set; rename it")
+            for spec in specs:
+                place = f"attacks.{name}: {spec.type}"
+                if spec.family == "cam" and not self.v2x.enabled:
+                    raise ValueError(f"{place} attacks V2X, but v2x.enabled is false")
+                if spec.victim is not None and spec.victim not in self.vehicles:
+                    known = ", ".join(sorted(self.vehicles))
+                    raise ValueError(f"{place} has the victim {spec.victim!r}; vehicles are {known}")
+                if spec.schedule.from_s >= self.simulation.duration_s:
+                    raise ValueError(
+                        f"{place} begins at {spec.schedule.from_s:g} s, but the recording ends at "
+                        f"{self.simulation.duration_s:g} s"
+                    )
         return self
 
     @model_validator(mode="after")

@@ -12,12 +12,11 @@ from advpipe.pipeline.bag.topics import RawMessage
 
 
 class Change(Protocol):
-    """The new messages of some topics of a bag, and what is to be known about them.
+    """The new messages of some topics of a bag, and what is to be known about them."""
 
-    topics: those that are replaced wholly.
-    """
-
-    topics: frozenset[str]
+    @property
+    def topics(self) -> frozenset[str]:
+        """Those that are replaced wholly."""
 
     def messages(self) -> Iterator[RawMessage]:
         """All messages of these topics, in log-time order."""

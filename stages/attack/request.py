@@ -2,69 +2,109 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
-from advpipe.pipeline.bag.frames import ALL_FRAMES, FrameSlice
+from advpipe.pipeline.bag.frames import FrameSlice
+from advpipe.pipeline.detector.registry import detector_sha256
 from advpipe.pipeline.errors import AdvpipeError
-from advpipe.stages.attack.lidar.base import LidarAttack
-from advpipe.stages.attack.registry import find_attack
-
-Number = int | float
+from advpipe.pipeline.scenario.attacks import OWN_KEYS, AttackSpec
+from advpipe.stages.attack.parameters import (
+    build_lidar_attack,
+    known_parameters,
+    resolved_parameters,
+    resolved_recipe,
+)
+from advpipe.stages.attack.registry import source_sha256
 
 
 @dataclass(frozen=True)
 class AttackRequest:
-    """One attack on one bag.
+    """One or several attacks on one bag; several are one coordinated attack."""
 
-    type: a word of `registry.ATTACKS`. recipe: one of the attack's recipes.
-    parameters: the keyword arguments of the attack's constructor, besides the recipe.
-    detector: what `pipeline.detector.registry.load_detector` takes.
-    frames: which clouds, counted in the clean bag; the adversarial bag holds only these.
-    """
-
-    type: str
-    recipe: str = "best"
-    parameters: Mapping[str, Number] = field(default_factory=dict)
-    detector: str = "small"
-    frames: FrameSlice = ALL_FRAMES
+    attacks: tuple[AttackSpec, ...]
     seed: int = 0
 
-    def build(self) -> LidarAttack:
-        """The attack, its parameters checked; raises `AdvpipeError` for a bad one."""
-        return find_attack(self.type)(recipe=self.recipe, **self.resolved_parameters())
+    @property
+    def lidar(self) -> tuple[AttackSpec, ...]:
+        """Those of its attacks that change clouds."""
+        return tuple(spec for spec in self.attacks if spec.family == "lidar")
 
-    def resolved_parameters(self) -> dict[str, Number]:
-        """All parameters in the constructor's order, those not given at their defaults."""
-        known = _parameters_of(self.type)
-        unknown = [name for name in self.parameters if name not in known]
-        missing = [name for name, default in known.items() if default is None and name not in self.parameters]
-        if unknown:
-            raise AdvpipeError(f"{self.type}: unknown parameter {unknown[0]!r}; known: {', '.join(known)}")
-        if missing:
-            raise AdvpipeError(f"{self.type}: {missing[0]} is missing; pass --{missing[0].replace('_', '-')}")
-        resolved = {name: self.parameters.get(name, default) for name, default in known.items()}
-        return {name: value for name, value in resolved.items() if value is not None}
+    @property
+    def has_messages(self) -> bool:
+        """Whether any attack changes messages, so that all of the drive is kept."""
+        return len(self.lidar) < len(self.attacks)
+
+    @property
+    def frames(self) -> FrameSlice:
+        """Which clouds the adversarial bag holds, counted in the clean bag."""
+        slices = {spec.frames for spec in self.lidar} or {"::"}
+        if len(slices) > 1:
+            raise AdvpipeError(f"frames: one bag cannot hold both {' and '.join(sorted(slices))}; give one")
+        return FrameSlice.parse(slices.pop())
+
+    def check(self) -> None:
+        """Raises AdvpipeError for an attack or a parameter that is bad in itself, whatever the bag."""
+        if not self.attacks:
+            raise AdvpipeError("no attack is given; name one")
+        self.frames.indices(1_000_000_000)
+        for spec in self.attacks:
+            if spec.family == "lidar":
+                build_lidar_attack(spec)
+            else:
+                resolved_parameters(spec)
+
+    def resolved(self) -> list[dict[str, Any]]:
+        """The attacks with every default filled in, and the checksums of what they work with."""
+        return [_resolved(spec) for spec in self.attacks]
+
+    def headline(self) -> dict[str, Any]:
+        """Attack, recipe and parameters in short: of several attacks, the figures of the one on clouds."""
+        leading = (self.lidar or self.attacks)[0]
+        alone = len(self.lidar or self.attacks) == 1
+        return {
+            "attack": "+".join(spec.type for spec in self.attacks),
+            "recipe": resolved_recipe(leading) if alone else "",
+            "parameters": resolved_parameters(leading) if alone else {},
+        }
 
 
 def attack_id(request: AttackRequest) -> str:
     """The default name of the adversarial bag: type, recipe, and the parameters that are not at their
-    defaults, such as `detach-best-0.01` or `detach-best-0.01-rounds20`."""
-    known = _parameters_of(request.type)
-    words = [
-        f"{value:g}" if known[name] is None else f"{name}{value:g}"
-        for name, value in request.resolved_parameters().items()
-        if value != known[name]
-    ]
-    return "-".join([request.type, request.recipe, *words])
+    defaults, such as `detach-best-0.01` or `detach-best-0.01-rounds20`; of several attacks, joined by +."""
+    name = "+".join(_one_id(spec) for spec in request.attacks)
+    return re.sub(r"[^A-Za-z0-9._+-]+", "-", name)[:200]
 
 
-def _parameters_of(attack: str) -> dict[str, Number | None]:
-    """The constructor's parameters besides the recipe, with their defaults; None for a required one."""
-    signature = inspect.signature(find_attack(attack))
-    return {
-        name: None if parameter.default is parameter.empty else parameter.default
-        for name, parameter in signature.parameters.items()
-        if name != "recipe"
+def _one_id(spec: AttackSpec) -> str:
+    known = known_parameters(spec.type)
+    first = next(iter(known), None)
+    words = [spec.type, *([recipe] if (recipe := resolved_recipe(spec)) else [])]
+    for name, value in resolved_parameters(spec).items():
+        if name == first and spec.family == "lidar":
+            words.append(_short(value))
+        elif value != known[name]:
+            words.append(name if value is True else f"{name}{_short(value)}")
+    return "-".join(words)
+
+
+def _short(value: object) -> str:
+    return f"{value:g}" if isinstance(value, (int, float)) and not isinstance(value, bool) else str(value)
+
+
+def _resolved(spec: AttackSpec) -> dict[str, Any]:
+    foreign = {key for family, keys in OWN_KEYS.items() if family != spec.family for key in keys}
+    plain = spec.model_dump(mode="json", exclude=foreign)
+    plain["parameters"] = json.loads(json.dumps(resolved_parameters(spec)))
+    if spec.family != "lidar":
+        return plain
+    plain["recipe"] = resolved_recipe(spec)
+    plain["detector"] = Path(spec.detector).name
+    checksums = {
+        "detector_sha256": detector_sha256(spec.detector),
+        "attack_sha256": source_sha256(spec.type),
     }
+    return {**plain, **checksums}

@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import yaml
-
-from advpipe.pipeline.bag.cloud import StampedCloud, cloud_from_cdr, cloud_to_cdr
-from advpipe.pipeline.bag.frames import FrameSlice, find_lidar_topic, read_frames
+from advpipe.pipeline.bag.cloud import StampedCloud, cloud_to_cdr
 from advpipe.pipeline.bag.locate import resolve_bag
-from advpipe.pipeline.bag.provenance import attack_provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import RawMessage
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.detector.registry import detector_sha256, load_detector
-from advpipe.pipeline.detector.threads import fixed_torch_threads
+from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.jobs import run_jobs
-from advpipe.pipeline.seeding import named_generator
+from advpipe.stages.attack.change import Change, changed_messages
+from advpipe.stages.attack.cloud_attack import cloud_attacker
+from advpipe.stages.attack.clouds import CloudPlan, plan_clouds
+from advpipe.stages.attack.contradictions import refuse_contradictions
 from advpipe.stages.attack.job import Job, open_job
-from advpipe.stages.attack.lidar.base import LidarResult
+from advpipe.stages.attack.lidar.base import LidarResult, unchanged
+from advpipe.stages.attack.messages import change_messages
+from advpipe.stages.attack.provenance import provenance_of, resolved_text
+from advpipe.stages.attack.recording import recording_of
 from advpipe.stages.attack.request import AttackRequest, attack_id
 from advpipe.stages.attack.selected import messages_of_frames
 from advpipe.stages.attack.summary import AttackSummary
@@ -40,55 +40,86 @@ def attack(
     overwrite: bool = False,
     workers: int | None = None,
 ) -> AttackSummary:
-    """Craft the adversarial version of each chosen cloud of a bag, and write the bag that holds them.
+    """Carry out the attacks of a request on a bag, GPS before V2X before LiDAR, and write the bag they make.
 
-    Every message that is no attacked cloud is copied byte for byte. Beside them in the folder `out` lie
-    attack.yaml (the resolved request), labels.parquet and frames.parquet (see `tables`). A run that was
-    interrupted goes on where it stopped. The bytes are the same for any number of worker processes
-    (default: one for each core), and whether it ran in one go or in pieces.
+    Every message that is not attacked is copied byte for byte. Frames that are not chosen are left out, or
+    their clouds alone where messages are attacked too. Beside the bag in the folder `out` lie attack.yaml
+    (the resolved request) and Parquet files that say what was done: labels.parquet and frames.parquet of
+    clouds (see `tables`), and what each change of messages tells. A run that was interrupted goes on where
+    it stopped. The bytes are the same for any number of worker processes (default: one for each core), and
+    whether it ran in one go or in pieces.
 
-    Raises AdvpipeError for an unknown attack, a bad parameter, a bag that is none or holds no clouds,
-    frames that it does not have, an output that exists, and while the same attack runs elsewhere.
+    Raises AdvpipeError for an unknown attack, a bad parameter, a bag that is none or lacks what is attacked,
+    frames or times that it does not have, attacks that contradict each other, an output that exists, and
+    while the same attack runs elsewhere.
     """
-    request.build()  # refuses a bad request at once
+    request.check()
     reader = BagReader(resolve_bag(clean))
-    chosen = request.frames.indices(reader.topics[find_lidar_topic(reader)].count)
     source = reader.path.resolve()
     if out.resolve() in (source, *source.parents):
         raise AdvpipeError(f"{out} is or holds the clean bag; choose another output")
-    load_detector(request.detector)
-    provenance = _provenance(reader, request)
+    plan = _plan(reader, request)
+    for detector in {spec.detector: None for spec in request.lidar}:
+        load_detector(detector)
+    provenance = provenance_of(reader, request)
     writer = BagWriter(out, provenance=provenance, overwrite=overwrite)  # refuses a bad output at once
-    resolved = _resolved(provenance)
+    resolved = resolved_text(provenance)
     summary = AttackSummary(out)
     with open_job(out, resolved) as job:
-        todo = [index for index in chosen if job.load(index) is None]
-        attacker = partial(_frame_attacker, reader.path, request, job)
-        run_jobs(attacker, todo, f"attacking: {attack_id(request)}", workers)
-        with writer as bag, AttackTables(bag.folder) as tables:
+        changes = change_messages(reader, request.attacks, request.seed)
+        if plan is not None:
+            todo = [place for place in range(len(plan.attacked)) if job.load(place) is None]
+            attacker = partial(cloud_attacker, reader.path, request.lidar, plan.attacked, request.seed, job)
+            run_jobs(attacker, todo, f"attacking: {attack_id(request)}", workers)
+        with writer as bag:
             (bag.folder / "attack.yaml").write_text(resolved, encoding="utf-8")
-            for index, message in messages_of_frames(reader, find_lidar_topic(reader), chosen):
-                if index is None:
+            if plan is None:
+                for message in changed_messages(reader, changes):
                     bag.copy(message)
-                    continue
-                stamped, result = cloud_from_cdr(message.cdr), job.require(index)
-                bag.copy(_with_result(message, stamped, result))
-                tables.add(index, stamped.stamp_ns, len(stamped.cloud), result)
-                summary.add(len(stamped.cloud), result)
+            else:
+                _write_with_clouds(reader, changes, plan, request, job, bag, summary)
+            for change in changes:
+                summary.replaced |= change.topics & set(reader.topics)
+                change.write_labels(bag.folder)
     return summary
 
 
-def _frame_attacker(clean: Path, request: AttackRequest, job: Job) -> Callable[[int], None]:
-    """What one process does: the attack on one frame of the clean bag, kept in the job's folder."""
-    attacker, detector = request.build(), load_detector(request.detector)
+def _plan(reader: BagReader, request: AttackRequest) -> CloudPlan | None:
+    """The clouds that are attacked, if any, in a bag that fits all of the request."""
+    recording = recording_of(reader)
+    for spec in request.attacks:
+        recording.refuse_outside(spec)
+    refuse_contradictions(request.attacks)
+    if not request.lidar:
+        return None
+    return plan_clouds(reader, request.lidar, request.frames, recording, request.seed)
 
-    def attack_frame(index: int) -> None:
-        (frame,) = read_frames(clean, FrameSlice(index, index + 1, 1))
-        rng = named_generator(request.seed, "attack", request.type, request.recipe, index)
-        with fixed_torch_threads():
-            job.store(index, attacker(frame.cloud, frame.boxes, detector, rng))
 
-    return attack_frame
+def _write_with_clouds(
+    reader: BagReader,
+    changes: Sequence[Change],
+    plan: CloudPlan,
+    request: AttackRequest,
+    job: Job,
+    bag: BagWriter,
+    summary: AttackSummary,
+) -> None:
+    """The messages of the chosen frames, adversarial clouds among them, with their labels."""
+    place_of = {(cloud.topic, cloud.frame): place for place, cloud in enumerate(plan.attacked)}
+    messages = changed_messages(reader, changes)
+    with AttackTables(bag.folder) as tables:
+        for frame, message in messages_of_frames(reader, messages, plan, clouds_only=request.has_messages):
+            if frame is None:
+                bag.copy(message)
+                continue
+            stamped, place = reader.cloud(message), place_of.get((message.topic.name, frame))
+            if place is None:
+                result, name = unchanged(stamped.cloud, "not scheduled"), ""
+            else:
+                result, name = job.require(place), request.lidar[plan.attacked[place].attack].type
+            bag.copy(_with_result(message, stamped, result))
+            tables.add(message.topic.name, frame, name, stamped, result)
+            summary.add(len(stamped.cloud), result)
 
 
 def _with_result(message: RawMessage, clean: StampedCloud, result: LidarResult) -> RawMessage:
@@ -96,29 +127,3 @@ def _with_result(message: RawMessage, clean: StampedCloud, result: LidarResult) 
     if not len(result.labels):
         return message
     return replace(message, cdr=cloud_to_cdr(result.cloud, clean.stamp_ns, clean.frame_id))
-
-
-def _provenance(reader: BagReader, request: AttackRequest) -> dict[str, str]:
-    """Everything that decides the adversarial bag's bytes."""
-    record = attack_provenance(
-        reader.path,
-        reader.provenance,
-        attack=request.type,
-        recipe=request.recipe,
-        parameters=request.resolved_parameters(),
-        seed=request.seed,
-        frames=str(request.frames),
-    )
-    detector = {
-        "detector": Path(request.detector).name,
-        "detector_sha256": detector_sha256(request.detector),
-    }
-    return {**record, **detector}
-
-
-def _resolved(provenance: dict[str, str]) -> str:
-    """The text of attack.yaml: the request with every default filled in, and what it was run on."""
-    plain = {key: value for key, value in provenance.items() if key not in ("kind", "scenario")}
-    for key in ("parameters", "versions"):
-        plain[key] = json.loads(plain[key])
-    return yaml.safe_dump(plain, sort_keys=True)

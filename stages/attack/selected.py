@@ -1,43 +1,40 @@
-"""The messages of a bag that belong to some of its frames."""
+"""The messages of an adversarial bag: of a drive as it was changed, those of the chosen frames."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
-import numpy as np
 from rosbags.interfaces import QosDurability
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import RawMessage
+from advpipe.stages.attack.clouds import CloudPlan
 
 
 def messages_of_frames(
-    reader: BagReader, lidar_topic: str, frames: range
+    reader: BagReader, messages: Iterable[RawMessage], plan: CloudPlan, *, clouds_only: bool
 ) -> Iterator[tuple[int | None, RawMessage]]:
-    """Each message of the frames in log-time order, with its frame if it is a cloud of `lidar_topic`.
+    """Each message of the plan's frames, with its index in the clean bag if it is a cloud of its topics.
 
-    A message belongs to the latest cloud at or before it in log time; what comes before the first cloud
-    belongs to that one. Latched topics (/tf_static, /scenario/info) are kept whole: those from before
-    the first chosen frame are logged at its time, so that the bag does not begin with a long silence.
+    messages: those of the whole drive in log-time order. clouds_only: whether only clouds of these
+    topics are left out, and all else is kept. Latched topics (/tf_static, /scenario/info) are kept whole:
+    those from before the first chosen frame are logged at its time, so that the bag does not begin with a
+    long silence.
     """
-    times_ns = reader.log_times_ns(lidar_topic)
-    start_ns = int(times_ns[frames[0]]) if frames[0] > 0 else 0
+    is_cut = not clouds_only and plan.frames[0] > 0
+    start_ns = int(plan.times_ns[plan.frames[0]]) if is_cut else 0
     latched = {name for name, info in reader.topics.items() if _is_latched(info.qos)}
+    counts = dict.fromkeys(plan.topics, 0)
     early: list[RawMessage] = []
-    cloud = -1
-    for raw in reader.raw_messages():
-        if raw.topic.name == lidar_topic:
-            cloud += 1
-            frame: int | None = cloud
-            kept = cloud in frames
-        else:
-            frame = None
-            belongs_to = int(np.searchsorted(times_ns, raw.log_time_ns, side="right")) - 1
-            kept = max(belongs_to, 0) in frames
-        if raw.topic.name in latched and raw.log_time_ns < start_ns:
+    for raw in messages:
+        name, frame = raw.topic.name, None
+        if name in counts:
+            frame = counts[name]
+            counts[name] += 1
+        if name in latched and raw.log_time_ns < start_ns:
             early.append(replace(raw, log_time_ns=start_ns))
-        elif kept or raw.topic.name in latched:
+        elif name in latched or (clouds_only and frame is None) or plan.keeps(name, frame, raw.log_time_ns):
             yield from ((None, message) for message in early)
             early.clear()
             yield frame, raw

@@ -17,6 +17,7 @@ class AttackSummary:
 
     losses: the detector's loss before and after, for each frame with an object to take it for.
     notes: what the user must know, with the number of frames that it concerns.
+    replaced: topics whose messages are new.
     """
 
     bag: Path
@@ -26,6 +27,7 @@ class AttackSummary:
     points_adversarial: int = 0
     losses: list[tuple[float, float]] = field(default_factory=list)
     notes: Counter[str] = field(default_factory=Counter)
+    replaced: frozenset[str] = frozenset()
 
     def add(self, points_clean: int, result: LidarResult) -> None:
         """Count one frame."""
@@ -39,12 +41,18 @@ class AttackSummary:
             self.notes[result.note] += 1
 
     def __str__(self) -> str:
+        parts = [self._clouds()] if self.frames else []
+        if self.replaced:
+            parts.append(f"new messages on {', '.join(sorted(self.replaced))}")
+        notes = [f"  {count} of {self.frames} frames: {note}" for note, count in sorted(self.notes.items())]
+        return "\n".join([f"{self.bag}: {'; '.join(parts)}", *notes])
+
+    def _clouds(self) -> str:
         text = (
-            f"{self.bag}: {self.frames} frames, {self.frames - self.unchanged} attacked; "
+            f"{self.frames} frames, {self.frames - self.unchanged} attacked; "
             f"{self.points_clean:,} points became {self.points_adversarial:,}"
         )
         if self.losses:
             before, after = np.mean(self.losses, axis=0)
             text += f"; mean detection loss {before:.3f} became {after:.3f}"
-        notes = [f"  {count} of {self.frames} frames: {note}" for note, count in sorted(self.notes.items())]
-        return "\n".join([text, *notes])
+        return text

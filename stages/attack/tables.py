@@ -9,10 +9,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from advpipe.pipeline.bag.cloud import StampedCloud
 from advpipe.stages.attack.lidar.base import LidarResult
 
 LABELS = pa.schema(
     [
+        ("topic", pa.dictionary(pa.int32(), pa.string())),
         ("frame", pa.int32()),
         ("stamp_ns", pa.int64()),
         ("point", pa.int32()),
@@ -20,12 +22,14 @@ LABELS = pa.schema(
         ("displacement_m", pa.float32()),
     ]
 )
-"""`labels.parquet`: frame and point are counted in the clean bag; see `lidar.base.PointLabels`."""
+"""`labels.parquet`: frame and point are counted in the clean bag's topic; see `lidar.base.PointLabels`."""
 
 FRAMES = pa.schema(
     [
+        ("topic", pa.string()),
         ("frame", pa.int32()),
         ("stamp_ns", pa.int64()),
+        ("attack", pa.string()),
         ("points_clean", pa.int32()),
         ("points_adversarial", pa.int32()),
         ("loss_before", pa.float64()),
@@ -33,7 +37,10 @@ FRAMES = pa.schema(
         ("note", pa.string()),
     ]
 )
-"""`frames.parquet`: every frame of the adversarial bag, also those left as they were."""
+"""`frames.parquet`: every frame of the attacked topics, also those left as they were.
+
+attack: its word, "" where none was scheduled.
+"""
 
 
 class AttackTables:
@@ -54,13 +61,15 @@ class AttackTables:
         self._frames.close()
         self._labels.close()
 
-    def add(self, frame: int, stamp_ns: int, points_clean: int, result: LidarResult) -> None:
+    def add(self, topic: str, frame: int, attack: str, clean: StampedCloud, result: LidarResult) -> None:
         """One frame, in the order of the bag."""
         self._rows.append(
             {
+                "topic": topic,
                 "frame": frame,
-                "stamp_ns": stamp_ns,
-                "points_clean": points_clean,
+                "stamp_ns": clean.stamp_ns,
+                "attack": attack,
+                "points_clean": len(clean.cloud),
                 "points_adversarial": len(result.cloud),
                 "loss_before": result.loss_before,
                 "loss_after": result.loss_after,
@@ -71,8 +80,9 @@ class AttackTables:
         if len(labels) == 0:
             return
         columns = [
+            pa.array([topic] * len(labels)).dictionary_encode(),
             pa.array(np.full(len(labels), frame, np.int32)),
-            pa.array(np.full(len(labels), stamp_ns, np.int64)),
+            pa.array(np.full(len(labels), clean.stamp_ns, np.int64)),
             pa.array(labels.point.astype(np.int32)),
             pa.array(labels.action.tolist()).dictionary_encode(),
             pa.array(labels.displacement_m.astype(np.float32)),

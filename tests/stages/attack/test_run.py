@@ -14,7 +14,7 @@ import torch
 import yaml
 
 from advpipe.pipeline.bag.cloud import cloud_from_cdr
-from advpipe.pipeline.bag.frames import FrameSlice, read_frames
+from advpipe.pipeline.bag.frames import read_frames
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import CLOCK
@@ -23,6 +23,7 @@ from advpipe.pipeline.detector.second.checkpoint import save_checkpoint
 from advpipe.pipeline.detector.second.model import SecondNet
 from advpipe.pipeline.detector.second.presets import preset_named
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
+from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.run import AttackRequest, attack, attack_id
 
 LIDAR = "/ego/lidar/points"
@@ -32,7 +33,8 @@ INTERRUPTED = "linear_detector:Interrupted"
 
 def request(**changes):
     given = {"type": "detach", "parameters": {"ratio": 0.1}, "detector": DETECTOR, "seed": 3, **changes}
-    return AttackRequest(**given)
+    seed = given.pop("seed")
+    return AttackRequest((AttackSpec(**given),), seed)
 
 
 def files_of(folder):
@@ -137,14 +139,14 @@ def test_same_bytes_on_one_worker_and_on_two(clean_bag, tmp_path, monkeypatch):
 
 def test_frame_is_attacked_alike_alone_and_among_others(clean_bag, tmp_path):
     attack(clean_bag, tmp_path / "all", request(recipe="random"))
-    attack(clean_bag, tmp_path / "one", request(recipe="random", frames=FrameSlice.parse("3")))
+    attack(clean_bag, tmp_path / "one", request(recipe="random", frames="3"))
     clouds = {frame.stamp_ns: frame.cloud.tobytes() for frame in read_frames(tmp_path / "all")}
     (alone,) = read_frames(tmp_path / "one")
     assert clouds[alone.stamp_ns] == alone.cloud.tobytes()
 
 
 def test_slice_holds_only_its_frames(clean_bag, tmp_path):
-    attack(clean_bag, tmp_path / "adv", request(frames=FrameSlice.parse("1:4:2")))
+    attack(clean_bag, tmp_path / "adv", request(frames="1:4:2"))
     clean, adversarial = raw_by_topic(clean_bag), raw_by_topic(tmp_path / "adv")
     assert len(adversarial[LIDAR]) == 2
     assert adversarial["/ego/ground_truth/objects"] == clean["/ego/ground_truth/objects"][1:4:2]
@@ -177,10 +179,10 @@ def test_interrupted_run_leaves_nothing_and_goes_on(clean_bag, tmp_path, monkeyp
 def test_killed_run_leaves_nothing_and_goes_on(clean_bag, tmp_path, monkeypatch):
     program = f"""
 from pathlib import Path
+from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
 from advpipe.stages.attack.run import AttackRequest, attack
 attack(Path({str(clean_bag)!r}), Path({str(tmp_path / "adv")!r}), {request(detector=INTERRUPTED)!r})
 """
-    program = "from advpipe.pipeline.bag.frames import FrameSlice\n" + program
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent), "ATTACK_TEST_KILL": "1"}
     run = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, check=False)
     assert run.returncode == -9, run.stderr.decode()
@@ -267,12 +269,12 @@ def test_existing_output(clean_bag, tmp_path):
     [
         ({"type": "detatch"}, "unknown attack 'detatch'; known: detach"),
         ({"recipe": "worst"}, "unknown recipe 'worst'; known: best, paper, random"),
-        ({"parameters": {}}, "ratio is missing; pass --ratio"),
+        ({"parameters": {}}, "ratio is missing; pass --set ratio=VALUE"),
         ({"parameters": {"ratio": 2.0}}, "ratio is 2.0"),
         ({"parameters": {"ratio": 0.1, "eps": 0.1}}, "unknown parameter 'eps'; known: ratio, rounds"),
         ({"detector": "large"}, "unknown detector 'large'"),
         ({"detector": "nothing.safetensors"}, "no detector checkpoint at nothing.safetensors"),
-        ({"frames": FrameSlice(6, 9)}, "choose none of the bag's 6 frames"),
+        ({"frames": "6:9"}, "choose none of the bag's 6 frames"),
     ],
 )
 def test_bad_request_is_one_line_and_leaves_nothing(clean_bag, tmp_path, changes, line):
@@ -323,7 +325,7 @@ def test_attacks_second_the_same_way_twice(clean_bag, tmp_path, recipe):
         recipe=recipe,
         parameters={"ratio": 0.1, "rounds": 2},
         detector=str(tmp_path / "random.safetensors"),
-        frames=FrameSlice.parse("2"),
+        frames="2",
     )
     for parent in "ab":
         attack(clean_bag, tmp_path / parent / "adv", wanted)

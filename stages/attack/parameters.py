@@ -1,0 +1,87 @@
+"""The parameters of attacks: those that a constructor takes by keyword, their defaults and their types."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from typing import Any, get_type_hints
+
+from pydantic import TypeAdapter, ValidationError
+
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.scenario.attacks import AttackSpec, Value
+from advpipe.stages.attack.lidar.base import LidarAttack
+from advpipe.stages.attack.registry import find_attack
+
+REQUIRED = inspect.Parameter.empty
+
+
+def known_parameters(word: str) -> dict[str, Any]:
+    """The parameters of an attack but for its recipe, in their order, with their defaults or `REQUIRED`."""
+    return {name: one.default for name, one in _keywords(word).items() if name != "recipe"}
+
+
+def resolved_parameters(spec: AttackSpec) -> dict[str, Any]:
+    """All parameters in the constructor's order, those not given at their defaults.
+
+    Raises AdvpipeError for one that is unknown, missing or of another type; bounds are the constructor's.
+    """
+    known = known_parameters(spec.type)
+    for name in spec.parameters:
+        if name not in known:
+            choice = f"known: {', '.join(known)}" if known else "it has none"
+            raise AdvpipeError(f"{spec.type}: unknown parameter {name!r}; {choice}")
+    for name, default in known.items():
+        if default is REQUIRED and name not in spec.parameters:
+            raise AdvpipeError(f"{spec.type}: {name} is missing; pass --set {name}=VALUE")
+    types = _types(spec.type)
+    given = {name: _checked(spec.type, name, value, types) for name, value in spec.parameters.items()}
+    return {name: given.get(name, default) for name, default in known.items()}
+
+
+def resolved_recipe(spec: AttackSpec) -> str:
+    """The attack's recipe: its best one if none is named, "" for an attack that has none."""
+    recipe = _keywords(spec.type).get("recipe")
+    if recipe is None and spec.recipe is not None:
+        raise AdvpipeError(f"{spec.type} has no recipes; leave out {spec.recipe!r}")
+    if recipe is None:
+        return ""
+    return str(recipe.default) if spec.recipe is None else spec.recipe
+
+
+def build_lidar_attack(spec: AttackSpec) -> LidarAttack:
+    """The attack, its parameters checked; raises `AdvpipeError` for a bad one."""
+    recipe, keywords = resolved_recipe(spec), dict(resolved_parameters(spec))
+    if recipe:
+        keywords["recipe"] = recipe
+    made: LidarAttack = find_attack(spec.type)(**keywords)
+    if not callable(made):
+        raise AdvpipeError(f"{spec.type} is no attack: its instances cannot be called with a cloud")
+    return made
+
+
+def _keywords(word: str) -> Mapping[str, inspect.Parameter]:
+    found = find_attack(word)
+    try:
+        parameters = inspect.signature(found).parameters
+    except ValueError:  # a class of another language
+        return {}
+    return {name: one for name, one in parameters.items() if one.kind is one.KEYWORD_ONLY}
+
+
+def _types(word: str) -> dict[str, Any]:
+    found = find_attack(word)
+    try:
+        return get_type_hints(found.__init__ if inspect.isclass(found) else found)
+    except (NameError, TypeError):  # a user's attack need not tell
+        return {}
+
+
+def _checked(attack: str, name: str, value: Value, types: Mapping[str, Any]) -> Any:
+    if name not in types:
+        return value
+    try:
+        return TypeAdapter(types[name]).validate_python(value, strict=not isinstance(value, tuple))
+    except ValidationError as error:
+        problem = error.errors()[0]["msg"].removeprefix("Value error, ")
+        raise AdvpipeError(f"{attack}: {name} is {value!r}: {problem}") from None
