@@ -11,6 +11,7 @@ from advpipe.pipeline.cli.attack import attack
 from advpipe.pipeline.cli.bags import inspect, plot, recover
 from advpipe.pipeline.cli.evaluate import evaluate
 from advpipe.pipeline.cli.one_line_errors import OneLineErrors
+from advpipe.pipeline.cli.run import run
 from advpipe.pipeline.cli.schema import schema
 from advpipe.pipeline.cli.simulate import simulate
 from advpipe.pipeline.cli.train import import_weights, train
@@ -28,6 +29,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "simulate": simulate,
     "attack": attack,
     "evaluate": evaluate,
+    "run": run,
     "train": train,
     "import-weights": import_weights,
     "inspect": inspect,

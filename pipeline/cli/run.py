@@ -1,0 +1,109 @@
+"""The command that goes through all stages."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from advpipe.pipeline.cli.evaluate import detector_slug, evaluate
+from advpipe.pipeline.cli.shared import DetectorName, Overwrite
+from advpipe.pipeline.cli.simulate import simulate
+
+if TYPE_CHECKING:
+    from advpipe.pipeline.scenario import Scenario
+    from advpipe.stages.attack.run import AttackRequest
+
+
+def run(
+    scenario: Annotated[str, typer.Argument(help="A scenario file or a shipped name.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Data set folder.", show_default="datasets/<name>")
+    ] = None,
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", help="Override one key: section.key=value.")
+    ] = None,
+    detector: DetectorName = "small",
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes.", show_default="one a core")] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """All stages: simulate a scenario, carry out its attacks, evaluate; goes on where it was stopped.
+
+    What is done already is kept. A drive, bag or report in its place that comes of anything else is
+    refused, or replaced with --overwrite.
+    """
+    from advpipe.pipeline.scenario import load_scenario
+    from advpipe.stages.attack.run import AttackRequest
+
+    loaded = load_scenario(scenario, settings or ())
+    requests = {
+        name: AttackRequest(attacks, loaded.simulation.seed) for name, attacks in loaded.attacks.items()
+    }
+    for request in requests.values():
+        request.check()  # rather now than after the simulation
+    folder = out or Path("datasets") / loaded.name
+    if _has_drive(folder, loaded, overwrite):
+        print(f"{folder / 'clean'}: kept")
+    else:
+        simulate(scenario, folder, settings, overwrite)
+    for name, request in requests.items():
+        _attack(folder / "clean", folder / name, request, workers, overwrite)
+    bags = [folder / "clean", *(folder / name for name in requests)]
+    report = folder / "reports" / detector_slug(detector)
+    if _is_report_of(report, bags, detector):
+        print(f"{report}: kept")
+    else:
+        evaluate(bags, [detector], workers=workers, out=report, overwrite=overwrite)
+
+
+def _has_drive(folder: Path, scenario: Scenario, overwrite: bool) -> bool:
+    """Whether a data set holds the drive of this scenario, whatever its attacks."""
+    from advpipe.pipeline.errors import AdvpipeError
+    from advpipe.pipeline.scenario import dump_scenario
+
+    resolved = folder / "scenario.yaml"
+    if not (folder / "clean" / "metadata.yaml").is_file() or not resolved.is_file():
+        return False
+    if resolved.read_text(encoding="utf-8") == dump_scenario(scenario):
+        return True
+    if overwrite:
+        return False
+    raise AdvpipeError(
+        f"{folder} holds the drive of another scenario; pass --overwrite to replace it, or give another --out"
+    )
+
+
+def _attack(clean: Path, bag: Path, request: AttackRequest, workers: int | None, overwrite: bool) -> None:
+    """Makes the bag, unless the same request made it of the same clean one."""
+    from advpipe.pipeline.bag.reader import BagReader
+    from advpipe.pipeline.errors import writing
+    from advpipe.stages.attack.provenance import provenance_of, resolved_text
+    from advpipe.stages.attack.run import attack
+
+    made = bag / "attack.yaml"
+    wanted = resolved_text(provenance_of(BagReader(clean), request))
+    if made.is_file() and made.read_text(encoding="utf-8") == wanted:
+        print(f"{bag}: kept")
+        return
+    with writing(bag):
+        print(attack(clean, bag, request, overwrite=overwrite, workers=workers))
+
+
+def _is_report_of(report: Path, bags: Sequence[Path], detector: str) -> bool:
+    """Whether a report tells of just these bags, by their checksums, and of this detector."""
+    from advpipe.pipeline.bag.provenance import parent_sha256
+    from advpipe.pipeline.detector.registry import detector_sha256
+
+    try:
+        about = json.loads((report / "report.json").read_text(encoding="utf-8"))["provenance"]
+        scored = [about["clean"]["sha256"], *(bag["sha256"] for bag in about["compared"] if bag["sha256"])]
+        detectors = [one["sha256"] for one in about["detectors"]]
+    except (OSError, ValueError, LookupError, TypeError):
+        return False
+    return sorted(scored) == sorted(map(parent_sha256, bags)) and detectors in (
+        [],
+        [detector_sha256(detector)],
+    )
