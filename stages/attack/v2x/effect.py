@@ -16,7 +16,7 @@ POSITION_M = 1.0
 THRESHOLDS: dict[str, float] = {
     "speed_mps": 1.0,
     "heading_rad": math.radians(10),
-    "longitudinal_acceleration_mps2": 1.0,
+    "longitudinal_acceleration_mps2": 0.5,
     "yaw_rate_radps": math.radians(5),
     "curvature_per_m": 0.01,
     "altitude_m": 5.0,

@@ -1,0 +1,55 @@
+"""Lies about acceleration and braking; what a CAM cannot tell, beyond 16 m/s2, is told as 16."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from advpipe.pipeline.v2x.codes import AccelerationControl
+from advpipe.stages.attack.v2x.bounds import number, span
+from advpipe.stages.attack.v2x.draws import Draws
+from advpipe.stages.attack.v2x.editor import AttackContext
+from advpipe.stages.attack.v2x.falsification import Falsification, Told
+
+_FIELD = "longitudinal_acceleration_mps2"
+
+
+class Acceleration(Falsification):
+    """The acceleration times a factor, which each attacker draws: NextGen's multiplication by 2 to 4."""
+
+    def __init__(self, context: AttackContext, *, factor_min: float = 2.0, factor_max: float = 4.0) -> None:
+        super().__init__(context)
+        self._factors = _factors(context, factor_min, factor_max)
+
+    def lie(self, message: Told) -> Mapping[str, Any]:
+        told_mps2 = message.says(_FIELD)
+        return {} if told_mps2 is None else {_FIELD: told_mps2 * self._factors[message.station_id]}
+
+
+class FeignedBraking(Falsification):
+    """Braking, foot on the pedal, while it does not: minus the acceleration's size times a factor that each
+    attacker draws (NextGen's), and at least least_mps2, which NextGen's cars at constant speed lack."""
+
+    def __init__(
+        self,
+        context: AttackContext,
+        *,
+        factor_min: float = 2.0,
+        factor_max: float = 4.0,
+        least_mps2: float = 3.0,
+    ) -> None:
+        super().__init__(context)
+        self._factors = _factors(context, factor_min, factor_max)
+        self._least_mps2 = number(context.name, "least_mps2", least_mps2, 0, 16)
+
+    def lie(self, message: Told) -> Mapping[str, Any]:
+        told_mps2 = message.says(_FIELD) or 0.0
+        braking_mps2 = max(abs(told_mps2) * self._factors[message.station_id], self._least_mps2)
+        pedals = AccelerationControl(message.says("acceleration_control") or 0)
+        pedals = pedals & ~AccelerationControl.GAS_PEDAL | AccelerationControl.BRAKE_PEDAL
+        return {_FIELD: -braking_mps2, "acceleration_control": pedals}
+
+
+def _factors(context: AttackContext, least: float, most: float) -> dict[int, float]:
+    ends, draws = span(context.name, "factor", least, most, 0, 1000), Draws(context)
+    return {one: float(draws.of(one).uniform(*ends)) for one in context.attackers}

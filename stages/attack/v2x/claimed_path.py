@@ -1,0 +1,52 @@
+"""Path histories of those who lie about where they are: the places that they claimed."""
+
+from __future__ import annotations
+
+from advpipe.pipeline.v2x import quantities as q
+from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.cam import PathPoint
+from advpipe.pipeline.v2x.codec import CamTree
+from advpipe.pipeline.v2x.path_history import PathHistory
+from advpipe.pipeline.v2x.timestamps import generation_time_ns
+from advpipe.stages.attack.v2x.cams import LOW, VEHICLE_LOW, told, with_code
+
+_LOW = ("cam", "camParameters", LOW)
+
+
+class ClaimedPath:
+    """What each station has claimed, from message to message; an honest path has a place every 0.1 s.
+
+    points: how many a CAM tells at most.
+    """
+
+    def __init__(self, points: int) -> None:
+        self._points = points
+        self._paths: dict[int, tuple[PathHistory, int]] = {}
+
+    def follow(self, sent: Sent, tree: CamTree, is_lie: bool) -> CamTree:
+        """The CAM, its path history exchanged if it has one and lies."""
+        latitude_deg, longitude_deg = told(tree, "latitude_deg"), told(tree, "longitude_deg")
+        altitude_m = told(tree, "altitude_m")
+        if latitude_deg is None or longitude_deg is None:
+            return tree
+        time_ns = generation_time_ns(told(tree, "generation_delta_time_ms"), sent.request_ns)
+        path, newest_ns = self._paths.setdefault(sent.station_id, (PathHistory(), -1))
+        if time_ns > newest_ns:
+            path.add(time_ns, latitude_deg, longitude_deg, altitude_m)
+            self._paths[sent.station_id] = path, time_ns
+        parameters = tree["cam"]["camParameters"]
+        if not is_lie or LOW not in parameters or parameters[LOW][0] != VEHICLE_LOW:
+            return tree
+        points = path.points(latitude_deg, longitude_deg, altitude_m, time_ns)[: self._points]
+        return with_code(tree, (*_LOW, "pathHistory"), [_code(point) for point in points])
+
+
+def _code(point: PathPoint) -> CamTree:
+    position = {
+        "deltaLatitude": q.DELTA_DEGREES.code(point.delta_latitude_deg),
+        "deltaLongitude": q.DELTA_DEGREES.code(point.delta_longitude_deg),
+        "deltaAltitude": q.DELTA_ALTITUDE.code(point.delta_altitude_m),
+    }
+    if point.delta_time_s is None:
+        return {"pathPosition": position}
+    return {"pathPosition": position, "pathDeltaTime": q.DELTA_TIME.code(point.delta_time_s)}

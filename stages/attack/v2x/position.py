@@ -1,0 +1,183 @@
+"""Lies about where one is: VeReMi's attacks 1, 2, 4 and 8, and those that came after them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from advpipe.pipeline.bag.v2x_drive import V2xStep
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.v2x.air import Sent
+from advpipe.stages.attack.v2x.bounds import number, span
+from advpipe.stages.attack.v2x.draws import Draws
+from advpipe.stages.attack.v2x.editor import AttackContext
+from advpipe.stages.attack.v2x.falsification import FRONT_M, Misplacement, Told
+
+_FAR_M = 1e6
+_LEAST_SIDE_M = 200.0
+
+
+class _Playground:
+    """Where places are drawn from: a rectangle of the map, or the one that holds all radios at first."""
+
+    def __init__(self, attack: str, corners_m: Sequence[float | None] = ()) -> None:
+        given = [corner for corner in corners_m if corner is not None]
+        if given and len(given) < 4:
+            raise AdvpipeError(f"{attack}: give all of x_min_m, x_max_m, y_min_m and y_max_m, or none")
+        self._x_m = self._y_m = 0.0, 0.0
+        self._is_known = bool(given)
+        if given:
+            self._x_m = span(attack, "x_m", given[0], given[1], -_FAR_M, _FAR_M)
+            self._y_m = span(attack, "y_m", given[2], given[3], -_FAR_M, _FAR_M)
+
+    def learn(self, step: V2xStep) -> None:
+        """The places of the first step that has any."""
+        if self._is_known or not step.radios:
+            return
+        places_m = np.array([radio.map_SE3_base[:2, 3] for radio in step.radios])
+        low_m, high_m = places_m.min(axis=0), places_m.max(axis=0)
+        wider_m = np.maximum(_LEAST_SIDE_M - (high_m - low_m), 0) / 2
+        self._x_m, self._y_m = np.stack([low_m - wider_m, high_m + wider_m], axis=1).tolist()
+        self._is_known = True
+
+    def draw(self, rng: np.random.Generator) -> tuple[float, float]:
+        """x and y, uniform."""
+        return float(rng.uniform(self._x_m[0], self._x_m[1])), float(rng.uniform(self._y_m[0], self._y_m[1]))
+
+
+class PositionConstant(Misplacement):
+    """One place, whatever happens: x_m and y_m in the map's frame (VeReMi 1), or a place that each attacker
+    draws (F2MD 1) from the rectangle that holds all radios of the drive's first step, at least 200 m wide."""
+
+    def __init__(
+        self,
+        context: AttackContext,
+        *,
+        x_m: float | None = None,
+        y_m: float | None = None,
+        rebuild_path: bool = True,
+    ) -> None:
+        super().__init__(context, rebuild_path=rebuild_path)
+        if (x_m is None) != (y_m is None):
+            raise AdvpipeError(f"{context.name}: give both x_m and y_m, or none")
+        self._place_m = None if x_m is None or y_m is None else (x_m, y_m)
+        if self._place_m is not None:
+            for name, value in zip(("x_m", "y_m"), self._place_m, strict=True):
+                number(context.name, name, value, -_FAR_M, _FAR_M)
+        self._playground, self._draws = _Playground(context.name), Draws(context)
+        self._places_m: dict[int, tuple[float, float]] = {}
+
+    def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
+        self._playground.learn(step)
+        return super().edit(step, sent)
+
+    def lie(self, message: Told) -> Mapping[str, Any]:
+        station_id = message.station_id
+        if self._place_m is None and station_id not in self._places_m:
+            self._places_m[station_id] = self._playground.draw(self._draws.of(station_id))
+        return {FRONT_M: self._place_m or self._places_m[station_id]}
+
+
+class PositionOffset(Misplacement):
+    """The truth, moved by the same offset for good.
+
+    x_m, y_m: of all attackers (VeReMi 2: 250, -150). Without them, each attacker draws both, of either sign,
+    between min_m and max_m: NextGen's 20 to 70 m; F2MD's 70 m +- 55 % are 31.5 to 108.5 m.
+    """
+
+    def __init__(
+        self,
+        context: AttackContext,
+        *,
+        x_m: float | None = None,
+        y_m: float | None = None,
+        min_m: float = 20.0,
+        max_m: float = 70.0,
+        rebuild_path: bool = True,
+    ) -> None:
+        super().__init__(context, rebuild_path=rebuild_path)
+        least_m, most_m = span(context.name, "offset_m", min_m, max_m, 0, _FAR_M)
+        for name, value in (("x_m", x_m), ("y_m", y_m)):
+            if value is not None:
+                number(context.name, name, value, -_FAR_M, _FAR_M)
+        draws = Draws(context)
+        drawn_m = {
+            one: tuple(draws.signed(one, least_m, most_m) for _ in range(2)) for one in context.attackers
+        }
+        if x_m is not None or y_m is not None:
+            drawn_m = dict.fromkeys(drawn_m, (x_m or 0.0, y_m or 0.0))
+        self._offsets_m = drawn_m
+
+    def lie(self, message: Told) -> Mapping[str, Any]:
+        offset_m = self._offsets_m[message.station_id]
+        return {FRONT_M: (message.front_m[0] + offset_m[0], message.front_m[1] + offset_m[1])}
+
+
+class PositionRandom(Misplacement):
+    """Another place in each message (VeReMi 4, F2MD 3): uniform in a rectangle of the map.
+
+    x_min_m to y_max_m: the rectangle; without it, the one that holds all radios of the drive's first step, at
+    least 200 m wide.
+    """
+
+    def __init__(
+        self,
+        context: AttackContext,
+        *,
+        x_min_m: float | None = None,
+        x_max_m: float | None = None,
+        y_min_m: float | None = None,
+        y_max_m: float | None = None,
+        rebuild_path: bool = True,
+    ) -> None:
+        super().__init__(context, rebuild_path=rebuild_path)
+        self._playground = _Playground(context.name, (x_min_m, x_max_m, y_min_m, y_max_m))
+        self._draws = Draws(context)
+
+    def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
+        self._playground.learn(step)
+        return super().edit(step, sent)
+
+    def lie(self, message: Told) -> Mapping[str, Any]:
+        return {FRONT_M: self._playground.draw(self._draws.of(message.station_id))}
+
+
+class PositionRandomOffset(Misplacement):
+    """The truth, moved by another offset in each message: along each axis between min_m and max_m, of either
+    sign. NextGen's 20 to 70 m; VeReMi 8 has 0 to 300 m, F2MD 4 0 to 35 m."""
+
+    def __init__(
+        self,
+        context: AttackContext,
+        *,
+        min_m: float = 20.0,
+        max_m: float = 70.0,
+        rebuild_path: bool = True,
+    ) -> None:
+        super().__init__(context, rebuild_path=rebuild_path)
+        self._span_m = span(context.name, "offset_m", min_m, max_m, 0, _FAR_M)
+        self._draws = Draws(context)
+
+    def lie(self, message: Told) -> Mapping[str, Any]:
+        east_m, north_m = (self._draws.signed(message.station_id, *self._span_m) for _ in range(2))
+        return {FRONT_M: (message.front_m[0] + east_m, message.front_m[1] + north_m)}
+
+
+class PositionMirrored(Misplacement):
+    """On the opposite side of the road: left_m to the left of where it heads (negative: to the right, for
+    left-hand traffic). NextGen takes twice the distance to the road's edge instead."""
+
+    def __init__(self, context: AttackContext, *, left_m: float = 3.5, rebuild_path: bool = True) -> None:
+        super().__init__(context, rebuild_path=rebuild_path)
+        self._left_m = number(context.name, "left_m", left_m, -1000, 1000)
+
+    def lie(self, message: Told) -> Mapping[str, Any]:
+        heading_rad = message.says("heading_rad")
+        if heading_rad is None:
+            return {}
+        # Clockwise from north: forward is (sin, cos), and left of that (-cos, sin).
+        x_m = message.front_m[0] - self._left_m * math.cos(heading_rad)
+        return {FRONT_M: (x_m, message.front_m[1] + self._left_m * math.sin(heading_rad))}

@@ -1,0 +1,117 @@
+"""Lies about how fast one is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from advpipe.stages.attack.v2x.bounds import number, span
+from advpipe.stages.attack.v2x.draws import Draws
+from advpipe.stages.attack.v2x.editor import AttackContext
+from advpipe.stages.attack.v2x.falsification import Falsification, Told
+
+MAX_MPS = 163.81
+"""The largest that a CAM can tell."""
+
+
+class SpeedConstant(Falsification):
+    """One speed, whatever happens: speed_mps (0: NextGen's zero speed report), or one that each attacker
+    draws between 0 and max_mps (F2MD 5)."""
+
+    def __init__(
+        self, context: AttackContext, *, speed_mps: float | None = None, max_mps: float = 40.0
+    ) -> None:
+        super().__init__(context)
+        most_mps = number(context.name, "max_mps", max_mps, 0, MAX_MPS)
+        draws = Draws(context)
+        self._speeds_mps = {
+            one: float(draws.of(one).uniform(0, most_mps))
+            if speed_mps is None
+            else number(context.name, "speed_mps", speed_mps, 0, MAX_MPS)
+            for one in context.attackers
+        }
+
+    def lie(self, message: Told) -> Mapping[str, Any]:
+        return {"speed_mps": self._speeds_mps[message.station_id]}
+
+
+class SpeedOffset(Falsification):
+    """The truth and the same offset for good: offset_mps of all attackers, or one that each draws, of either
+    sign, between min_mps and max_mps: NextGen's 1 to 7 m/s; F2MD's 7 m/s +- 55 % are 3.15 to 10.85 m/s.
+
+    What would be below zero is told as zero.
+    """
+
+    def __init__(
+        self,
+        context: AttackContext,
+        *,
+        offset_mps: float | None = None,
+        min_mps: float = 1.0,
+        max_mps: float = 7.0,
+    ) -> None:
+        super().__init__(context)
+        ends_mps = span(context.name, "offset_mps", min_mps, max_mps, 0, MAX_MPS)
+        draws = Draws(context)
+        self._offsets_mps = {
+            one: draws.signed(one, *ends_mps)
+            if offset_mps is None
+            else number(context.name, "offset_mps", offset_mps, -MAX_MPS, MAX_MPS)
+            for one in context.attackers
+        }
+
+    def lie(self, message: Told) -> Mapping[str, Any]:
+        return _offset(message, self._offsets_mps[message.station_id])
+
+
+class SpeedRandom(Falsification):
+    """Another speed in each message, uniform between 0 and max_mps (F2MD 7)."""
+
+    def __init__(self, context: AttackContext, *, max_mps: float = 40.0) -> None:
+        super().__init__(context)
+        self._most_mps = number(context.name, "max_mps", max_mps, 0, MAX_MPS)
+        self._draws = Draws(context)
+
+    def lie(self, message: Told) -> Mapping[str, Any]:
+        return {"speed_mps": float(self._draws.of(message.station_id).uniform(0, self._most_mps))}
+
+
+class SpeedRandomOffset(Falsification):
+    """The truth and another offset in each message, of either sign, between min_mps and max_mps.
+
+    NextGen's 1 to 7 m/s; F2MD 8 has up to 7 m/s +- 55 %. What would be below zero is told as zero.
+    """
+
+    def __init__(self, context: AttackContext, *, min_mps: float = 1.0, max_mps: float = 7.0) -> None:
+        super().__init__(context)
+        self._ends_mps = span(context.name, "offset_mps", min_mps, max_mps, 0, MAX_MPS)
+        self._draws = Draws(context)
+
+    def lie(self, message: Told) -> Mapping[str, Any]:
+        return _offset(message, self._draws.signed(message.station_id, *self._ends_mps))
+
+
+class SpeedFrozen(Falsification):
+    """From some message on, the speed of that message: NextGen's sudden constant speed.
+
+    probability: of each message to be that one.
+    """
+
+    def __init__(self, context: AttackContext, *, probability: float = 0.05) -> None:
+        super().__init__(context)
+        self._probability = number(context.name, "probability", probability, 0, 1)
+        self._draws = Draws(context)
+        self._frozen_mps: dict[int, float | None] = {}
+
+    def lie(self, message: Told) -> Mapping[str, Any]:
+        station_id = message.station_id
+        if station_id not in self._frozen_mps:
+            if self._draws.of(station_id).random() >= self._probability:
+                return {}
+            self._frozen_mps[station_id] = message.says("speed_mps")
+        return {"speed_mps": self._frozen_mps[station_id]}
+
+
+def _offset(message: Told, offset_mps: float) -> Mapping[str, Any]:
+    speed_mps = message.says("speed_mps")
+    return {} if speed_mps is None else {"speed_mps": max(speed_mps + offset_mps, 0.0)}

@@ -1,0 +1,77 @@
+"""Vehicles that claim to have stopped, and drive on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from advpipe.pipeline.v2x.codes import AccelerationControl
+from advpipe.stages.attack.v2x.bounds import number
+from advpipe.stages.attack.v2x.draws import Draws
+from advpipe.stages.attack.v2x.editor import AttackContext
+from advpipe.stages.attack.v2x.falsification import Misplacement, Told
+
+_FREEZE = ("latitude_deg", "longitude_deg", "altitude_m", "heading_rad")
+_STILL: dict[str, Any] = {
+    "speed_mps": 0.0,
+    "longitudinal_acceleration_mps2": 0.0,
+    "yaw_rate_radps": 0.0,
+    "curvature_per_m": 0.0,
+}
+EMERGENCY_MPS2 = -8.0
+
+
+class EventualStop(Misplacement):
+    """From some message on, it stands at the place of that message.
+
+    probability: of the first message to be that one; growth: how much more likely each one after it is.
+    VeReMi 16: 0.025 more each time, and the position alone; F2MD 9: 0.05 each time. Both, unlike ours, are
+    silent until they stop, or leave the speed as it is.
+    """
+
+    def __init__(
+        self,
+        context: AttackContext,
+        *,
+        probability: float = 0.025,
+        growth: float = 0.025,
+        rebuild_path: bool = True,
+    ) -> None:
+        super().__init__(context, rebuild_path=rebuild_path)
+        self._probability = number(context.name, "probability", probability, 0, 1)
+        self._growth = number(context.name, "growth", growth, 0, 1)
+        self._draws = Draws(context)
+        self._lied: dict[int, int] = {}
+        self._stopped: dict[int, dict[str, Any]] = {}
+
+    def lie(self, message: Told) -> Mapping[str, Any]:
+        station_id = message.station_id
+        if station_id in self._stopped:
+            return self._stopped[station_id]
+        so_far = self._lied.get(station_id, 0)
+        self._lied[station_id] = so_far + 1
+        if self._draws.of(station_id).random() >= self._probability + so_far * self._growth:
+            return {}
+        self._stopped[station_id] = {name: message.says(name) for name in _FREEZE} | _STILL
+        return self._first(self._stopped[station_id])
+
+    def _first(self, still: dict[str, Any]) -> Mapping[str, Any]:
+        """What the message says that begins the stop."""
+        return still
+
+
+class SuddenStop(EventualStop):
+    """From one message to the next at a standstill, announced by an emergency braking: NextGen's sudden stop.
+
+    probability: of each message to be the first.
+    """
+
+    def __init__(
+        self, context: AttackContext, *, probability: float = 0.05, rebuild_path: bool = True
+    ) -> None:
+        super().__init__(context, probability=probability, growth=0.0, rebuild_path=rebuild_path)
+
+    def _first(self, still: dict[str, Any]) -> Mapping[str, Any]:
+        pedals = AccelerationControl.BRAKE_PEDAL | AccelerationControl.EMERGENCY_BRAKE
+        braking = {"longitudinal_acceleration_mps2": EMERGENCY_MPS2, "acceleration_control": pedals}
+        return still | braking
