@@ -10,6 +10,7 @@ import typer
 from advpipe.pipeline.cli.attack import attack
 from advpipe.pipeline.cli.bags import inspect, plot, recover
 from advpipe.pipeline.cli.evaluate import evaluate
+from advpipe.pipeline.cli.export import export
 from advpipe.pipeline.cli.one_line_errors import OneLineErrors
 from advpipe.pipeline.cli.run import run
 from advpipe.pipeline.cli.schema import schema
@@ -29,6 +30,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "simulate": simulate,
     "attack": attack,
     "evaluate": evaluate,
+    "export": export,
     "run": run,
     "train": train,
     "import-weights": import_weights,

@@ -25,6 +25,8 @@ class MessageLabel:
     action: str
     mattered: bool
     time_ns: int
+    station_id: int
+    """Of the radio that sends it."""
 
 
 def read_labels(bag: Path) -> list[MessageLabel]:
@@ -38,7 +40,7 @@ def read_labels(bag: Path) -> list[MessageLabel]:
         return []
     import pyarrow.parquet as pq
 
-    names = ("number", "attack", "attacker", "action", "mattered", "time_ns")
+    names = ("number", "attack", "attacker", "action", "mattered", "time_ns", "station_id")
     try:
         rows = pq.read_table(path, columns=list(names)).to_pylist()
     except (OSError, ValueError, KeyError) as error:

@@ -1,0 +1,41 @@
+"""The command that writes a bag in the forms of other data sets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from advpipe.pipeline.cli.shared import Overwrite
+
+FORMATS = {"veremi": "extension", "veremi-2018": "2018"}
+"""By the word on the command line."""
+
+
+def export(
+    bag: Annotated[Path, typer.Argument(help="Data set folder, bag directory or .mcap file.")],
+    format: Annotated[
+        str, typer.Option("--format", help=f"The form of its V2X messages: {', '.join(FORMATS)}.")
+    ] = "veremi",
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder to write.", show_default="<bag>-<format>")
+    ] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Write a bag's V2X messages as others read them, labels included.
+
+    veremi: JSON of the VeReMi Extension, a file a receiver and one of ground truth. veremi-2018: of VeReMi.
+    """
+    from advpipe.pipeline.bag.locate import resolve_bag
+    from advpipe.pipeline.errors import AdvpipeError
+    from advpipe.stages.evaluate.v2x.veremi import export_veremi
+
+    if format not in FORMATS:
+        raise AdvpipeError(f"unknown format {format!r}; known: {', '.join(FORMATS)}")
+    source = resolve_bag(bag)
+    target = out or source.with_name(f"{source.stem}-{format}")
+    written = export_veremi(source, target, form=FORMATS[format], overwrite=overwrite)
+    print(f"{target}: {written.sent} messages, {written.received} receptions of {written.receivers} vehicles")
+    for attack, number in written.attacks.items():
+        print(f"  attackerType {number}: {attack}")

@@ -1,0 +1,152 @@
+"""How wrong a vehicle's Local Dynamic Map is: ghosts, missing and displaced stations, against the truth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from advpipe.pipeline.bag import messages
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.topics import V2X_STATIONS, VehicleTopics
+from advpipe.pipeline.bag.v2x import RadioPlace, stations_of_message
+from advpipe.pipeline.geometry.transforms import Float64
+
+DISPLACED_M = 3.0
+"""An entry farther from its station's true place is displaced; one carried on for a second is within."""
+MISSING_WITHIN_M = 150.0
+"""Stations that near and without an entry are missing."""
+
+
+class Known(NamedTuple):
+    """An entry of a map, carried on with its speed to the snapshot's time; angles and sizes as told."""
+
+    station_id: int
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    speed_mps: float
+    length_m: float
+    width_m: float
+
+
+class Moment(NamedTuple):
+    """One recorded map, and the truth at its time: all radios on the road, the map's owner apart."""
+
+    time_ns: int
+    own: RadioPlace
+    entries: tuple[Known, ...]
+    others: tuple[RadioPlace, ...]
+    present: frozenset[int]
+    """Station ids on the road now or up to one expiry ago: their entries may still be there."""
+
+
+@dataclass(frozen=True)
+class LdmError:
+    """Of K recorded maps, (K,) each: counts, and the mean distance of true stations' entries from them.
+
+    time_ns: of the map. known: entries. stations: radios within `MISSING_WITHIN_M`. error_m: NaN without
+    an entry of a true station.
+    """
+
+    time_ns: np.ndarray[Any, np.dtype[np.int64]]
+    known: Float64
+    stations: Float64
+    ghosts: Float64
+    missing: Float64
+    displaced: Float64
+    error_m: Float64
+
+    def row(self) -> dict[str, float]:
+        """Means over the maps, the most ghosts at once, and the mean error."""
+        return {
+            "known": _mean(self.known),
+            "stations": _mean(self.stations),
+            "ghosts": _mean(self.ghosts),
+            "ghosts_max": float(self.ghosts.max(initial=0)),
+            "missing": _mean(self.missing),
+            "displaced": _mean(self.displaced),
+            "error_m": _mean(self.error_m),
+        }
+
+
+def moments(reader: BagReader, listener: str, expiry_s: float) -> Iterator[Moment]:
+    """Every map of a listener that was recorded while its radio was on the road, in order."""
+    topic = VehicleTopics(listener).ldm.name
+    last_seen_ns: dict[int, int] = {}
+    radios: tuple[RadioPlace, ...] = ()
+    at_ns = -1
+    for raw in reader.raw_messages([V2X_STATIONS.name, topic]):
+        message = reader.decode(raw)
+        if raw.topic.name == V2X_STATIONS.name:
+            radios, at_ns = stations_of_message(message), raw.log_time_ns
+            last_seen_ns.update((radio.station_id, at_ns) for radio in radios)
+            continue
+        own = next((radio for radio in radios if radio.vehicle == listener), None)
+        if own is None or at_ns != raw.log_time_ns:
+            continue
+        keep_ns = round(expiry_s * 1e9)
+        present = frozenset(s for s, seen_ns in last_seen_ns.items() if at_ns - seen_ns <= keep_ns)
+        entries = tuple(_known(entry, at_ns) for entry in message.objects)
+        yield Moment(at_ns, own, entries, tuple(r for r in radios if r is not own), present)
+
+
+def ldm_error(found: Iterator[Moment] | list[Moment]) -> LdmError:
+    """Compares the maps with the truth.
+
+    A ghost is an entry of a station that is not there, or of the owner itself. A displaced entry is more than
+    `DISPLACED_M` from where its station truly is. A station within `MISSING_WITHIN_M` without any entry is
+    missing.
+    """
+    rows, times_ns = [], []
+    for moment in found:
+        places = {radio.station_id: radio.map_SE3_base[:2, 3] for radio in moment.others}
+        errors_m = [
+            math.hypot(entry.x_m - places[entry.station_id][0], entry.y_m - places[entry.station_id][1])
+            for entry in moment.entries
+            if entry.station_id in places
+        ]
+        owner = moment.own.station_id
+        ghosts = sum(e.station_id not in moment.present or e.station_id == owner for e in moment.entries)
+        known = {entry.station_id for entry in moment.entries}
+        at = moment.own.map_SE3_base[:2, 3]
+        near = [s for s, place in places.items() if np.linalg.norm(place - at) <= MISSING_WITHIN_M]
+        rows.append(
+            (
+                len(moment.entries),
+                len(near),
+                ghosts,
+                sum(station not in known for station in near),
+                # Where a station says nothing of its place, nobody can tell how far off it is.
+                sum(not error <= DISPLACED_M for error in errors_m),
+                float(np.nanmean(errors_m)) if np.isfinite(errors_m).any() else math.nan,
+            )
+        )
+        times_ns.append(moment.time_ns)
+    columns = np.array(rows, np.float64).reshape(-1, 6).T
+    return LdmError(np.array(times_ns, np.int64), *columns)
+
+
+def _known(entry: Any, at_ns: int) -> Known:
+    stamp = entry.generation_time
+    age_s = (at_ns - int(stamp.sec) * messages.NS_PER_S - int(stamp.nanosec)) / 1e9
+    way_m = float(entry.speed) * age_s
+    turn = (math.cos(entry.yaw), math.sin(entry.yaw)) if math.isfinite(entry.yaw + way_m) else (0.0, 0.0)
+    carried_m = way_m if math.isfinite(way_m) else 0.0
+    return Known(
+        int(entry.station_id),
+        entry.centre.x + turn[0] * carried_m,
+        entry.centre.y + turn[1] * carried_m,
+        float(entry.yaw),
+        float(entry.speed),
+        float(entry.length),
+        float(entry.width),
+    )
+
+
+def _mean(values: Float64) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if len(known) else math.nan

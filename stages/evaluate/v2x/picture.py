@@ -1,0 +1,139 @@
+"""The Local Dynamic Map of a vehicle as a picture, before and during an attack; and detection per attack."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from advpipe.stages.evaluate.report.style import BASELINE, INK, LOST, PREDICTION, SOFT, TRUTH, plain_axes
+from advpipe.stages.evaluate.v2x.collision import known_of_radio
+from advpipe.stages.evaluate.v2x.detection import PUBLISHED_CATCH_F1, Detection
+from advpipe.stages.evaluate.v2x.ldm_error import DISPLACED_M, Known, LdmError, Moment
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+REACH_M = 100.0
+
+
+def draw_maps(before: Moment, during: Moment, title: str = "") -> Figure:
+    """Two maps of the same vehicle beside each other, both around itself."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12.0, 6.2), dpi=110, facecolor="white", layout="constrained")
+    panels = figure.subplots(1, 2).tolist()
+    for axes, moment, word in zip(panels, (before, during), ("before", "during the attack"), strict=True):
+        draw_map(axes, moment)
+        axes.set_title(word, loc="left", fontsize=11, color=INK)
+    handles, labels = panels[1].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False, fontsize=9)
+    if title:
+        figure.suptitle(title, fontsize=12, color=INK)
+    return figure
+
+
+def draw_map(axes: Axes, moment: Moment) -> None:
+    """True stations in blue outlines; entries filled: true in grey, displaced in orange, ghosts in red."""
+    own = known_of_radio(moment.own)
+    truth = {radio.station_id: known_of_radio(radio) for radio in moment.others}
+    plain_axes(axes)
+    kinds: dict[str, list[Known]] = {"entry": [], "displaced": [], "ghost": []}
+    for entry in moment.entries:
+        true = truth.get(entry.station_id)
+        if entry.station_id not in moment.present or entry.station_id == own.station_id:
+            kinds["ghost"].append(entry)
+        elif true is None or math.hypot(entry.x_m - true.x_m, entry.y_m - true.y_m) <= DISPLACED_M:
+            kinds["entry"].append(entry)
+        else:
+            kinds["displaced"].append(entry)
+            axes.plot(
+                [entry.x_m - own.x_m, true.x_m - own.x_m],
+                [entry.y_m - own.y_m, true.y_m - own.y_m],
+                color=LOST,
+                linewidth=0.8,
+                zorder=2,
+            )
+    for label, colour in (("entry", BASELINE), ("displaced", LOST), ("ghost", PREDICTION)):
+        _draw_boxes(axes, kinds[label], own, label, facecolor=colour, edgecolor=colour, alpha=0.75)
+    _draw_boxes(axes, list(truth.values()), own, "truth", facecolor="none", edgecolor=TRUTH)
+    _draw_boxes(axes, [own], own, "the vehicle itself", facecolor=INK, edgecolor=INK)
+    axes.set(xlim=(-REACH_M, REACH_M), ylim=(-REACH_M, REACH_M), aspect="equal")
+    axes.set_xlabel("east of the vehicle [m]", color=SOFT)
+    axes.set_ylabel("north [m]", color=SOFT)
+
+
+def draw_detection(detections: Sequence[Detection]) -> Figure:
+    """F1 of each attack: ours, the baseline's, and what is published of CaTCH on other data."""
+    from matplotlib.figure import Figure
+
+    names = [each.attack for each in detections]
+    places = np.arange(len(names))[::-1]
+    height = max(2.2, 0.42 * len(names) + 1.1)
+    figure = Figure(figsize=(8.6, height), dpi=110, facecolor="white", layout="constrained")
+    axes = figure.add_subplot()
+    plain_axes(axes)
+    for offset, colour, label, values in (
+        (0.18, TRUTH, "ours", [each.ours.f1 for each in detections]),
+        (-0.18, BASELINE, "baseline (CaTCH's checks)", [each.baseline.f1 for each in detections]),
+    ):
+        axes.barh(places + offset, np.nan_to_num(values), 0.34, color=colour, label=label)
+    published = [PUBLISHED_CATCH_F1.get(name, math.nan) for name in names]
+    axes.plot(published, places, "D", color=LOST, markersize=5, label="CaTCH, published, other data")
+    axes.set_yticks(places, names)
+    axes.set(xlim=(0, 1.005))
+    axes.set_xlabel("F1 of messages", color=SOFT)
+    axes.legend(fontsize=8, framealpha=0.85, edgecolor="none", loc="lower right")
+    return figure
+
+
+def draw_errors(clean: LdmError, attacked: LdmError, title: str = "") -> Figure:
+    """Ghosts, missing and displaced stations over time, clean and attacked."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11.0, 3.0), dpi=110, facecolor="white", layout="constrained")
+    start_ns = int(attacked.time_ns[0]) if len(attacked.time_ns) else 0
+    for axes, name in zip(figure.subplots(1, 3).tolist(), ("ghosts", "missing", "displaced"), strict=True):
+        plain_axes(axes)
+        for error, colour, label in ((clean, BASELINE, "clean"), (attacked, PREDICTION, "attacked")):
+            axes.plot(
+                (error.time_ns - start_ns) / 1e9,
+                getattr(error, name),
+                color=colour,
+                label=label,
+                linewidth=1.2,
+            )
+        axes.set_title(name, loc="left", fontsize=11, color=INK)
+        axes.set_ylim(bottom=0)
+        axes.set_xlabel("time [s]", color=SOFT)
+    figure.axes[0].legend(fontsize=8, frameon=False)
+    if title:
+        figure.suptitle(title, fontsize=11, color=INK)
+    return figure
+
+
+def _draw_boxes(axes: Axes, found: Sequence[Known], own: Known, label: str, **style: object) -> None:
+    from matplotlib.collections import PolyCollection
+
+    corners = [c for c in (_corners(each, own) for each in found) if c is not None]
+    axes.add_collection(PolyCollection(corners, label=label, zorder=3, **style))  # type: ignore[arg-type]
+
+
+def _corners(known: Known, own: Known) -> list[tuple[float, float]] | None:
+    """The box around the vehicle itself; a small one where none is told."""
+    if not math.isfinite(known.x_m + known.y_m):
+        return None
+    yaw_rad = known.yaw_rad if math.isfinite(known.yaw_rad) else 0.0
+    length_m, width_m = (value if math.isfinite(value) else 1.0 for value in (known.length_m, known.width_m))
+    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
+    halves = ((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5))
+    return [
+        (
+            known.x_m - own.x_m + cosine * a * length_m - sine * b * width_m,
+            known.y_m - own.y_m + sine * a * length_m + cosine * b * width_m,
+        )
+        for a, b in halves
+    ]
