@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import DetectorName, Overwrite
+from advpipe.pipeline.cli.shared import Overwrite
 
 
 def evaluate(
@@ -17,9 +17,29 @@ def evaluate(
             help="Clean bag, then adversarial ones.", show_default="newest data set, all its attacks"
         ),
     ] = None,
-    detector: DetectorName = "small",
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the bootstrap and of the random baseline.")] = 0,
+    detector: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A shipped name, a .safetensors file, or module:Class; repeat it for a matrix of transfer.",
+            show_default="small",
+        ),
+    ] = None,
+    frames: Annotated[str, typer.Option(help="start:stop:step, counted in the clean bag.")] = "::",
+    defence: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="NAME[:parameters], before the detector: sample, outliers, quantise, jitter, shift, flip, "
+            "scale; such as jitter:0.02. Repeatable.",
+            show_default=False,
+        ),
+    ] = None,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the bootstrap, the baselines and the defences.")
+    ] = 0,
     baseline: Annotated[bool, typer.Option(help="Score the same budget spent at random.")] = True,
+    baseline_tries: Annotated[
+        int, typer.Option(min=1, help="Random tries of which the best one is scored too; 1: only one.")
+    ] = 5,
     lidar: Annotated[
         str | None, typer.Option(help="Topic of the clouds, such as /ego/lidar/points, among several.")
     ] = None,
@@ -37,6 +57,7 @@ def evaluate(
     overwrite: Overwrite = False,
 ) -> None:
     """Stage 3: run a detector on clean and adversarial bags; AP, mAP ratio, Chamfer distance, report."""
+    from advpipe.pipeline.bag.frames import FrameSlice
     from advpipe.pipeline.bag.locate import adversarial_bags, newest_dataset, resolve_bag
     from advpipe.stages.evaluate.run import evaluate as run
     from advpipe.stages.evaluate.run import print_report
@@ -46,14 +67,18 @@ def evaluate(
     adversarial = [resolve_bag(bag) for bag in given[1:]]
     if len(given) == 1 and clean.name == "clean":
         adversarial = adversarial_bags(clean.parent)
-    target = out or clean.parent / "reports" / detector_slug(detector)
+    detectors = detector or ["small"]
+    target = out or clean.parent / "reports" / "+".join(detector_slug(name) for name in detectors)
     report = run(
         clean,
         adversarial,
         target,
-        detector=detector,
+        detector=detectors,
         seed=seed,
         baseline=baseline,
+        baseline_tries=baseline_tries,
+        defences=defence or (),
+        frames=FrameSlice.parse(frames),
         overwrite=overwrite,
         lidar_topic=lidar,
         workers=workers,

@@ -13,8 +13,14 @@ from advpipe.stages.evaluate.detection.comparison import Comparison, bag_name
 from advpipe.stages.evaluate.detection.figures import Row
 
 
-def describe_bags(clean: Path, clean_sha256: str, comparisons: Sequence[Comparison]) -> Row:
-    """The bags, their checksums, and which frames of them were scored, counted in the clean bag."""
+def describe_bags(
+    clean: Path, clean_sha256: str, comparisons: Sequence[Comparison], others: Sequence[Path]
+) -> Row:
+    """The bags, their checksums, and which frames of them were scored, counted in the clean bag.
+
+    others: bags whose clouds nobody attacked, and of which none were scored.
+    """
+    unseen = [Comparison(bag, BagReader(bag).provenance, ()) for bag in others]
     scenario = BagReader(clean).provenance.get("scenario_name")
     return {
         "advpipe": installed("advpipe"),
@@ -26,7 +32,7 @@ def describe_bags(clean: Path, clean_sha256: str, comparisons: Sequence[Comparis
                 "provenance": {key: value for key, value in each.provenance.items() if key != "scenario"},
                 "frames": [frame.index for frame in each.frames],
             }
-            for each in comparisons
+            for each in (*comparisons, *unseen)
         ],
     }
 
@@ -41,9 +47,8 @@ def describe_detector(name: str, detector: Detector, sha256: str) -> Row:
     }
 
 
-def transfer_remark(comparison: Comparison, sha256: str) -> list[str]:
+def transfer_remark(comparison: Comparison) -> list[str]:
     """A remark if the attack was made against another detector than the one that is scored."""
-    attacked = comparison.provenance.get("detector_sha256")
-    if not attacked or not sha256 or attacked == sha256:
+    if comparison.is_white_box is not False:
         return []
     return ["The attack was made against another detector: this is a transfer attack."]

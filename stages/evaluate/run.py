@@ -5,30 +5,30 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from advpipe.pipeline.bag.frames import has_ground_truth
+from advpipe.pipeline.bag.frames import ALL_FRAMES, FrameSlice, has_ground_truth
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.partial import FolderKind, staged_folder
-from advpipe.stages.evaluate.detection.comparison import Comparison, bag_name
+from advpipe.stages.evaluate.detection.comparison import Comparison, bag_name, touches_clouds
 from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.detection.looking import Looking
 from advpipe.stages.evaluate.detection.scoring import known_classes
-from advpipe.stages.evaluate.detection.summary import summarise
+from advpipe.stages.evaluate.detection.summary import Summary, summarise
 from advpipe.stages.evaluate.detection.write_back import write_detections
-from advpipe.stages.evaluate.provenance import (
-    describe_bags,
-    describe_detector,
-    transfer_remark,
-)
+from advpipe.stages.evaluate.options import Options
+from advpipe.stages.evaluate.provenance import describe_bags, describe_detector, transfer_remark
+from advpipe.stages.evaluate.report.attacked import attacked_sections
+from advpipe.stages.evaluate.report.clean import of_first_detector
 from advpipe.stages.evaluate.report.html import write_html
 from advpipe.stages.evaluate.report.pictures import draw_pictures
 from advpipe.stages.evaluate.report.report import FORMULAS, Report, precision_records
 from advpipe.stages.evaluate.report.results import write_frames, write_results
+from advpipe.stages.evaluate.report.section import Family
 from advpipe.stages.evaluate.report.table import print_report
 
-__all__ = ["Report", "evaluate", "print_report"]
+__all__ = ["Options", "Report", "evaluate", "print_report"]
 
 REPORT = FolderKind(
     "report",
@@ -36,15 +36,21 @@ REPORT = FolderKind(
     ("report.json",),
 )
 
+FAMILIES: tuple[Family, ...] = ()
+"""What the families of attacks add besides detection; each gives no section where it has nothing to say."""
+
 
 def evaluate(
     clean: Path,
     adversarial: Sequence[Path],
     out: Path,
     *,
-    detector: str = "small",
+    detector: str | Sequence[str] = "small",
     seed: int = 0,
     baseline: bool = True,
+    baseline_tries: int = 1,
+    defences: Sequence[str] = (),
+    frames: FrameSlice = ALL_FRAMES,
     overwrite: bool = False,
     bootstrap_draws: int = 1000,
     lidar_topic: str | None = None,
@@ -52,49 +58,99 @@ def evaluate(
     detections: bool = False,
     with_clouds: bool = False,
 ) -> Report:
-    """Score a detector on a clean bag and on adversarial versions of it, and write a report.
+    """Score detectors on a clean bag and on adversarial versions of it, and write a report.
 
     An adversarial bag may hold some of the frames only; its clean figures are those of the same
     frames. Without adversarial bags all clean frames are scored. `out` becomes a folder with
     report.html, report.json, results.parquet (every detection and every object), frames.parquet and
-    figures/; with `detections` also detections/, a bag to view for each bag, which holds the clouds too
-    if `with_clouds` says so. `lidar_topic`: the clouds, where a bag has those of several LiDARs.
-    `workers` processes detect, by default one for each core; their number changes no byte.
+    figures/; with `detections` also detections/, a bag to view for each bag. The other options are those
+    of `Options`. `workers` processes detect, by default one for each core; their number changes no byte.
+    A bag whose attacks left the clouds alone is not shown to detectors.
 
     Raises AdvpipeError for bags that do not belong together, lack clouds or ground truth, for an unknown
-    detector and for an existing `out`.
+    detector or defence and for an existing `out`.
     """
-    parent = _checked_clean(clean, lidar_topic)
-    provenances = [_checked_adversarial(bag, clean, parent) for bag in adversarial]
+    options = Options(
+        detectors=(detector,) if isinstance(detector, str) else tuple(detector),
+        seed=seed,
+        baseline=baseline,
+        baseline_tries=baseline_tries,
+        defences=tuple(defences),
+        frames=frames,
+        bootstrap_draws=bootstrap_draws,
+        lidar_topic=lidar_topic,
+        detections=detections,
+        with_clouds=with_clouds,
+    )
+    parent = _checked_clean(clean)
+    provenances = {bag: _checked_adversarial(bag, clean, parent) for bag in adversarial}
     _refuse_equal_names(adversarial)
-    model = load_detector(detector)
+    on_clouds = [bag for bag in adversarial if touches_clouds(provenances[bag])]
+    is_looked_at = bool(on_clouds) or not adversarial
+    if is_looked_at:
+        _require_ground_truth(clean, lidar_topic)
+    models = [load_detector(name) for name in options.detectors] if is_looked_at else []
     with staged_folder(out, overwrite, REPORT) as folder:
-        looking = Looking(
-            detector, clean, tuple(adversarial), tuple(provenances), lidar_topic, seed, baseline
-        )
-        comparisons = looking.comparisons(workers)
-        digest = detector_sha256(detector)
-        summaries = [
-            summarise(each, known_classes(model), bootstrap_draws, seed, transfer_remark(each, digest))
-            for each in comparisons
+        summaries: list[Summary] = []
+        for name, model in zip(options.detectors, models, strict=False):
+            about = tuple(provenances[bag] for bag in on_clouds)
+            looking = _looking(name, clean, on_clouds, about, options)
+            for each in looking.comparisons(workers):
+                remarks = transfer_remark(each)
+                summaries.append(summarise(each, known_classes(model), bootstrap_draws, seed, remarks))
+        sections = [*attacked_sections(summaries)]
+        for family in FAMILIES:
+            sections += family(clean, adversarial, seed)
+        comparisons = [summary.comparison for summary in of_first_detector(summaries)]
+        detectors = [
+            describe_detector(name, model, detector_sha256(name))
+            for name, model in zip(options.detectors, models, strict=False)
         ]
-        about = describe_detector(detector, model, digest)
-        origin = {
+        origin: Row = {
             "bootstrap_draws": bootstrap_draws,
             "seed": seed,
-            "detector": about,
-            **describe_bags(clean, parent, comparisons),
+            "detectors": detectors,
+            "baseline_tries": baseline_tries if baseline else 0,
+            "defences": list(options.defences),
+            **describe_bags(clean, parent, comparisons, [bag for bag in adversarial if bag not in on_clouds]),
         }
         rows = tuple(summary.row for summary in summaries)
-        report = Report(rows, origin, FORMULAS, precision_records(summaries))
+        report = Report(rows, origin, FORMULAS, precision_records(summaries), tuple(sections))
         (folder / "report.json").write_text(report.to_json(), encoding="utf-8")
-        write_results(summaries, folder / "results.parquet")
-        write_frames(summaries, folder / "frames.parquet")
-        pictures = draw_pictures(clean, summaries, folder / "figures", lidar_topic)
+        if summaries:
+            write_results(summaries, folder / "results.parquet")
+            write_frames(summaries, folder / "frames.parquet")
+        pictures = draw_pictures(clean, summaries, lidar_topic)
+        (folder / "figures").mkdir()
+        for picture in [*pictures, *(picture for section in sections for picture in section.pictures)]:
+            (folder / "figures" / picture.file_name).write_bytes(picture.png)
         write_html(report, summaries, pictures, folder / "report.html")
-        if detections:
-            _write_detections(clean, comparisons, folder / "detections", about, lidar_topic, with_clouds)
+        if detections and detectors:
+            _write_detections(
+                clean, comparisons, folder / "detections", detectors[0], lidar_topic, with_clouds
+            )
     return report
+
+
+def _looking(
+    detector: str,
+    clean: Path,
+    adversarial: Sequence[Path],
+    about: tuple[dict[str, str], ...],
+    options: Options,
+) -> Looking:
+    return Looking(
+        detector,
+        clean,
+        tuple(adversarial),
+        about,
+        options.lidar_topic,
+        options.seed,
+        options.baseline,
+        options.baseline_tries,
+        options.defences,
+        options.frames,
+    )
 
 
 def _write_detections(
@@ -118,18 +174,21 @@ def _write_detections(
         )
 
 
-def _checked_clean(clean: Path, lidar_topic: str | None) -> str:
-    """The SHA-256 of a clean bag that can be evaluated."""
+def _checked_clean(clean: Path) -> str:
+    """The SHA-256 of a clean bag."""
     if BagReader(clean).provenance.get("kind") == "attack":
         raise AdvpipeError(
             f"{clean} is an adversarial bag; give the clean bag that it was made from first, then this one"
         )
+    return parent_sha256(clean)
+
+
+def _require_ground_truth(clean: Path, lidar_topic: str | None) -> None:
     if not has_ground_truth(clean, lidar_topic):
         raise AdvpipeError(
             f"{clean} has no ground truth (no vision_msgs/msg/Detection3DArray topic); "
             "give the clean bag that holds it"
         )
-    return parent_sha256(clean)
 
 
 def _checked_adversarial(bag: Path, clean: Path, clean_sha256: str) -> dict[str, str]:

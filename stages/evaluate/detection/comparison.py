@@ -77,13 +77,14 @@ def under(word: str, defence: str) -> str:
 class Comparison:
     """The frames of one adversarial bag, or of the clean bag alone, as one detector sees them.
 
-    defences: their names; in every frame, the clouds were also looked at under each.
+    detector: its name in reports. defences: their names; the clouds were also looked at under each.
     """
 
     bag: Path | None
     provenance: Mapping[str, str]
     frames: tuple[FrameResult, ...]
     detector: str = ""
+    detector_sha256: str = ""
     defences: tuple[str, ...] = ()
 
     @property
@@ -91,8 +92,22 @@ class Comparison:
         return bag_name(self.bag) if self.bag else "clean"
 
     @property
-    def parameters(self) -> dict[str, object]:
-        return attack_parameters(self.provenance)
+    def is_white_box(self) -> bool | None:
+        """Whether the detector that looks is the one that was attacked; None where nobody can say.
+
+        One file may hold several detectors `module:Class`: they are told apart by name too.
+        """
+        attacked = self.provenance.get("detector_sha256")
+        if not attacked or not self.detector_sha256:
+            return None
+        is_named_alike = self.provenance.get("detector", self.detector) == self.detector
+        return attacked == self.detector_sha256 and (is_named_alike or ":" not in self.detector)
+
+
+def touches_clouds(provenance: Mapping[str, str]) -> bool:
+    """Whether an attack changed clouds, and not only messages (`cam-...`) or GPS (`gnss-...`)."""
+    words = provenance.get("attack", "").split("+")
+    return not all(word.startswith(("cam-", "gnss-")) for word in words)
 
 
 def attack_parameters(provenance: Mapping[str, str]) -> dict[str, object]:

@@ -13,7 +13,7 @@ from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.bag.frames import ALL_FRAMES, Frame, FrameSlice, find_lidar_topic
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.defences.registry import parse_defences
-from advpipe.pipeline.detector.registry import load_detector
+from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import count_points
@@ -69,9 +69,10 @@ class Looking:
         bags: list[tuple[Path | None, Mapping[str, str]]] = [(None, {})]
         if self.adversarial:
             bags = list(zip(self.adversarial, self.provenances, strict=True))
+        name, sha256 = Path(self.detector).name, detector_sha256(self.detector)
         defences = tuple(parse_defences(self.defences))
         comparisons = [
-            Comparison(bag, about, tuple(frame for frame in results if frame), self.detector, defences)
+            Comparison(bag, about, tuple(frame for frame in results if frame), name, sha256, defences)
             for (bag, about), results in zip(bags, zip(*looked, strict=True), strict=True)
         ]
         for each in comparisons:

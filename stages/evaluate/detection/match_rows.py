@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from advpipe.pipeline.geometry.boxes import BOX_COLUMNS, CLASSES
 from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult
+from advpipe.stages.evaluate.detection.frame_row import lost_objects, new_false_positives
 from advpipe.stages.evaluate.detection.scoring import CRITERIA, labelled
 
 Column = npt.NDArray[np.generic]
@@ -18,14 +19,19 @@ FOUND, MISSED, FALSE, IGNORED = "found", "missed", "false positive", "ignored"
 """A detection is `found`, a `false positive` or `ignored`; an object `found`, `missed` or `ignored`."""
 
 
-def match_rows(frame: FrameResult, word: str) -> Iterator[dict[str, object]]:
+def match_rows(frame: FrameResult, word: str, min_score: float) -> Iterator[dict[str, object]]:
     """One row a detection on the cloud `word`, then one an object, each with its number in the frame.
 
     Beside its box: `points` (of a detection in the cloud it was made on, of an object in the clean one),
     and by every criterion its `fate_<criterion>` and `match_<criterion>`, the number of the object or
-    detection that it was matched with, None for none.
+    detection that it was matched with, None for none. At the working point `min_score`: `is_lost` of an
+    object that is found on the clean cloud and missed here, `is_new` of a detection where there was nothing;
+    `is_emptied` of an object with too few points left.
     """
-    cloud, truth = frame.clouds()[word], frame.truth
+    cloud, truth = frame.all_clouds()[word], frame.truth
+    lost = lost_objects(truth, frame.clean, cloud, min_score)
+    new = new_false_positives(frame.clean, cloud, min_score)
+    emptied = cloud.emptied if len(cloud.emptied) else np.zeros(len(truth.boxes), dtype=bool)
     fates = _fates(frame, cloud)
     shared = {"cloud": word, "frame": frame.index, "stamp_ns": frame.stamp_ns}
     for kind, boxes, labels, points in (
@@ -45,6 +51,9 @@ def match_rows(frame: FrameResult, word: str) -> Iterator[dict[str, object]]:
                 "points": int(points[number]),
                 "occlusion": _known(truth.occlusion[number]) if is_truth else None,
                 **{name: values[number] for name, values in fates[kind].items()},
+                "is_lost": bool(lost[number]) if is_truth else None,
+                "is_emptied": bool(emptied[number]) if is_truth else None,
+                "is_new": None if is_truth else bool(new[number]),
             }
 
 

@@ -89,7 +89,7 @@ def summarise(
     row: Row = {
         "bag": comparison.name,
         "detector": comparison.detector,
-        **_attack(comparison.provenance),
+        **_attack(comparison),
         "frames": len(frames),
         "blocks": bootstrap.n_blocks,
         "classes_in_map": list(in_map),
@@ -196,8 +196,9 @@ def _notes_on_baselines(row: Row) -> list[str]:
     return [f"Does not beat the same budget spent {'; '.join(unbeaten)}."]
 
 
-def _attack(provenance: Mapping[str, str]) -> Row:
+def _attack(comparison: Comparison) -> Row:
     """Attack, recipe, and its budget: the parameter that the attack names, else its first."""
+    provenance = comparison.provenance
     parameters = attack_parameters(provenance)
     parameter = provenance.get("budget", next(iter(parameters), None))
     return {
@@ -207,6 +208,7 @@ def _attack(provenance: Mapping[str, str]) -> Row:
         "value": parameters.get(parameter) if parameter else None,
         "parameters": parameters,
         "attacked_against": provenance.get("detector"),
+        "is_white_box": comparison.is_white_box,
     }
 
 

@@ -3,24 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from advpipe.stages.evaluate.detection.arm import WHOLE, Precision
 from advpipe.stages.evaluate.detection.scoring import CRITERIA
 from advpipe.stages.evaluate.detection.strata import STRATA
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.numbers import interval, number
+from advpipe.stages.evaluate.report.section import Table
 
 UNITS = {"range": "", "points": " points", "occlusion": " hidden"}
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table of words: a title, column heads, and lines of as many cells."""
-
-    title: str
-    heads: tuple[str, ...]
-    lines: tuple[tuple[str, ...], ...]
 
 
 def class_table(summary: Summary) -> Table:
@@ -79,6 +70,11 @@ def distinct_clean(summaries: Sequence[Summary]) -> list[Summary]:
     for summary in summaries:
         seen.setdefault(tuple(frame.index for frame in summary.comparison.frames), summary)
     return list(seen.values())
+
+
+def of_first_detector(summaries: Sequence[Summary]) -> list[Summary]:
+    """Those of the detector that was named first."""
+    return [each for each in summaries if each.comparison.detector == summaries[0].comparison.detector]
 
 
 def _map_line(summary: Summary) -> tuple[str, ...]:

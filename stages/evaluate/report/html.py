@@ -11,11 +11,17 @@ from jinja2 import Environment, StrictUndefined
 from advpipe.pipeline.geometry.boxes import CLASSES
 from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.detection.summary import Summary
-from advpipe.stages.evaluate.report.clean import class_table, distinct_clean, lead, strata_tables
+from advpipe.stages.evaluate.report.clean import (
+    class_table,
+    distinct_clean,
+    lead,
+    of_first_detector,
+    strata_tables,
+)
 from advpipe.stages.evaluate.report.numbers import number
-from advpipe.stages.evaluate.report.pictures import ATTACK, CLEAN, OVERVIEW, Picture
 from advpipe.stages.evaluate.report.report import Report
 from advpipe.stages.evaluate.report.scene import attack_title
+from advpipe.stages.evaluate.report.section import ATTACK, CLEAN, OVERVIEW, Picture
 from advpipe.stages.evaluate.report.table import lines, remarks
 
 TEMPLATE = Path(__file__).with_name("template.html")
@@ -28,7 +34,8 @@ def write_html(report: Report, summaries: Sequence[Summary], pictures: Sequence[
     )
     page = environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
         title=report.provenance["clean"],
-        detector=report.provenance["detector"],
+        detectors=report.provenance["detectors"],
+        is_attacked=any(summary.comparison.bag for summary in summaries) or bool(report.sections),
         lines=lines(report),
         remarks=remarks(report),
         overview=_of(pictures, OVERVIEW, ""),
@@ -40,18 +47,19 @@ def write_html(report: Report, summaries: Sequence[Summary], pictures: Sequence[
                 "strata": strata_tables(summary),
                 "pictures": _of(pictures, CLEAN, summary.comparison.name),
             }
-            for summary in distinct_clean(summaries)
+            for summary in distinct_clean(of_first_detector(summaries))
         ],
+        added=report.sections,
         sections=[
             {
-                "title": attack_title(row),
-                "pictures": _of(pictures, ATTACK, str(row["bag"])),
-                "precisions": precisions(row),
+                "title": attack_title(summary.row),
+                "pictures": _of(pictures, ATTACK, summary.comparison.name),
+                "precisions": precisions(summary.row),
             }
-            for row in report.rows
-            if row["map_adv"] is not None
+            for summary in of_first_detector(summaries)
+            if summary.comparison.bag
         ],
-        formulas=report.formulas,
+        formulas=report.all_formulas(),
         provenance=json.dumps(json.loads(report.to_json())["provenance"], indent=2, sort_keys=True),
     )
     path.write_text(page, encoding="utf-8")

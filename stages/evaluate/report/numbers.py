@@ -15,3 +15,9 @@ def number(value: object, digits: int, suffix: str = "") -> str:
 def interval(value: object, digits: int = 1) -> str:
     """Such as `40.1…52.3`; a dash where there is none."""
     return f"{value[0]:.{digits}f}…{value[1]:.{digits}f}" if isinstance(value, tuple) else NOTHING
+
+
+def with_interval(value: object, bounds: object, digits: int = 1) -> str:
+    """Such as `46.2 (40.1…52.3)`; the figure alone where there is no interval."""
+    text = number(value, digits)
+    return f"{text} ({interval(bounds, digits)})" if isinstance(bounds, tuple) else text

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import base64
 import io
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from matplotlib import rc_context
@@ -15,53 +13,34 @@ from matplotlib.figure import Figure
 from advpipe.pipeline.progress import track
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.birds_eye import draw_scene
-from advpipe.stages.evaluate.report.clean import distinct_clean
+from advpipe.stages.evaluate.report.budget_curves import budget_groups, draw_budget_curves
+from advpipe.stages.evaluate.report.clean import distinct_clean, of_first_detector
 from advpipe.stages.evaluate.report.curves import ATTACK_LINES, CLEAN_LINES, draw_curves
 from advpipe.stages.evaluate.report.ratios import draw_ratios
-from advpipe.stages.evaluate.report.scene import best_frames, load_scene, worst_frames
+from advpipe.stages.evaluate.report.scene import attack_name, best_frames, load_scene, worst_frames
+from advpipe.stages.evaluate.report.section import ATTACK, CLEAN, OVERVIEW, Picture
 from advpipe.stages.evaluate.report.strata_plot import draw_strata
-
-OVERVIEW, CLEAN, ATTACK = "overview", "clean", "attack"
-"""The sections of a report that pictures are in."""
 
 WORST, BEST = 3, 1
 WORST_CLEAN, BEST_CLEAN = 2, 2
 
 
-@dataclass(frozen=True)
-class Picture:
-    """One PNG of the report.
-
-    bag: whose clouds it shows; in a clean section, the first bag with these frames.
-    """
-
-    section: str
-    bag: str
-    file_name: str
-    caption: str
-    png: bytes
-    is_wide: bool = True
-
-    @property
-    def data_uri(self) -> str:
-        return "data:image/png;base64," + base64.b64encode(self.png).decode("ascii")
-
-
-def draw_pictures(
-    clean: Path, summaries: Sequence[Summary], folder: Path, lidar_topic: str | None = None
-) -> list[Picture]:
-    """Draw all pictures of a report into a new folder."""
+def draw_pictures(clean: Path, summaries: Sequence[Summary], lidar_topic: str | None = None) -> list[Picture]:
+    """All pictures of the clouds of a report; frames and curves by class are those of its first detector."""
     pictures = []
-    if any(summary.comparison.bag for summary in summaries):
-        figure = draw_ratios([summary.row for summary in summaries])
+    rows = [summary.row for summary in summaries if summary.comparison.bag]
+    if rows:
+        figure = draw_ratios(rows)
         pictures.append(Picture(OVERVIEW, "", "map_ratio.png", "mAP ratio of each attack", to_png(figure)))
-    for number, summary in enumerate(distinct_clean(summaries)):
+    for number, group in enumerate(budget_groups(rows)):
+        caption = f"mAP ratio over budget and Chamfer distance: {attack_name(group[0])}"
+        name = f"budget{number + 1}.png"
+        pictures.append(Picture(OVERVIEW, "", name, caption, to_png(draw_budget_curves(group))))
+    first = of_first_detector(summaries)
+    for number, summary in enumerate(distinct_clean(first)):
         pictures += _clean_pictures(summary, f"-{summary.comparison.name}" if number else "")
-    for summary in track(summaries, "pictures", len(summaries)):
+    for summary in track(first, "pictures", len(first)):
         pictures += _bag_pictures(clean, summary, lidar_topic)
-    folder.mkdir()
-    for picture in pictures:
-        (folder / picture.file_name).write_bytes(picture.png)
     return pictures
 
 

@@ -14,13 +14,16 @@ from advpipe.stages.evaluate.report.style import BASELINE, INK, PREDICTION
 
 def draw_ratios(rows: Sequence[Row]) -> Figure:
     """One line an attack: red the attack, grey the same budget at random."""
+    seen = {row["detector"] for row in rows}
+    titles = [attack_title(row) + (f", seen by {row['detector']}" if len(seen) > 1 else "") for row in rows]
     figure = Figure(figsize=(11, 1.3 + 0.62 * len(rows)), dpi=110, facecolor="white", layout="constrained")
     axes = figure.add_subplot()
     axes.axvline(100, color="#c9d1da", linewidth=1, zorder=1)
     for line, row in enumerate(rows):
-        _draw_ratio(axes, row, "baseline_", line + 0.17, BASELINE)
+        if strongest := strongest_baseline(row):
+            _draw_ratio(axes, row, f"{strongest}_", line + 0.17, BASELINE)
         _draw_ratio(axes, row, "", line - 0.17, PREDICTION)
-    axes.set_yticks(range(len(rows)), [attack_title(row) for row in rows], color=INK)
+    axes.set_yticks(range(len(rows)), titles, color=INK)
     axes.set_ylim(len(rows) - 0.45, -0.55)
     axes.set_xlim(left=0)
     axes.set_xlabel(
@@ -30,12 +33,23 @@ def draw_ratios(rows: Sequence[Row]) -> Figure:
     axes.tick_params(length=0)
     for side in ("top", "right", "left"):
         axes.spines[side].set_visible(False)
-    for colour, word in ((PREDICTION, "attack"), (BASELINE, "random baseline of equal budget")):
+    for colour, word in ((PREDICTION, "attack"), (BASELINE, "strongest random baseline of equal budget")):
         axes.plot([], [], "o", color=colour, label=word)
     axes.legend(
         loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, ncols=2, fontsize=9, labelcolor=INK
     )
     return figure
+
+
+def strongest_baseline(row: Row) -> str | None:
+    """The word of the baseline with the lowest mAP ratio."""
+    words = row["baselines"]
+    ratios = {}
+    for word in words if isinstance(words, list) else []:
+        ratio = row[f"{word}_map_ratio_percent"]
+        if isinstance(ratio, float) and ratio == ratio:
+            ratios[str(word)] = ratio
+    return min(ratios, key=lambda word: ratios[word]) if ratios else None
 
 
 def _draw_ratio(axes: Axes, row: Row, prefix: str, height: float, colour: str) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.detection.summary import Summary
+from advpipe.stages.evaluate.report.section import Section
 
 FORMULAS: Mapping[str, str] = {
     "ap": "AP = (1/40) * sum over r in {1/40, ..., 1} of max precision at recall >= r (R40); R11 reads "
@@ -27,7 +28,15 @@ FORMULAS: Mapping[str, str] = {
     "the mean over frames",
     "interval": "95 % percentile interval of a bootstrap over blocks of at least 5 s, drawn together for "
     "clean, adversarial and baseline clouds",
-    "baseline": "as many points removed, added or moved as far as by the attack, chosen at random",
+    "baseline": "as many points removed, added or moved as far as by the attack, chosen at random: anywhere; "
+    "near objects (within 0.5 m of a box) as far as there are such points; or, where points are moved, every "
+    "point by the attack's bound; best try: of the stated number of tries the one that hides most, "
+    "chosen for each object by the detector's own result, and put together",
+    "beats_random": "the 95 % interval of the paired difference of mAP ratios to every baseline lies below 0",
+    "attack_success": "100 % * objects lost / objects found on the clean clouds",
+    "recounted": "the objects that have at least 5 points in the attacked cloud instead of the clean one",
+    "defence": "under a defence, clean and attacked clouds are changed before the detector sees them, by the "
+    "same draws; objects are those of the clean clouds as recorded, and boxes come back to their frame",
     "lost": "lost objects are found on the clean cloud and missed on the other, at loose IoU and at least "
     "the working_score (the best F1 on the clean clouds)",
 }
@@ -41,26 +50,34 @@ class Report:
     """All figures of an evaluation.
 
     rows: one an adversarial bag, or one for the clean bag alone. provenance: detector, bags, seeds.
-    average_precision: one record a bag, cloud (`clean`, `adv`, `baseline`), class, criterion and stratum.
+    average_precision: one record a bag, detector, cloud (`clean`, `adv`, or a baseline's word), class,
+    criterion and stratum. sections: what every family adds; the records of each are listed by its key.
     """
 
     rows: tuple[Row, ...]
     provenance: Row
     formulas: Mapping[str, str]
     average_precision: tuple[Row, ...] = ()
+    sections: tuple[Section, ...] = ()
 
     def to_json(self) -> str:
         """The same text for the same figures: sorted keys, rounded numbers, null for what is undefined.
 
-        The records of `average_precision` take one line each.
+        The records of `average_precision` and of sections take one line each.
         """
-        document = {"formulas": dict(self.formulas), "provenance": self.provenance, "rows": self.rows}
+        document = {"formulas": self.all_formulas(), "provenance": self.provenance, "rows": self.rows}
         text = json.dumps(_plain(document), indent=2, sort_keys=True, allow_nan=False)
-        records = [
-            json.dumps(_plain(record), sort_keys=True, allow_nan=False) for record in self.average_precision
-        ]
-        listed = "[" + ",".join(f"\n    {record}" for record in records) + "\n  ]"
-        return f'{{\n  "average_precision": {listed},{text[1:]}\n'
+        records = {"average_precision": self.average_precision}
+        records |= {each.key: each.records for each in self.sections if each.records}
+        listed = "".join(f'\n  "{key}": {_one_a_line(each)},' for key, each in sorted(records.items()))
+        return f"{{{listed}{text[1:]}\n"
+
+    def all_formulas(self) -> dict[str, str]:
+        """What the figures mean, those of sections too."""
+        formulas = dict(self.formulas)
+        for section in self.sections:
+            formulas |= dict(section.formulas)
+        return formulas
 
 
 def precision_records(summaries: Sequence[Summary]) -> tuple[Row, ...]:
@@ -68,6 +85,7 @@ def precision_records(summaries: Sequence[Summary]) -> tuple[Row, ...]:
     return tuple(
         {
             "bag": summary.row["bag"],
+            "detector": summary.row["detector"],
             "cloud": cloud,
             **{"class" if key == "name" else key: value for key, value in asdict(precision).items()},
         }
@@ -75,6 +93,11 @@ def precision_records(summaries: Sequence[Summary]) -> tuple[Row, ...]:
         for cloud, precisions in summary.precisions.items()
         for precision in precisions
     )
+
+
+def _one_a_line(records: Sequence[Row]) -> str:
+    lines = [json.dumps(_plain(record), sort_keys=True, allow_nan=False) for record in records]
+    return "[" + ",".join(f"\n    {line}" for line in lines) + "\n  ]"
 
 
 def _plain(value: object) -> object:

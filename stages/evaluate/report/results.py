@@ -17,6 +17,7 @@ _WORDS = pa.dictionary(pa.int32(), pa.string())
 MATCH_SCHEMA = pa.schema(
     [
         ("bag", _WORDS),
+        ("detector", _WORDS),
         ("cloud", _WORDS),
         ("frame", pa.int64()),
         ("stamp_ns", pa.int64()),
@@ -30,9 +31,14 @@ MATCH_SCHEMA = pa.schema(
         ("occlusion", pa.float64()),
         *((f"fate_{criterion}", _WORDS) for criterion in CRITERIA),
         *((f"match_{criterion}", pa.int32()) for criterion in CRITERIA),
+        ("is_lost", pa.bool_()),
+        ("is_emptied", pa.bool_()),
+        ("is_new", pa.bool_()),
     ]
 )
 _FRAMES_AT_ONCE = 100
+_ABOUT = ("bag", "detector", "attack", "recipe")
+_LENGTHS = ("max_added_m", "chamfer_distance_m2")
 
 
 def write_results(summaries: Sequence[Summary], path: Path) -> None:
@@ -42,10 +48,10 @@ def write_results(summaries: Sequence[Summary], path: Path) -> None:
             frames = summary.comparison.frames
             for start in range(0, len(frames), _FRAMES_AT_ONCE):
                 rows = [
-                    {"bag": summary.row["bag"], **row}
+                    {"bag": summary.row["bag"], "detector": summary.row["detector"], **row}
                     for frame in frames[start : start + _FRAMES_AT_ONCE]
-                    for word in frame.clouds()
-                    for row in match_rows(frame, word)
+                    for word in frame.all_clouds()
+                    for row in match_rows(frame, word, summary.min_score)
                 ]
                 writer.write_table(pa.Table.from_pylist(rows, schema=MATCH_SCHEMA))
 
@@ -53,7 +59,7 @@ def write_results(summaries: Sequence[Summary], path: Path) -> None:
 def write_frames(summaries: Sequence[Summary], path: Path) -> None:
     """`frames.parquet`: one row a frame and bag."""
     rows = [
-        {"bag": summary.row["bag"], "attack": summary.row["attack"], "recipe": summary.row["recipe"], **row}
+        {**{column: summary.row[column] for column in _ABOUT}, **row}
         for summary in summaries
         for row in summary.per_frame
     ]
@@ -62,6 +68,6 @@ def write_frames(summaries: Sequence[Summary], path: Path) -> None:
 
 
 def _arrow_type(column: str) -> pa.DataType:
-    if column in ("bag", "attack", "recipe"):
+    if column in _ABOUT:
         return pa.string()
-    return pa.float64() if column.startswith(("max_displacement_m", "chamfer_distance_m2")) else pa.int64()
+    return pa.float64() if "displacement_m" in column or column.startswith(_LENGTHS) else pa.int64()

@@ -117,14 +117,15 @@ def load_scene(clean: Path, summary: Summary, frame: FrameResult, lidar_topic: s
     )
 
 
+def attack_name(row: dict[str, object]) -> str:
+    """Such as `detach, recipe best`."""
+    return f"{row['attack']}, recipe {row['recipe']}" if row["recipe"] else str(row["attack"])
+
+
 def attack_title(row: dict[str, object]) -> str:
     """Such as `detach, recipe best, ratio 0.01`."""
-    words = [str(row["attack"])]
-    if row["recipe"]:
-        words.append(f"recipe {row['recipe']}")
-    if row["parameter"]:
-        words.append(f"{row['parameter']} {row['value']}")
-    return ", ".join(words)
+    budget = f", {row['parameter']} {row['value']}" if row["parameter"] else ""
+    return attack_name(row) + budget
 
 
 def _lost(frame: FrameResult, min_score: float) -> Bool:

@@ -7,11 +7,13 @@ from rich.console import Console
 from rich.table import Table
 
 from advpipe.stages.evaluate.detection.arm import WHOLE
+from advpipe.stages.evaluate.detection.baseline import baseline_title
 from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.report.numbers import NOTHING, interval, number
+from advpipe.stages.evaluate.report.ratios import strongest_baseline
 from advpipe.stages.evaluate.report.report import Report
 
-CLEAN, AT_RANDOM = "clean", "  at random"
+CLEAN = "clean"
 
 ON_THE_TERMINAL = ("attack", "mAP", "ratio %", "95 %", "car AP", "CD m²", "points", "lost")
 """The columns that fit into 80 characters; the page has them all."""
@@ -28,10 +30,10 @@ def changed_points(row: Row, prefix: str = "") -> str:
 
 
 def cells(row: Row, prefix: str = "") -> dict[str, str]:
-    """A line of the table by column: an attack (no prefix) or its baseline (`baseline_`)."""
-    words = [str(row[key]) for key in ("attack", "recipe", "value") if row[key] is not None]
+    """A line of the table by column: an attack (no prefix) or a baseline of it (its word before `_`)."""
+    words = [str(row[key]) for key in ("attack", "recipe", "value") if row[key] not in (None, "")]
     return {
-        "attack": AT_RANDOM if prefix else " ".join(words),
+        "attack": f"  {baseline_title(prefix.removesuffix('_'))}" if prefix else " ".join(words),
         "mAP": number(row[f"{prefix}map_adv"], 3),
         "ratio %": number(row[f"{prefix}map_ratio_percent"], 2),
         "95 %": interval(row[f"{prefix}map_ratio_ci95"]),
@@ -44,56 +46,86 @@ def cells(row: Row, prefix: str = "") -> dict[str, str]:
     }
 
 
-def clean_cells(row: Row) -> dict[str, str]:
+def defended_cells(row: Row, defended: Row) -> dict[str, str]:
+    """The line of an attack under a defence."""
+    return dict.fromkeys(cells(row), NOTHING) | {
+        "attack": f"  under {defended['defence']}",
+        "mAP": number(defended.get("map_adv"), 3),
+        "ratio %": number(defended.get("map_ratio_percent"), 2),
+        "95 %": interval(defended.get("map_ratio_ci95")),
+        "car AP": number(defended.get("ap_car_adv"), 3),
+    }
+
+
+def clean_cells(row: Row, detector: str = "") -> dict[str, str]:
     """The line of the clean clouds."""
     empty = dict.fromkeys(cells(row), NOTHING)
     return empty | {
-        "attack": CLEAN,
+        "attack": f"{CLEAN}, seen by {detector}" if detector else CLEAN,
         "mAP": number(row["map_clean"], 3),
         "ratio %": number(100.0, 2),
         "car AP": number(row.get("ap_car_clean"), 3),
     }
 
 
-def lines(report: Report) -> list[dict[str, str]]:
-    """The table's lines: the clean clouds wherever their figures change, each attack, its baseline."""
+def lines(report: Report, is_short: bool = False) -> list[dict[str, str]]:
+    """The table's lines: the clean clouds where their figures change, each attack, baselines, defences.
+
+    Of the baselines a short table has the plain one and the strongest.
+    """
     table: list[dict[str, str]] = []
     clean: dict[str, str] = {}
+    several = len({row["detector"] for row in report.rows}) > 1
     for row in report.rows:
-        if clean_cells(row) != clean:
-            clean = clean_cells(row)
+        about = clean_cells(row, str(row["detector"]) if several else "")
+        if about != clean:
+            clean = about
             table.append(clean)
         if row["map_adv"] is not None:
             table.append(cells(row))
-        if row["baseline_map_adv"] is not None:
-            table.append(cells(row, "baseline_"))
+        words = row["baselines"] if isinstance(row["baselines"], list) else []
+        shown = [word for word in words if not is_short or word in (words[0], strongest_baseline(row))]
+        table += [cells(row, f"{word}_") for word in shown]
+        table += [defended_cells(row, each) for each in _defended(report, row)]
     return table
+
+
+def _defended(report: Report, row: Row) -> list[Row]:
+    records = next((section.records for section in report.sections if section.key == "defences"), ())
+    return [each for each in records if all(each[key] == row[key] for key in ("bag", "detector"))]
 
 
 def remarks(report: Report) -> list[str]:
     """What must be known beside the table."""
     words = []
+    several = len({row["detector"] for row in report.rows}) > 1
     for row in report.rows:
+        bag = f"{row['bag']}, seen by {row['detector']}" if several else str(row["bag"])
         chosen, notes = row["classes_in_map"], row["notes"]
         if isinstance(chosen, list) and isinstance(notes, list):
             size = f"{row['frames']} frames, {row['objects']} objects"
-            words.append(" ".join([f"{row['bag']}: {size}, mAP over {', '.join(chosen)}.", *notes]))
-        difference = row["map_ratio_minus_baseline_ci95"]
-        if isinstance(difference, tuple):
+            words.append(" ".join([f"{bag}: {size}, mAP over {', '.join(chosen)}.", *notes]))
+        if (strongest := strongest_baseline(row)) and row[f"map_ratio_minus_{strongest}_ci95"]:
             words.append(
-                f"{row['bag']}: mAP ratio minus that at random {number(row['map_ratio_minus_baseline'], 2)} "
-                f"points, 95 % interval {interval(difference)}."
+                f"{bag}: mAP ratio minus that {baseline_title(strongest)} (the strongest baseline) "
+                f"{number(row[f'map_ratio_minus_{strongest}'], 2)} points, 95 % interval "
+                f"{interval(row[f'map_ratio_minus_{strongest}_ci95'])}. "
+                f"Beats random: {'yes' if row['beats_random'] else 'no'}."
             )
     return words
 
 
 def clean_lines(report: Report) -> list[dict[str, str]]:
     """A line a class: average precision on the clean clouds of the first bag, and by range."""
-    bag = report.rows[0]["bag"]
+    if not report.rows:
+        return []
+    bag, detector = report.rows[0]["bag"], report.rows[0]["detector"]
     found = {
         (each["class"], each["criterion"], each["by"], each["stratum"]): each
         for each in report.average_precision
-        if each["bag"] == bag and each["cloud"] == "clean" and each["by"] in ("", "range")
+        if (each["bag"], each["detector"]) == (bag, detector)
+        and each["cloud"] == "clean"
+        and each["by"] in ("", "range")
     }
     ranges = list(dict.fromkeys(stratum for _, _, by, stratum in found if by))
     return [
@@ -122,12 +154,15 @@ def print_report(report: Report) -> None:
         console.print(_by_class(by_class))
     if any(row["map_adv"] is not None for row in report.rows):
         console.print(_by_attack(report))
-    else:
+    elif report.rows:
         row = report.rows[0]
         car = f"; car alone {number(row['ap_car_clean'], 3)}" if "ap_car_clean" in row else ""
         console.print(f"mAP {number(row['map_clean'], 3)}{car}", highlight=False)
     for remark in remarks(report):
         console.print(remark, highlight=False, markup=False)
+    for section in report.sections:
+        for note in section.notes:
+            console.print(note, highlight=False, markup=False)
 
 
 def _by_class(lines: list[dict[str, str]]) -> Table:
@@ -155,7 +190,7 @@ def _by_attack(report: Report) -> Table:
     )
     for column in ON_THE_TERMINAL:
         table.add_column(column, justify="left" if column == "attack" else "right", no_wrap=True)
-    for line in lines(report):
-        style = "dim" if line["attack"] in (CLEAN, AT_RANDOM) else None
+    for line in lines(report, is_short=True):
+        style = "dim" if line["attack"].startswith((CLEAN, " ")) else None
         table.add_row(*(line[column] for column in ON_THE_TERMINAL), style=style)
     return table

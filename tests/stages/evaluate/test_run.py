@@ -7,122 +7,15 @@ from functools import partial
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from place_drive import DETECTOR, FRAMES, clean_cloud, hide_first_car, rows
 from scipy.spatial.distance import cdist
 
-from advpipe.pipeline.bag import messages
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, cloud_to_cdr, xyz
-from advpipe.pipeline.bag.provenance import parent_sha256
-from advpipe.pipeline.bag.topics import CLOCK, VehicleTopics
-from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.detector.protocol import Detections, Range
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
-from advpipe.pipeline.geometry.boxes import CLASSES, Boxes, count_points
+from advpipe.pipeline.bag.cloud import xyz
+from advpipe.pipeline.errors import OutputExistsError
 from advpipe.stages.evaluate.run import evaluate as evaluate_anywhere
 from advpipe.stages.evaluate.run import print_report
 
 evaluate = partial(evaluate_anywhere, workers=1)  # starting a process takes longer than these bags
-FRAMES = 24  # at 2 Hz: 12 s, two blocks
-PERIOD_NS = 500_000_000
-PLACES = np.array(
-    [
-        [10.0, 3.0, 0.0, 4.0, 2.0, 1.5, 0.2],  # three cars ...
-        [18.0, -4.0, 0.0, 4.2, 1.9, 1.5, 0.0],
-        [6.0, -6.0, 0.0, 4.4, 1.8, 1.6, 1.5],
-        [12.0, 9.0, 0.0, 0.8, 0.8, 1.8, 0.0],  # ... a pedestrian ...
-        [90.0, 0.0, 0.0, 4.0, 2.0, 1.5, 0.0],  # ... a car out of range ...
-        [25.0, 15.0, 0.0, 4.0, 2.0, 1.5, 0.0],  # ... and one that the LiDAR does not hit
-    ]
-)
-LABELS = np.array([0, 0, 0, 3, 0, 0])
-POINTS = (60, 50, 40, 30, 50, 0)
-TOPICS = VehicleTopics("ego")
-
-
-class PlaceDetector:
-    """Sees a car or a person at each of the places that holds at least 20 points."""
-
-    classes = ("pedestrian", "car")  # its own order, not ours
-    range_m = Range(0, -40, -3, 70, 40, 3)
-
-    def detect(self, cloud):
-        points = count_points(xyz(cloud), PLACES)
-        seen = np.flatnonzero(points >= 20)
-        seen = seen[np.argsort(-points[seen], kind="stable")]
-        labels = np.array([self.classes.index(CLASSES[label]) for label in LABELS[seen]], np.int64)
-        return Detections(PLACES[seen], points[seen] / 100, labels)
-
-    def loss(self, points, boxes, labels):
-        raise NotImplementedError
-
-
-class BlindDetector(PlaceDetector):
-    def detect(self, cloud):
-        return Detections(np.zeros((0, 7)), np.zeros(0), np.zeros(0, np.int64))
-
-
-DETECTOR = f"{__name__}:PlaceDetector"
-
-
-def clean_cloud(index):
-    """3,000 points on the ground and some in each place, those of place 0 first."""
-    rng = np.random.default_rng(index)
-    inside = [
-        box[:3] + rng.uniform(-0.45, 0.45, (n, 3)) * box[3:6].min()
-        for box, n in zip(PLACES, POINTS, strict=True)
-    ]
-    ground = np.column_stack(
-        [rng.uniform(-30, 60, (3000, 1)), rng.uniform(-30, 30, (3000, 1)), -1.5 * np.ones(3000)]
-    )
-    points = np.concatenate([*inside, ground])
-    cloud = np.zeros(len(points), POINT_DTYPE)
-    cloud["x"], cloud["y"], cloud["z"] = points.T
-    cloud["time"] = np.arange(len(points)) * 1e-6
-    return cloud
-
-
-def write_bag(path, provenance, clouds, truth=True):
-    """clouds: by index of the frame."""
-    with BagWriter(path, provenance=provenance) as bag:
-        for index, cloud in clouds.items():
-            stamp_ns = 10**12 + index * PERIOD_NS
-            bag.write_cdr(TOPICS.lidar_points, cloud_to_cdr(cloud, stamp_ns, TOPICS.lidar_frame), stamp_ns)
-            if truth:
-                ids = tuple(f"user{i}" for i in range(len(PLACES)))
-                boxes = Boxes(PLACES, LABELS, ids, np.zeros((len(PLACES), 3)))
-                bag.write(TOPICS.objects, messages.detections(stamp_ns, TOPICS.lidar_frame, boxes), stamp_ns)
-    return path
-
-
-@pytest.fixture(scope="module")
-def clean(tmp_path_factory):
-    clouds = {index: clean_cloud(index) for index in range(FRAMES)}
-    return write_bag(tmp_path_factory.mktemp("drive") / "clean", {"kind": "clean"}, clouds)
-
-
-@pytest.fixture
-def attacked(clean, tmp_path):
-    """Make an adversarial bag of a change to the clouds."""
-
-    def make(change, name="attacked", frames=range(FRAMES), **provenance):
-        about = {
-            "kind": "attack",
-            "attack": "detach",
-            "recipe": "best",
-            "parameters": json.dumps({"ratio": 0.014, "rounds": 10}),
-            "parent_sha256": parent_sha256(clean),
-        } | {"frames" if key == "slice" else key: value for key, value in provenance.items()}
-        return write_bag(tmp_path / name, about, {index: change(clean_cloud(index)) for index in frames})
-
-    return make
-
-
-def hide_first_car(cloud):
-    """Leaves 15 of the 60 points of place 0."""
-    return cloud[45:]
-
-
-def rows(out):
-    return json.loads((out / "report.json").read_text())["rows"]
 
 
 def test_figures_by_hand(clean, attacked, tmp_path, capsys):
@@ -239,7 +132,7 @@ def test_clean_bag_alone(clean, tmp_path, capsys):
 
 def test_detector_that_finds_nothing(clean, attacked, tmp_path):
     bag = attacked(hide_first_car, frames=range(2))
-    evaluate(clean, [bag], tmp_path / "report", detector=f"{__name__}:BlindDetector")
+    evaluate(clean, [bag], tmp_path / "report", detector="place_drive:BlindDetector")
     (row,) = rows(tmp_path / "report")
     assert row["map_clean"] == row["map_adv"] == 0.0
     assert row["map_ratio_percent"] is None
@@ -287,65 +180,9 @@ def test_existing_report_is_kept(clean, tmp_path):
     assert rows(tmp_path / "report")[0]["map_clean"] == 1.0
 
 
-def refused(tmp_path, match, *args, **kwargs):
-    with pytest.raises(AdvpipeError, match=match) as caught:
-        evaluate(*args, tmp_path / "report", **({"detector": DETECTOR} | kwargs))
-    assert "\n" not in str(caught.value)
-    assert not [p for p in tmp_path.iterdir() if "report" in p.name]
-
-
-def test_bag_without_clouds_is_refused(tmp_path):
-    with BagWriter(tmp_path / "no_clouds", provenance={}) as bag:
-        bag.write(CLOCK, messages.clock(1), 1)
-    refused(tmp_path, "holds no LiDAR clouds", tmp_path / "no_clouds", [])
-
-
-def test_bag_without_ground_truth_is_refused(tmp_path):
-    bag = write_bag(tmp_path / "no_truth", {}, {0: clean_cloud(0)}, truth=False)
-    refused(tmp_path, "has no ground truth", bag, [])
-
-
-def test_bag_without_an_object_to_evaluate_is_refused(tmp_path):
-    bag = write_bag(tmp_path / "hollow", {}, {0: clean_cloud(0)[300:]})
-    refused(tmp_path, "no object of a class that the detector finds", bag, [])
-
-
-def test_adversarial_bag_of_another_parent_is_refused(clean, attacked, tmp_path):
-    other = attacked(hide_first_car, frames=range(2), parent_sha256="0" * 64)
-    refused(tmp_path, "made from another bag", clean, [other])
-
-
-def test_adversarial_bag_of_a_drive_that_was_recorded_anew_is_refused(clean, attacked, tmp_path):
-    old = attacked(hide_first_car, frames=range(2), parent_sha256="0" * 64)
-    refused(tmp_path, "attack again with --overwrite or remove that folder", clean, [old])
-
-
-def test_adversarial_bag_in_place_of_the_clean_one_is_refused(attacked, tmp_path):
-    bag = attacked(hide_first_car, frames=range(2))
-    refused(tmp_path, "is an adversarial bag; give the clean bag that it was made from first", bag, [])
-
-
 def test_budget_is_the_parameter_that_the_attack_names(clean, attacked, tmp_path):
     parameters = json.dumps({"depth": 2, "ratio": 0.014})
     bag = attacked(hide_first_car, frames=range(2), parameters=parameters, budget="ratio")
     evaluate(clean, [bag], tmp_path / "report", detector=DETECTOR)
     (row,) = rows(tmp_path / "report")
     assert (row["parameter"], row["value"]) == ("ratio", 0.014)
-
-
-def test_adversarial_frames_that_the_clean_bag_lacks_are_refused(clean, tmp_path):
-    foreign = write_bag(tmp_path / "foreign", {}, {FRAMES + 3: clean_cloud(0)})
-    refused(tmp_path, "give the clean bag that was attacked", clean, [foreign])
-
-
-def test_unknown_detector_is_refused(clean, tmp_path):
-    refused(tmp_path, "unknown detector 'huge'", clean, [], detector="huge")
-
-
-def test_missing_bag_is_refused(clean, tmp_path):
-    refused(tmp_path, "does not exist", clean, [tmp_path / "nowhere"])
-
-
-def test_two_bags_of_one_name_are_refused(clean, attacked, tmp_path):
-    bag = attacked(hide_first_car, frames=range(2))
-    refused(tmp_path, "two adversarial bags are named attacked", clean, [bag, bag])

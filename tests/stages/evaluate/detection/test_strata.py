@@ -19,7 +19,9 @@ def cars(*places: tuple[float, float]) -> np.ndarray:
 def frame(index, places, points, occlusion, found, scores, box_points) -> FrameResult:
     n = len(places)
     boxes = Boxes(cars(*places), np.zeros(n, np.int64), tuple(map(str, range(n))), np.zeros((n, 3)))
-    truth = Truth(boxes, np.ones(len(points), bool), np.array(points) >= 5, np.array(points), np.array(occlusion, float))
+    truth = Truth(
+        boxes, np.ones(len(points), bool), np.array(points) >= 5, np.array(points), np.array(occlusion, float)
+    )
     detections = Detections(cars(*found), np.array(scores, float), np.zeros(len(found), np.int64))
     result = CloudResult(detections, match(truth, detections, CLASSES), np.array(box_points), points=1000)
     return FrameResult(index, -1, index * 10**9, truth, result)

@@ -1,0 +1,36 @@
+"""Bags of the small drive in `place_drive`, clean and attacked."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from advpipe.pipeline.bag.provenance import parent_sha256
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from place_drive import FRAMES, clean_cloud, write_bag
+
+
+@pytest.fixture(scope="session")
+def clean(tmp_path_factory):
+    clouds = {index: clean_cloud(index) for index in range(FRAMES)}
+    return write_bag(tmp_path_factory.mktemp("drive") / "clean", {"kind": "clean"}, clouds)
+
+
+@pytest.fixture
+def attacked(clean, tmp_path):
+    """Make an adversarial bag of a change to the clouds."""
+
+    def make(change, name="attacked", frames=range(FRAMES), **provenance):
+        about = {
+            "kind": "attack",
+            "attack": "detach",
+            "recipe": "best",
+            "parameters": json.dumps({"ratio": 0.014, "rounds": 10}),
+            "parent_sha256": parent_sha256(clean),
+        } | {"frames" if key == "slice" else key: value for key, value in provenance.items()}
+        return write_bag(tmp_path / name, about, {index: change(clean_cloud(index)) for index in frames})
+
+    return make
