@@ -67,8 +67,8 @@ def test_a_bias_is_the_same_in_each_period():
 
 
 def test_the_papers_names():
-    assert offsets({"type": "gnss-rba"})[0] is not None
-    assert 9 < abs(offsets({"type": "gnss-paa", "parameters": {"least_m": 1000, "most_m": 1000}})[0]) <= 1000
+    assert offsets({"type": "rba"})[0] is not None
+    assert 9 < abs(offsets({"type": "paa", "parameters": {"least_m": 1000, "most_m": 1000}})[0]) <= 1000
 
 
 def test_refuses_two_at_once():

@@ -1,0 +1,140 @@
+"""What an attack on a vehicle's GPS does to its localisation, in figures, and whether the vehicle notices."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.stages.evaluate.localisation.track import Bool, Track
+
+GATE_PROBABILITY = 0.999
+"""Of the innovation test: of genuine fixes, as the filter models them, one in a thousand is above it."""
+LOST_M = 5.0
+"""An attack has succeeded where the estimate is farther off (TDRobertson's success rate for CARLA)."""
+
+
+def gate() -> float:
+    """The threshold of the innovation test: chi-square's quantile with 3 degrees of freedom, 16.27."""
+    from scipy.special import chdtri
+
+    return float(chdtri(3, 1 - GATE_PROBABILITY))
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Of the estimates at some times; NaN where there are none.
+
+    mean_m, rmse_m, max_m: of the horizontal distance from the truth. ate_m: root mean square of the whole
+    error, height included, without alignment. lateral_mean_m, lateral_max_m: of the size of the error
+    across the direction of travel.
+    """
+
+    mean_m: float
+    rmse_m: float
+    max_m: float
+    ate_m: float
+    lateral_mean_m: float
+    lateral_max_m: float
+
+
+@dataclass(frozen=True)
+class LocalisationRow:
+    """One vehicle in one adversarial bag.
+
+    fixes: of the clean bag; attacked: those that say something else, lost: those of them that say nothing.
+    The span goes from the first attacked fix to the last one: `clean` and `adversarial` are the errors of
+    the estimates in it. ate_clean_m, ate_m: the unaligned absolute trajectory error of the whole drive.
+
+    detection_rate: of attacked fixes, the share that fails the innovation test; NaN where all were lost.
+    stealth_rate: the share that passes it. false_alarm_rate: of the clean bag's fixes, the share that fails
+    it; echo_rate: of genuine fixes after the first attacked one. delay_s: from the first attacked fix to the
+    first one that fails; NaN where none does. success_rate: share of the span in which the estimate is
+    more than `LOST_M` off.
+    """
+
+    bag: str
+    vehicle: str
+    fixes: int
+    attacked: int
+    lost: int
+    span_s: float
+    clean: Errors
+    adversarial: Errors
+    ate_clean_m: float
+    ate_m: float
+    detection_rate: float
+    stealth_rate: float
+    false_alarm_rate: float
+    echo_rate: float
+    delay_s: float
+    success_rate: float
+
+
+def errors(track: Track, chosen: Bool) -> Errors:
+    """Of the estimates (K,) that are chosen."""
+    error_m, lateral_m = track.error_m[chosen], np.abs(track.lateral_m[chosen])
+    if not len(error_m):
+        return Errors(*[float("nan")] * 6)
+    horizontal_m = np.linalg.norm(error_m[:, :2], axis=1)
+    return Errors(
+        float(horizontal_m.mean()),
+        _rms(horizontal_m),
+        float(horizontal_m.max()),
+        _rms(np.linalg.norm(error_m, axis=1)),
+        float(lateral_m.mean()),
+        float(lateral_m.max()),
+    )
+
+
+def localisation_row(
+    bag: str, vehicle: str, clean: Track, adversarial: Track, attacked_ns: npt.NDArray[np.int64]
+) -> LocalisationRow:
+    """attacked_ns: (A,), the times of the attacked fixes, at least one; both tracks are of the same times."""
+    attacked = was_attacked(clean, attacked_ns)
+    (steps,) = np.nonzero(attacked)
+    span = np.zeros(len(attacked), dtype=bool)
+    span[steps[0] : steps[-1] + 1] = True
+    after = np.arange(len(attacked)) >= steps[0]
+    known, alarm = np.isfinite(adversarial.nis), adversarial.nis > gate()
+    caught = adversarial.times_ns[attacked & alarm]
+    everything = np.ones(len(attacked), dtype=bool)
+    under_attack = errors(adversarial, span)
+    off_m = np.linalg.norm(adversarial.error_m[span][:, :2], axis=1)
+    detection_rate = _share(alarm[attacked & known])
+    return LocalisationRow(
+        bag=bag,
+        vehicle=vehicle,
+        fixes=int(np.isfinite(clean.nis).sum()),
+        attacked=int(attacked.sum()),
+        lost=int((attacked & ~known).sum()),
+        span_s=float(clean.times_ns[steps[-1]] - clean.times_ns[steps[0]]) / 1e9,
+        clean=errors(clean, span),
+        adversarial=under_attack,
+        ate_clean_m=errors(clean, everything).ate_m,
+        ate_m=errors(adversarial, everything).ate_m,
+        detection_rate=detection_rate,
+        stealth_rate=1 - detection_rate,
+        false_alarm_rate=_share(clean.nis[np.isfinite(clean.nis)] > gate()),
+        echo_rate=_share(alarm[after & ~attacked & known]),
+        delay_s=float(caught[0] - clean.times_ns[steps[0]]) / 1e9 if len(caught) else float("nan"),
+        success_rate=_share(off_m > LOST_M),
+    )
+
+
+def was_attacked(track: Track, attacked_ns: npt.NDArray[np.int64]) -> Bool:
+    """Which steps (K,) got an attacked fix: a fix counts for the first estimate at or after its time."""
+    steps = np.searchsorted(track.times_ns, attacked_ns)
+    attacked = np.zeros(len(track.times_ns), dtype=bool)
+    attacked[steps[steps < len(attacked)]] = True
+    return attacked
+
+
+def _rms(values: Float64) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def _share(hits: Bool) -> float:
+    return float(hits.mean()) if len(hits) else float("nan")

@@ -1,0 +1,159 @@
+"""The report's part on localisation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.recorded_filter import vehicles_with_filter
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.stages.evaluate.detection.comparison import bag_name
+from advpipe.stages.evaluate.detection.figures import Row
+from advpipe.stages.evaluate.localisation.figures import (
+    GATE_PROBABILITY,
+    LOST_M,
+    LocalisationRow,
+    gate,
+    localisation_row,
+    was_attacked,
+)
+from advpipe.stages.evaluate.localisation.plot import draw_localisation
+from advpipe.stages.evaluate.localisation.track import Track, attacked_fixes_ns, read_track
+from advpipe.stages.evaluate.report.numbers import number
+from advpipe.stages.evaluate.report.pictures import to_png
+from advpipe.stages.evaluate.report.section import SECTION, Picture, Section, Table
+
+FORMULAS = (
+    (
+        "localisation_error",
+        "horizontal distance of the on-board estimate from the true place, from the first attacked fix to "
+        "the last; sideways: its part across the direction of travel",
+    ),
+    (
+        "ate",
+        "root mean square of estimate minus truth over the whole drive, height included, without alignment",
+    ),
+    (
+        "innovation_test",
+        "a fix fails where residual' covariance^-1 residual is above chi-square's "
+        f"{100 * GATE_PROBABILITY:g} % quantile with 3 degrees of freedom",
+    ),
+    (
+        "detected",
+        "share of the attacked fixes that fail the test; stealth: that pass it; delay: from the first "
+        "attacked fix to the first that fails; false alarms: share of the clean bag's fixes that fail; echo: "
+        "of genuine fixes after the first attacked one",
+    ),
+    ("success", f"share of the attacked span in which the estimate is more than {LOST_M:g} m off"),
+)
+
+
+def sections(clean: Path, adversarial: Sequence[Path], seed: int = 0) -> tuple[Section, ...]:
+    """One section on all adversarial bags in which fixes were attacked; none where there are none.
+
+    `seed` serves no draw here. Raises AdvpipeError for bags from which a filter cannot be run again.
+    """
+    rows: list[LocalisationRow] = []
+    pictures: list[Picture] = []
+    for row, picture in _compare(clean, adversarial):
+        rows.append(row)
+        pictures.append(picture)
+    if not rows:
+        return ()
+    return (
+        Section(
+            key="localisation",
+            title="Localisation under GPS attacks",
+            lead="The vehicles' own filters run again on the fixes of each bag. The threshold of the "
+            f"innovation test is {gate():.2f}.",
+            tables=(_error_table(rows), _detection_table(rows)),
+            pictures=tuple(pictures),
+            records=tuple(record(row) for row in rows),
+            formulas=FORMULAS,
+        ),
+    )
+
+
+def record(row: LocalisationRow) -> Row:
+    """A row as flat names and numbers, those of `Errors` with `clean_` or `adv_` before them."""
+    plain = asdict(row)
+    flat: Row = {name: value for name, value in plain.items() if not isinstance(value, dict)}
+    for prefix, name in (("clean", "clean"), ("adv", "adversarial")):
+        flat |= {f"{prefix}_{key}": value for key, value in plain[name].items()}
+    return flat
+
+
+def _compare(clean: Path, adversarial: Sequence[Path]) -> Iterator[tuple[LocalisationRow, Picture]]:
+    reader = BagReader(clean)
+    tracks: dict[str, Track] = {}
+    for bag in adversarial:
+        other = BagReader(bag)
+        for vehicle in sorted({*vehicles_with_filter(reader)} & {*vehicles_with_filter(other)}):
+            attacked_ns = attacked_fixes_ns(reader, other, vehicle)
+            if not len(attacked_ns):
+                continue
+            if vehicle not in tracks:
+                tracks[vehicle] = read_track(reader, vehicle)
+            before, after = tracks[vehicle], read_track(other, vehicle)
+            if not np.array_equal(before.times_ns, after.times_ns):
+                raise AdvpipeError(
+                    f"{bag} holds other estimates of {vehicle} than {clean}; attack the whole drive, without "
+                    "frames"
+                )
+            name = bag_name(bag)
+            row = localisation_row(name, vehicle, before, after, attacked_ns)
+            figure = draw_localisation(before, after, was_attacked(before, attacked_ns))
+            caption = f"{name}: {vehicle}, its way on the map, its error and its innovations over time"
+            yield row, Picture(SECTION, name, f"{name}-{vehicle}-localisation.png", caption, to_png(figure))
+
+
+def _error_table(rows: Sequence[LocalisationRow]) -> Table:
+    heads = ("bag", "vehicle", "fixes attacked", "lost", "mean m", "RMSE m", "max m")
+    lines = []
+    for row in rows:
+        pairs = zip(
+            (row.clean.mean_m, row.clean.rmse_m, row.clean.max_m),
+            (row.adversarial.mean_m, row.adversarial.rmse_m, row.adversarial.max_m),
+            strict=True,
+        )
+        sideways = _pair(row.clean.lateral_mean_m, row.adversarial.lateral_mean_m)
+        lines.append(
+            (
+                row.bag,
+                row.vehicle,
+                f"{row.attacked} of {row.fixes}",
+                str(row.lost),
+                *(_pair(*pair) for pair in pairs),
+                sideways,
+                _pair(row.clean.lateral_max_m, row.adversarial.lateral_max_m),
+                _pair(row.ate_clean_m, row.ate_m),
+            )
+        )
+    title = "Error of the estimate while attacked (clean → attacked)"
+    return Table(title, (*heads, "sideways, mean m", "sideways, max m", "ATE of the drive m"), tuple(lines))
+
+
+def _detection_table(rows: Sequence[LocalisationRow]) -> Table:
+    heads = ("bag", "vehicle", "detected %", "delay s", "stealth %", "false alarms %", "echo %", "success %")
+    lines = [
+        (
+            row.bag,
+            row.vehicle,
+            number(100 * row.detection_rate, 1),
+            number(row.delay_s, 1),
+            number(100 * row.stealth_rate, 1),
+            number(100 * row.false_alarm_rate, 2),
+            number(100 * row.echo_rate, 1),
+            number(100 * row.success_rate, 1),
+        )
+        for row in rows
+    ]
+    return Table("The innovation test", heads, tuple(lines))
+
+
+def _pair(clean: float, attacked: float) -> str:
+    return f"{number(clean, 2)} → {number(attacked, 2)}"
