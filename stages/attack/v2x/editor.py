@@ -77,7 +77,7 @@ class AttackContext:
 
     name: str
     seed: int
-    seed_name: str
+    seed_name: str = ""
     attackers: tuple[int, ...]
     victim: int | None
     active: Callable[[int], bool]
