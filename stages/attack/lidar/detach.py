@@ -6,40 +6,53 @@ import math
 
 import numpy as np
 
-from advpipe.pipeline.bag.cloud import Cloud, xyzi
+from advpipe.pipeline.bag.cloud import Cloud, xyz, xyzi
 from advpipe.pipeline.baselines import remove_random_points
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.stages.attack.lidar.base import LidarResult, PointLabels, unchanged
-from advpipe.stages.attack.lidar.selection import (
-    Indices,
-    NoGradientError,
-    Rule,
-    choose_salient_points,
-    choose_voxels,
-)
-from advpipe.stages.attack.lidar.targets import Targets, detection_loss, find_targets
+from advpipe.stages.attack.lidar.climb import climb
+from advpipe.stages.attack.lidar.constraints import Constraints
+from advpipe.stages.attack.lidar.detach_game import DetachGame
+from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners
+from advpipe.stages.attack.lidar.harm import Harm
+from advpipe.stages.attack.lidar.selection import Indices, NoGradientError, choose_salient_points
+from advpipe.stages.attack.lidar.targets import Targets, detection_loss
 
-RECIPES: dict[str, Rule | None] = {
-    "best": choose_voxels,
-    "paper": choose_salient_points,
-    "random": None,
-}
-"""How the points are chosen; None is by chance."""
+RECIPES = ("best", "robust", "paper", "random", "random-near", "random-best")
+
+MARGIN_M = 0.5
+"""Points this near to an object count as its own: a detector looks at what is about it, too."""
+
+JITTER_M = 0.01
+"""What the recipe `robust` survives."""
 
 
 class Detach:
-    """Remove exactly round(ratio * N) of a cloud's N points, in equal rounds.
+    """Remove exactly round(ratio * N) of a cloud's N points.
 
     ratio: the share to remove, in (0, 1). Halves round up; at least one point goes, and one stays.
         Points that are not finite (rays without an echo, in some drivers) do not count and stay.
-    recipe: "best" empties the voxels that the detector needs; "paper" is the greedy gradient-norm
-        saliency of the paper (section III-A, Eq. 3); "random" is the baseline of equal budget.
+    recipe: "best" empties the voxels that the detector needs, looks at what it then finds, and spends the
+        budget on the objects that it loses for the fewest points; "robust" does so under jitter of 1 cm;
+        "paper" is the greedy gradient-norm saliency of the paper (section III-A, Eq. 3). Of equal budget
+        and by chance: "random" anywhere, "random-near" near objects, "random-best" there with the selection
+        of "best".
     rounds: after each round the remaining points are ranked again (the paper: 10).
+    near_objects_m, objects, max_points: see `constraints.Constraints`.
     """
 
-    def __init__(self, *, ratio: float, recipe: str = "best", rounds: int = 10) -> None:
+    def __init__(
+        self,
+        *,
+        ratio: float,
+        recipe: str = "best",
+        rounds: int = 10,
+        near_objects_m: float | None = None,
+        objects: tuple[str, ...] = (),
+        max_points: int | None = None,
+    ) -> None:
         if not 0 < ratio < 1:
             raise AdvpipeError(
                 f"detach: ratio is {ratio}, but must lie between 0 and 1, such as 0.01 for 1 %"
@@ -49,71 +62,105 @@ class Detach:
         if not (rounds >= 1 and float(rounds).is_integer()):
             raise AdvpipeError(f"detach: rounds is {rounds}, but must be a whole number from 1 up")
         self.ratio, self.recipe, self.rounds = float(ratio), recipe, int(rounds)
+        self.constraints = Constraints(near_objects_m=near_objects_m, objects=objects, max_points=max_points)
 
     def budget(self, points: int) -> int:
         """How many of so many points are removed."""
-        return min(max(1, math.floor(self.ratio * points + 0.5)), max(points - 1, 0))
+        wanted = max(1, math.floor(self.ratio * points + 0.5))
+        return min(wanted, self.constraints.max_points or wanted, max(points - 1, 0))
 
     def __call__(
         self, cloud: Cloud, boxes: Boxes, detector: Detector, rng: np.random.Generator
     ) -> LidarResult:
         """The cloud without the chosen points; unchanged, with a note, where there is nothing to attack."""
-        points = np.flatnonzero(np.isfinite(xyzi(cloud)).all(axis=1))
-        budget = self.budget(len(points))
-        if budget == 0:
+        finite = np.flatnonzero(np.isfinite(xyzi(cloud)).all(axis=1))
+        if self.budget(len(finite)) == 0:
             return unchanged(cloud, "no points to remove")
-        targets = find_targets(detector, cloud, boxes)
-        loss_before = detection_loss(detector, cloud, targets)
-        rule, note = _rule_for(self.recipe, detector)
-        if rule is None:
-            removed = _by_chance(cloud, points, budget, rng)
-        elif not len(targets):
+        scene = cloud[finite]
+        goal = goal_of(self.constraints, detector, scene, boxes)
+        loss_before = detection_loss(detector, scene, goal.taught)
+        if not len(goal) and (self.recipe != "random" or self.constraints.objects):
             return unchanged(cloud, "no object to hide that the detector could find")
+        allowed = np.flatnonzero(self.constraints.on(xyz(scene), boxes).allowed)
+        budget = min(self.budget(len(scene)), len(allowed))
+        note = "" if budget == self.budget(len(scene)) else f"only {budget} points lie near enough"
+        try:
+            chosen, shortage = self._choose(scene, allowed, budget, goal, detector, rng)
+        except NoGradientError:
+            return unchanged(cloud, "no gradient: the detector's loss depends on no point", loss_before)
+        removed = finite[chosen]
+        loss_after = detection_loss(detector, np.delete(scene, chosen), goal.taught)
+        note = "; ".join(filter(None, [note, shortage]))
+        return LidarResult(
+            np.delete(cloud, removed), PointLabels.removed(removed), loss_before, loss_after, note
+        )
+
+    def _choose(
+        self,
+        scene: Cloud,
+        allowed: Indices,
+        budget: int,
+        goal: Goal,
+        detector: Detector,
+        rng: np.random.Generator,
+    ) -> tuple[Indices, str]:
+        """Which `budget` of the allowed points of a scene to remove; and what the user must know."""
+        if self.recipe == "random":
+            return _by_chance(scene, allowed, budget, rng), ""
+        if self.recipe == "paper":
+            return self._greedily(scene, allowed, budget, goal.taught, detector, rng)
+        owner = np.full(len(scene), -1, np.int64)
+        geometry = goal.fought.boxes.double().numpy()
+        owner[allowed] = owners(xyz(scene[allowed]), geometry, MARGIN_M)
+        chosen = reserve = np.zeros(0, np.int64)
+        if self.recipe == "random-near":
+            reserve = rng.permutation(np.flatnonzero(owner >= 0))
         else:
-            removed, shortage = self._greedily(cloud, points, targets, detector, rule, rng)
-            if not len(removed):
-                return unchanged(cloud, shortage, loss_before)
-            note = note or shortage
-        adversarial = np.delete(cloud, removed)
-        loss_after = detection_loss(detector, adversarial, targets)
-        return LidarResult(adversarial, PointLabels.removed(removed), loss_before, loss_after, note)
+            jitter_m = JITTER_M if self.recipe == "robust" else 0.0
+            blind = self.recipe == "random-best"
+            judge = Harm.of(goal, detector, xyzi(scene))
+            game = DetachGame(xyzi(scene), owner, goal, judge, detector, rng, jitter_m, blind)
+            chosen, reserve = climb(game, budget, self.rounds)
+        chosen = np.concatenate([chosen, reserve])[:budget]
+        short = budget - len(chosen)
+        rest = np.setdiff1d(allowed, chosen, assume_unique=True)
+        notes = (
+            ["gradient used up: the rest removed at random"] if short and self.recipe != "random-near" else []
+        )
+        if self.recipe in ("best", "robust") and not isinstance(detector, VoxelDetector):
+            notes.append("no occupancy_loss: points by the gradient of the loss")
+        note = "; ".join(notes)
+        return np.concatenate([chosen, _by_chance(scene, rest, short, rng)]), note
 
     def _greedily(
         self,
-        cloud: Cloud,
-        points: Indices,
+        scene: Cloud,
+        allowed: Indices,
+        budget: int,
         targets: Targets,
         detector: Detector,
-        rule: Rule,
         rng: np.random.Generator,
     ) -> tuple[Indices, str]:
-        """Which of the points to remove, ranked again after each round; and what went short."""
-        kept, removed = points, np.zeros(0, np.int64)
-        goals = np.round(np.linspace(0, self.budget(len(points)), self.rounds + 1)).astype(int)
+        """The most salient points, ranked again after each round; and what went short."""
+        kept, removed = np.arange(len(scene)), np.zeros(0, np.int64)
+        goals = np.round(np.linspace(0, budget, self.rounds + 1)).astype(int)
         for goal in goals[1:]:
             count = int(goal) - len(removed)
             if count == 0:  # fewer points to remove than rounds
                 continue
+            free = np.flatnonzero(np.isin(kept, allowed, assume_unique=True))
             try:
-                chosen = kept[rule(xyzi(cloud[kept]), targets, detector, count, rng)]
+                chosen = kept[choose_salient_points(xyzi(scene[kept]), targets, detector, count, rng, free)]
             except NoGradientError:
                 if not len(removed):
-                    return removed, "no gradient: the detector's loss depends on no point"
-                rest = _by_chance(cloud, kept, int(goals[-1]) - len(removed), rng)
+                    raise
+                rest = _by_chance(scene, kept[free], budget - len(removed), rng)
                 return np.concatenate([removed, rest]), "gradient used up: the rest removed at random"
             removed = np.concatenate([removed, chosen])
             kept = np.setdiff1d(kept, chosen, assume_unique=True)
         return removed, ""
 
 
-def _by_chance(cloud: Cloud, points: Indices, count: int, rng: np.random.Generator) -> Indices:
+def _by_chance(scene: Cloud, points: Indices, count: int, rng: np.random.Generator) -> Indices:
     """`count` of the points, by the baseline that every recipe is compared with."""
-    return np.delete(points, remove_random_points(cloud[points], count, rng))
-
-
-def _rule_for(recipe: str, detector: Detector) -> tuple[Rule | None, str]:
-    """The recipe's rule for this detector, and what the user must know about it."""
-    rule = RECIPES[recipe]
-    if rule is choose_voxels and not isinstance(detector, VoxelDetector):
-        return RECIPES["paper"], "recipe best needs a detector with occupancy_loss; used recipe paper"
-    return rule, ""
+    return np.delete(points, remove_random_points(scene[points], count, rng))

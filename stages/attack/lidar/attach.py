@@ -1,0 +1,207 @@
+"""Attachment: hide objects, or make ghosts, by a few added points."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from scipy.spatial import cKDTree
+
+from advpipe.pipeline.bag.cloud import Cloud, xyz, xyzi
+from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.stages.attack.lidar.attach_game import AttachGame
+from advpipe.stages.attack.lidar.attach_paper import salient_copies
+from advpipe.stages.attack.lidar.attach_places import Places, ball_places, joined, voxel_places
+from advpipe.stages.attack.lidar.base import LidarResult, PointLabels, unchanged
+from advpipe.stages.attack.lidar.climb import climb
+from advpipe.stages.attack.lidar.constraints import Constraints, Rules
+from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners
+from advpipe.stages.attack.lidar.harm import Harm
+from advpipe.stages.attack.lidar.selection import NoGradientError
+from advpipe.stages.attack.lidar.targets import detection_loss
+
+Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
+Int64 = npt.NDArray[np.int64]
+
+ADDED = "added"
+"""The action on a point that the clean cloud does not hold."""
+
+RECIPES = ("best", "robust", "paper", "random", "random-near", "random-best")
+
+MAX_EPS_M = 5.0
+
+MARGIN_M = 0.5
+"""Places this near to an object count as its own."""
+
+INSET_M = {"best": 0.002, "robust": 0.025}
+"""How far off the faces of a voxel points are put; jitter of 1 cm seldom carries them over 2.5 cm."""
+
+JITTER_M = 0.01
+"""What the recipe `robust` survives."""
+
+BALL_PLACES = 200
+"""Places a chosen point, in all, for detectors that show no voxels, and for the baseline `random-best`."""
+
+
+class Attach:
+    """Add exactly `points` points to a cloud, each within `eps_m` of one of its own, in float64 as stored.
+
+    recipe: "best" fills the empty voxels whose occupancy hurts the detector most, at the place nearest to
+        a clean point, looks at what it then finds, and spends the points on the objects that fall to the
+        fewest; for a detector without occupancies, it takes places by the gradient of the loss. "robust"
+        stays clear of the voxels' faces and looks under jitter of 1 cm. "paper" shifts copies of the most
+        salient points (`attach_paper`). By chance: "random" in balls about any points, "random-near" about
+        those near objects, "random-best" likewise with the selection of "best". New points copy the
+        intensity of the point that they start from.
+    rounds: how often "best" ranks the places anew.
+    weight: lambda of the paper's dual loss (loss units a square metre); only for "paper".
+    decay_m: "best" and "robust" count what a point d away from the clean ones brings exp(-(d / decay_m)**2)
+        times: small for a smaller Chamfer distance.
+    along_ray, keep_occlusion_order, near_objects_m, objects, ghost, intensity: see `constraints.Constraints`.
+    """
+
+    def __init__(
+        self,
+        *,
+        eps_m: float,
+        points: int = 300,
+        recipe: str = "best",
+        rounds: int = 10,
+        weight: float = 1.0,
+        decay_m: float = 1.0,
+        along_ray: bool = False,
+        keep_occlusion_order: bool = False,
+        near_objects_m: float | None = None,
+        objects: tuple[str, ...] = (),
+        ghost: str | None = None,
+        intensity: bool = False,
+    ) -> None:
+        if not 0 < eps_m <= MAX_EPS_M:
+            raise AdvpipeError(f"attach: eps_m is {eps_m}, but must lie above 0 and up to {MAX_EPS_M:g}")
+        for name, number in (("points", points), ("rounds", rounds)):
+            if not (number >= 1 and float(number).is_integer()):
+                raise AdvpipeError(f"attach: {name} is {number}, but must be a whole number from 1 up")
+        if recipe not in RECIPES:
+            raise AdvpipeError(f"attach: unknown recipe {recipe!r}; known: {', '.join(RECIPES)}")
+        if not (math.isfinite(weight) and weight >= 0):
+            raise AdvpipeError(f"attach: weight is {weight}, but must be a number from 0 up")
+        if not decay_m > 0:
+            raise AdvpipeError(f"attach: decay_m is {decay_m}, but must be above 0")
+        self.eps_m, self.points, self.recipe, self.rounds = float(eps_m), int(points), recipe, int(rounds)
+        self.weight, self.decay_m = float(weight), float(decay_m)
+        self.constraints = Constraints.of(
+            {
+                "along_ray": along_ray,
+                "keep_occlusion_order": keep_occlusion_order,
+                "near_objects_m": near_objects_m,
+                "objects": objects,
+                "ghost": ghost,
+                "intensity": intensity,
+            }
+        )
+
+    def __call__(
+        self, cloud: Cloud, boxes: Boxes, detector: Detector, rng: np.random.Generator
+    ) -> LidarResult:
+        """The cloud with the new points at its end; unchanged, with a note, where there is nothing to do."""
+        scene = cloud[np.isfinite(xyzi(cloud)).all(axis=1)]
+        if not len(scene):
+            return unchanged(cloud, "no points to start from")
+        goal = goal_of(self.constraints, detector, scene, boxes)
+        loss_before = detection_loss(detector, scene, goal.taught)
+        focused = self.recipe != "random" or self.constraints.objects or self.constraints.ghost
+        if not len(goal) and focused:
+            return unchanged(cloud, "no object to hide that the detector could find")
+        rules = self.constraints.on(xyz(scene), boxes)
+        try:
+            places, note = self._places(xyzi(scene), goal, detector, rules, rng)
+        except NoGradientError:
+            return unchanged(cloud, "no gradient: the detector's loss depends on no point", loss_before)
+        if len(places) < self.points:
+            return unchanged(cloud, "the constraints leave no place for so many points", loss_before)
+        added = scene[places.source].copy()
+        for column, name in enumerate(("x", "y", "z", "intensity")):
+            added[name] = places.points[:, column]
+        adversarial = np.concatenate([cloud, added])
+        loss_after = detection_loss(detector, np.concatenate([scene, added]), goal.taught)
+        return LidarResult(adversarial, _labels(scene, added), loss_before, loss_after, note)
+
+    def _places(
+        self, clean: Float32, goal: Goal, detector: Detector, rules: Rules, rng: np.random.Generator
+    ) -> tuple[Places, str]:
+        """Where the new points stand, and what the user must know."""
+        boxes = goal.fought.boxes.double().numpy()
+        everywhere = np.flatnonzero(rules.allowed)
+        if self.recipe == "random":
+            return self._by_chance(clean, everywhere, self.points, boxes, rules, rng), ""
+        if self.recipe == "paper":
+            count, weight = self.points, self.weight
+            return salient_copies(clean, goal, detector, rules, count, self.eps_m, weight, rng), ""
+        near = np.flatnonzero((owners(clean[:, :3], boxes, MARGIN_M) >= 0) & rules.allowed)
+        sources = near if len(near) else everywhere
+        if self.recipe == "random-near":
+            return self._by_chance(clean, sources, self.points, boxes, rules, rng), ""
+        places, note = self._candidates(clean, sources, boxes, detector, rules, rng)
+        jitter_m = JITTER_M if self.recipe == "robust" else 0.0
+        judge, blind = Harm.of(goal, detector, clean), self.recipe == "random-best"
+        game = AttachGame(clean, places, goal, judge, detector, rng, self.decay_m, jitter_m, blind)
+        chosen, reserve = climb(game, self.points, self.rounds)
+        best = places[np.concatenate([chosen, reserve])[: self.points]]
+        short = self.points - len(best)
+        if short:
+            note = "; ".join(filter(None, [note, "gradient used up: the rest added at random"]))
+            best = joined([best, self._by_chance(clean, sources, short, boxes, rules, rng)])
+        if self.constraints.intensity:
+            best = _with_intensity(clean, best, goal, judge, detector)
+        return best, note
+
+    def _candidates(
+        self,
+        clean: Float32,
+        sources: Int64,
+        boxes: Float64,
+        detector: Detector,
+        rules: Rules,
+        rng: np.random.Generator,
+    ) -> tuple[Places, str]:
+        """The places that `best` and its like choose from."""
+        if self.recipe != "random-best" and isinstance(detector, VoxelDetector):
+            grid, inset_m = detector.voxel_grid, INSET_M[self.recipe]
+            return voxel_places(clean, boxes, grid, rules, self.eps_m, MARGIN_M, inset_m), ""
+        note = "" if self.recipe == "random-best" else "no occupancy_loss: places by the gradient of the loss"
+        return self._by_chance(clean, sources, BALL_PLACES * self.points, boxes, rules, rng), note
+
+    def _by_chance(
+        self,
+        clean: Float32,
+        sources: Int64,
+        count: int,
+        boxes: Float64,
+        rules: Rules,
+        rng: np.random.Generator,
+    ) -> Places:
+        return ball_places(clean, sources, count, boxes, rules, self.eps_m, MARGIN_M, rng)
+
+
+def _with_intensity(clean: Float32, places: Places, goal: Goal, judge: Harm, detector: Detector) -> Places:
+    """The places with intensities of 0 or 1, whichever the gradient asks for, where that does more harm."""
+    points = torch.from_numpy(np.concatenate([clean, places.points])).requires_grad_()
+    loss = detector.loss(points, goal.taught.boxes, goal.taught.labels)
+    (gradient,) = torch.autograd.grad(loss, points)
+    slope = goal.sign * gradient[len(clean) :, 3].cpu().numpy()
+    changed = places.points.copy()
+    changed[:, 3] = np.where(slope > 0, 1.0, np.where(slope < 0, 0.0, changed[:, 3]))
+    before, after = (judge(np.concatenate([clean, p])).sum() for p in (places.points, changed))
+    return replace(places, points=changed) if after > before else places
+
+
+def _labels(scene: Cloud, added: Cloud) -> PointLabels:
+    """The labels of added points: their distance from the nearest point of the clean cloud."""
+    distance_m, _ = cKDTree(xyz(scene).astype(np.float64)).query(xyz(added).astype(np.float64))
+    return PointLabels(np.full(len(added), -1, np.int64), np.full(len(added), ADDED), distance_m)

@@ -1,0 +1,122 @@
+"""What `attach` plays for: places about each object, the most harmful first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+import torch
+
+from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
+from advpipe.stages.attack.lidar.attach_places import Places
+from advpipe.stages.attack.lidar.goal import Goal
+from advpipe.stages.attack.lidar.harm import Harm
+from advpipe.stages.attack.lidar.selection import NoGradientError
+
+Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
+Int64 = npt.NDArray[np.int64]
+Bool = npt.NDArray[np.bool_]
+
+MOST = 60
+"""So many points an object may get while the search looks for what it costs; a ghost gets all there are."""
+
+KNOWN, FRESH = 300, 500
+"""Places of an object that are weighed each round: the best of those weighed before, and others by chance."""
+
+
+@dataclass(frozen=True)
+class AttachGame:
+    """The items are places; taking one puts a point there.
+
+    clean: (N, 4) float32. decay_m: a place d away from its clean point counts exp(-(d / decay_m)**2).
+    jitter_m: standard deviation of the noise under which effects are looked for and judged; 0 for none.
+    blind: places are proposed by chance; the baseline with the same selection.
+    """
+
+    clean: Float32
+    places: Places
+    goal: Goal
+    judge: Harm
+    detector: Detector
+    rng: np.random.Generator
+    decay_m: float
+    jitter_m: float = 0.0
+    blind: bool = False
+    _worth: Float64 = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_worth", np.full(len(self.places), -np.inf))
+
+    @property
+    def most(self) -> Int64:
+        owner = self.places.owner
+        available = np.bincount(owner[owner >= 0], minlength=len(self.goal))
+        return available if self.goal.kind == "conjure" else np.minimum(available, MOST)
+
+    def propose(self, taken: Int64, wanted: Int64, room: Int64) -> list[Int64]:
+        free = np.ones(len(self.places), bool)
+        free[taken] = False
+        pools = [self._pool(np.flatnonzero(free & (self.places.owner == m))) for m in np.flatnonzero(wanted)]
+        pool = np.concatenate([np.zeros(0, np.int64), *pools])
+        if len(pool):
+            self._worth[pool] = self._gains(taken, pool)
+        proposals = []
+        for number, count in enumerate(wanted):
+            mine = pool[self.places.owner[pool] == number] if count else np.zeros(0, np.int64)
+            best = mine[np.argsort(-self._worth[mine], kind="stable")[:count]]
+            proposals.append(best[self._worth[best] > 0])
+        return proposals
+
+    def harm(self, taken: Int64) -> Float64:
+        return self.judge(self._shaken(np.concatenate([self.clean, self.places.points[taken]])))
+
+    def enough(self, harm: Float64) -> Bool:
+        return self.judge.enough(harm)
+
+    def _pool(self, mine: Int64) -> Int64:
+        """The places of an object to weigh in this round."""
+        known = np.isfinite(self._worth[mine])
+        best = mine[known][np.argsort(-self._worth[mine[known]], kind="stable")[:KNOWN]]
+        fresh = self.rng.permutation(mine[~known])[: FRESH if known.any() else KNOWN + FRESH]
+        return np.concatenate([best, fresh])
+
+    def _gains(self, taken: Int64, pool: Int64) -> Float64:
+        """What a point at each place of the pool brings, beside those taken."""
+        if self.blind:
+            return self.rng.random(len(pool)) + 1e-9
+        points = torch.from_numpy(self._shaken(np.concatenate([self.clean, self.places.points[taken]])))
+        if isinstance(self.detector, VoxelDetector):
+            gain = self._of_occupancy(self.detector, points, pool)
+        else:
+            gain = self._of_copies(points, pool)
+        if not gain.any():
+            raise NoGradientError
+        return gain * np.exp(-((self.places.distance_m[pool] / self.decay_m) ** 2))
+
+    def _of_occupancy(self, detector: VoxelDetector, points: torch.Tensor, pool: Int64) -> Float64:
+        """The gradient to the occupancy of each place's voxel."""
+        taught, ghosts = self.goal.taught, torch.from_numpy(self.places.points[pool])
+        loss, occupancy, row = detector.occupancy_loss(points, taught.boxes, taught.labels, ghosts)
+        (gradient,) = torch.autograd.grad(loss, occupancy)
+        of_row = np.nan_to_num(self.goal.sign * gradient.double().cpu().numpy(), posinf=0.0, neginf=0.0)
+        mine = row.cpu().numpy()[len(points) :]
+        return np.where(mine >= 0, of_row[mine], 0.0)
+
+    def _of_copies(self, points: torch.Tensor, pool: Int64) -> Float64:
+        """By the loss alone: a copy of the place's clean point, moved there, to first order."""
+        leaf, taught = points.requires_grad_(), self.goal.taught
+        (gradient,) = torch.autograd.grad(self.detector.loss(leaf, taught.boxes, taught.labels), leaf)
+        slope = np.nan_to_num(gradient[:, :3].double().cpu().numpy(), posinf=0.0, neginf=0.0)
+        source = self.places.source[pool]
+        way_m = self.places.points[pool, :3].astype(np.float64) - self.clean[source, :3]
+        gain: Float64 = self.goal.sign * (slope[source] * way_m).sum(axis=1)
+        return gain
+
+    def _shaken(self, points: Float32) -> Float32:
+        if not self.jitter_m:
+            return points
+        noise = np.zeros(points.shape)
+        noise[:, :3] = self.rng.normal(0, self.jitter_m, (len(points), 3))
+        return (points + noise).astype(np.float32)

@@ -1,0 +1,181 @@
+"""Where `attach` may put points: places within reach of the clean cloud's points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from advpipe.pipeline.baselines import move_within
+from advpipe.pipeline.detector.protocol import VoxelGrid
+from advpipe.pipeline.geometry.boxes import points_in_boxes
+from advpipe.stages.attack.lidar.constraints import Rules, along_rays
+from advpipe.stages.attack.lidar.goal import owners
+
+Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
+Int64 = npt.NDArray[np.int64]
+
+HAIR = 1 - 1e-9
+"""Displacements are kept this much within their bound, so that no rounding takes them over it."""
+
+_DRAWS = 50
+
+
+@dataclass(frozen=True)
+class Places:
+    """C places for a point.
+
+    points: (C, 4) float32 x, y, z, and the intensity of the clean point that each starts from.
+    source: (C,) that point. distance_m: (C,) float64 from it, as stored. owner: (C,) the box that each
+    belongs to, -1 for none.
+    """
+
+    points: Float32
+    source: Int64
+    distance_m: Float64
+    owner: Int64
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __getitem__(self, chosen: npt.NDArray[np.generic]) -> Places:
+        return Places(self.points[chosen], self.source[chosen], self.distance_m[chosen], self.owner[chosen])
+
+
+def voxel_places(
+    clean: Float32,
+    boxes: Float64,
+    grid: VoxelGrid,
+    rules: Rules,
+    eps_m: float,
+    margin_m: float,
+    inset_m: float,
+) -> Places:
+    """One place in each empty voxel in or near a box (M, 7) that a clean point (N, 4) reaches.
+
+    It is the place of the voxel, `inset_m` off its faces, that is nearest to the clean point; the voxel's
+    centre says which one that is. The voxels are those whose centre lies within `margin_m` of a box.
+    Along rays, it is the place on the ray of a clean point that is nearest to that point.
+    """
+    near = _near(clean, boxes, margin_m + eps_m)
+    if not len(near):
+        return _none()
+    if rules.constraints.along_ray:
+        source, offset = _steps_on_rays(clean, near, eps_m, min(grid.size_m))
+    else:
+        source, offset = _nearest_in_cells(clean, near, _cells_about(boxes, grid, margin_m), grid, inset_m)
+    places = _places(clean, source, offset, boxes, margin_m, eps_m, rules)
+    return _one_a_voxel(places, grid, grid.keys(grid.cells(clean)))
+
+
+def ball_places(
+    clean: Float32,
+    sources: Int64,
+    count: int,
+    boxes: Float64,
+    rules: Rules,
+    eps_m: float,
+    margin_m: float,
+    rng: np.random.Generator,
+) -> Places:
+    """`count` places by chance, each uniformly in the ball about one of the sources, as the baseline
+    `baselines.add_random_points` draws them; fewer where the constraints permit next to none."""
+    drawn, have = [_none()], 0
+    for _ in range(_DRAWS if len(sources) else 0):
+        source = rng.choice(sources, size=count)
+        direction = rng.standard_normal((count, 3))
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        offset = direction * (eps_m * rng.random((count, 1)) ** (1 / 3))
+        if rules.constraints.along_ray:
+            offset = along_rays(clean[source, :3], offset)
+        drawn.append(_places(clean, source, offset, boxes, margin_m, eps_m, rules))
+        have += len(drawn[-1])
+        if have >= count:
+            break
+    return joined(drawn)[np.arange(min(count, have))]
+
+
+def _places(
+    clean: Float32,
+    source: Int64,
+    offset_m: Float64,
+    boxes: Float64,
+    margin_m: float,
+    eps_m: float,
+    rules: Rules,
+) -> Places:
+    """The places at these offsets (K, 3) from clean points that are in reach, as stored, and permitted."""
+    start = clean[source, :3]
+    points = clean[source].copy()
+    points[:, :3] = move_within(start, offset_m * HAIR)
+    distance_m = np.linalg.norm(points[:, :3].astype(np.float64) - start, axis=1)
+    kept = np.flatnonzero((distance_m <= eps_m) & rules.permits(points[:, :3]))
+    owner = owners(points[kept, :3], boxes, margin_m)
+    return Places(points[kept], source[kept], distance_m[kept], owner)
+
+
+def _cells_about(boxes: Float64, grid: VoxelGrid, margin_m: float) -> Int64:
+    """The cells (K, 3) of a grid whose centre lies within a margin of any of the boxes (M, 7)."""
+    low_m, size, shape = np.array(grid.low_m), np.array(grid.size_m), np.array(grid.shape)
+    found = [np.zeros((0, 3), np.int64)]
+    for box in boxes:
+        half = np.append(np.full(2, np.hypot(box[3], box[4]) / 2), box[5] / 2) + 1.5 * margin_m
+        first = np.clip(np.floor((box[:3] - half - low_m) / size).astype(np.int64), 0, shape)
+        last = np.clip(np.floor((box[:3] + half - low_m) / size).astype(np.int64) + 1, 0, shape)
+        axes = [np.arange(a, b) for a, b in zip(first.tolist(), last.tolist(), strict=True)]
+        cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        (inside,) = points_in_boxes(grid.low_corners_m(cells) + size / 2, box[None], margin_m)
+        found.append(cells[inside])
+    return np.unique(np.concatenate(found), axis=0)
+
+
+def _nearest_in_cells(
+    clean: Float32, near: Int64, cells: Int64, grid: VoxelGrid, inset_m: float
+) -> tuple[Int64, Float64]:
+    """For each cell (K, 3) the clean point nearest to its centre, and the way into the cell from there."""
+    low, size = grid.low_corners_m(cells), np.array(grid.size_m)
+    _, nearest = cKDTree(clean[near, :3].astype(np.float64)).query(low + size / 2)
+    source = near[nearest]
+    start = clean[source, :3].astype(np.float64)
+    return source, np.clip(start, low + inset_m, low + size - inset_m) - start
+
+
+def _steps_on_rays(clean: Float32, near: Int64, eps_m: float, voxel_m: float) -> tuple[Int64, Float64]:
+    """Steps of half a voxel to and fro on the rays of clean points."""
+    steps_m = np.arange(voxel_m / 2, eps_m, voxel_m / 2)
+    steps_m = np.concatenate([-steps_m, steps_m, [-eps_m, eps_m]]) * HAIR
+    start = clean[near, :3].astype(np.float64)
+    unit = start / np.maximum(np.linalg.norm(start, axis=1, keepdims=True), 1e-9)
+    return np.repeat(near, len(steps_m)), (unit[:, None] * steps_m[:, None]).reshape(-1, 3)
+
+
+def _one_a_voxel(places: Places, grid: VoxelGrid, taken: Int64) -> Places:
+    """Of the places in each empty voxel that nearest to its source."""
+    key = grid.keys(grid.cells(places.points))
+    order = np.lexsort((places.distance_m, key))
+    order = order[(key[order] >= 0) & ~np.isin(key[order], taken)]
+    _, first = np.unique(key[order], return_index=True)
+    return places[order[first]]
+
+
+def _near(points: Float32, boxes: Float64, margin_m: float) -> Int64:
+    inside = points_in_boxes(points[:, :3], boxes, margin_m)
+    return np.unique(np.concatenate([np.zeros(0, np.int64), *inside]))
+
+
+def _none() -> Places:
+    none = np.zeros(0, np.int64)
+    return Places(np.zeros((0, 4), np.float32), none, np.zeros(0), none)
+
+
+def joined(parts: list[Places]) -> Places:
+    """All places of several parts, one after the other."""
+    return Places(
+        np.concatenate([part.points for part in parts]),
+        np.concatenate([part.source for part in parts]),
+        np.concatenate([part.distance_m for part in parts]),
+        np.concatenate([part.owner for part in parts]),
+    )

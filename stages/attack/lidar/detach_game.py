@@ -1,0 +1,118 @@
+"""What `detach` plays for: voxels (or points) of each object, the most harmful first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import torch
+
+from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
+from advpipe.stages.attack.lidar.goal import Goal
+from advpipe.stages.attack.lidar.harm import Harm
+from advpipe.stages.attack.lidar.selection import NoGradientError
+
+Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
+Int64 = npt.NDArray[np.int64]
+Bool = npt.NDArray[np.bool_]
+
+MOST = 0.85
+"""The share of its points that an object may lose while the search looks for what it costs."""
+
+
+@dataclass(frozen=True)
+class DetachGame:
+    """The items are points of the clean cloud, (N, 4); taking one removes it.
+
+    owner: (N,) the object of the goal that each point belongs to, -1 for one that must not be touched.
+    jitter_m: standard deviation of the noise under which effects are looked for and judged; 0 for none.
+    blind: points are proposed by chance; the baseline with the same selection.
+    """
+
+    points: Float32
+    owner: Int64
+    goal: Goal
+    judge: Harm
+    detector: Detector
+    rng: np.random.Generator
+    jitter_m: float = 0.0
+    blind: bool = False
+
+    @property
+    def most(self) -> Int64:
+        of_object = np.bincount(self.owner[self.owner >= 0], minlength=len(self.goal))
+        most: Int64 = np.ceil(MOST * of_object).astype(np.int64)
+        return most
+
+    def propose(self, taken: Int64, wanted: Int64, room: Int64) -> list[Int64]:
+        left = np.setdiff1d(np.arange(len(self.points)), taken, assume_unique=True)
+        gain, group = self._gains(left)
+        proposals = []
+        for number, (count, most) in enumerate(zip(wanted.tolist(), room.tolist(), strict=True)):
+            mine = np.flatnonzero(self.owner[left] == number) if count else np.zeros(0, np.int64)
+            proposals.append(left[mine[_whole_groups(gain[mine], group[mine], count, most)]])
+        return proposals
+
+    def harm(self, taken: Int64) -> Float64:
+        return self.judge(self._shaken(np.delete(self.points, taken, axis=0)))
+
+    def enough(self, harm: Float64) -> Bool:
+        return self.judge.enough(harm)
+
+    def _gains(self, left: Int64) -> tuple[Float64, Int64]:
+        """What removing each point that is left brings, and which points only matter together, by number."""
+        if self.blind:
+            return self.rng.random(len(left)), np.arange(len(left))
+        points = torch.from_numpy(self._shaken(self.points[left]))
+        taught = self.goal.taught
+        if not isinstance(self.detector, VoxelDetector):
+            return self._gains_of_points(points, self.owner[left]), np.arange(len(left))
+        loss, occupancy, voxel = self.detector.occupancy_loss(points, taught.boxes, taught.labels)
+        (gradient,) = torch.autograd.grad(loss, occupancy)
+        of_voxel = np.nan_to_num(-self.goal.sign * gradient.double().cpu().numpy(), posinf=0.0, neginf=0.0)
+        row = voxel.cpu().numpy()
+        count = np.bincount(row[row >= 0], minlength=len(of_voxel))
+        gain = np.where(row >= 0, (of_voxel / np.maximum(count, 1))[row], 0.0)
+        if not gain.any():
+            raise NoGradientError
+        return gain, np.where(row >= 0, row, len(of_voxel) + np.arange(len(row)))
+
+    def _gains_of_points(self, points: torch.Tensor, owner: Int64) -> Float64:
+        """By the loss alone: dropping a point is like moving it into its object's centre, where it says
+        nothing, to first order (Zheng et al. 2019, "PointCloud Saliency Maps", section 3.2)."""
+        leaf, taught = points.requires_grad_(), self.goal.taught
+        loss = self.detector.loss(leaf, taught.boxes, taught.labels)
+        (gradient,) = torch.autograd.grad(loss, leaf)
+        slope = np.nan_to_num(gradient[:, :3].double().cpu().numpy(), posinf=0.0, neginf=0.0)
+        if not slope.any():
+            raise NoGradientError
+        inwards = self.goal.fought.boxes.double().numpy()[owner, :3] - leaf.detach().double().numpy()[:, :3]
+        gain: Float64 = self.goal.sign * (slope * inwards).sum(axis=1)
+        return gain
+
+    def _shaken(self, points: Float32) -> Float32:
+        if not self.jitter_m:
+            return points
+        noise = np.zeros(points.shape)
+        noise[:, :3] = self.rng.normal(0, self.jitter_m, (len(points), 3))
+        return (points + noise).astype(np.float32)
+
+
+def _whole_groups(gain: Float64, group: Int64, count: int, room: int) -> Int64:
+    """The places (K,) of whole groups, those of the highest positive gain a point first, until there are
+    `count`; a group that does not fit into the room is left out, unless no group does."""
+    order = np.lexsort((group, -gain))
+    order = order[gain[order] > 0]
+    if not count or not len(order):
+        return np.zeros(0, np.int64)
+    chosen: list[Int64] = []
+    size = 0
+    for members in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
+        if size + len(members) <= room:
+            chosen.append(members)
+            size += len(members)
+        if size >= count:
+            break
+    return np.concatenate(chosen) if chosen else order[:room]
