@@ -162,13 +162,11 @@ class AttackSpec(Section):
 
     @model_validator(mode="after")
     def _fits_family(self) -> AttackSpec:
-        lidar_only = [
-            key for key in ("recipe", "lidar", "frames", "detector") if key in self.model_fields_set
-        ]
-        if self.family != "lidar" and lidar_only:
-            raise ValueError(f"{self.type} attacks no clouds; leave out {lidar_only[0]}")
-        if self.family != "cam" and self.attackers is not None:
-            raise ValueError(f"{self.type} needs no attackers: nobody sends messages; leave them out")
+        given = [key for key, field in type(self).model_fields.items() if getattr(self, key) != field.default]
+        for family, keys in OWN_KEYS.items():
+            strange = [key for key in keys if key in given]
+            if self.family != family and strange:
+                raise ValueError(f"{self.type} has no use for {strange[0]}; leave it out")
         return self
 
 

@@ -2,47 +2,62 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import combinations
 
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.v2x_drive import V2xDrive
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import AttackSpec
-from advpipe.stages.attack.registry import find_attack
+
+ALL = frozenset({"position", "speed", "heading", "acceleration", "dimensions", "station id"})
+_STOP = frozenset({"position", "speed", "acceleration"})
+
+SETS: dict[str, frozenset[str]] = {
+    "cam-position-constant": frozenset({"position"}),
+    "cam-position-offset": frozenset({"position"}),
+    "cam-position-random": frozenset({"position"}),
+    "cam-position-random-offset": frozenset({"position"}),
+    "cam-position-mirrored": frozenset({"position"}),
+    "cam-speed-constant": frozenset({"speed"}),
+    "cam-speed-offset": frozenset({"speed"}),
+    "cam-speed-random": frozenset({"speed"}),
+    "cam-speed-random-offset": frozenset({"speed"}),
+    "cam-speed-frozen": frozenset({"speed"}),
+    "cam-heading-reversed": frozenset({"heading"}),
+    "cam-heading-rotating": frozenset({"heading"}),
+    "cam-acceleration": frozenset({"acceleration"}),
+    "cam-feigned-braking": frozenset({"acceleration"}),
+    "cam-dimensions": frozenset({"dimensions"}),
+    "cam-out-of-range": ALL,
+    "cam-eventual-stop": _STOP,
+    "cam-sudden-stop": _STOP,
+    "cam-mix": ALL,
+    "cam-replay": ALL,
+    "cam-disruptive-replay": ALL,
+    "cam-stale": ALL - {"station id"},
+    "cam-masquerade": frozenset({"station id"}),
+}
+"""What an attack says in its attackers' own messages; the others only add, delay or drop some."""
 
 
-def refuse_contradictions(attacks: Sequence[AttackSpec]) -> None:
-    """Raises AdvpipeError for two attacks that set the same field of the same messages at the same time.
+def refuse_contradictions(reader: BagReader, attacks: Sequence[AttackSpec], seed: int) -> None:
+    """Raises AdvpipeError for two attacks that set the same field of the same V2X messages at the same time.
 
-    Two GPS attacks on one vehicle both set its fixes. Attacks on V2X messages say what they set in
-    `sets`; those that only add messages, hold them back or send them again set nothing. Two on the same
-    clouds are refused where the clouds are known (`clouds.plan_clouds`).
+    Two on the same clouds, and two on one vehicle's GPS, are refused where these are found: in
+    `clouds.plan_clouds` and `gnss.strikes`.
     """
+    attackers: Callable[[AttackSpec], tuple[int, ...]] | None = None
     for one, other in combinations(attacks, 2):
-        if one.family != other.family or not one.schedule.overlaps(other.schedule):
+        shared = SETS.get(one.type, frozenset()) & SETS.get(other.type, frozenset())
+        if not shared or not one.schedule.overlaps(other.schedule):
             continue
-        shared = _sets(one) & _sets(other)
-        if shared and _same_messages(one, other):
+        if attackers is None:  # it takes a look through the drive
+            from advpipe.stages.attack.v2x.attackers import Cast
+
+            attackers = Cast(V2xDrive(reader), str(reader.path), seed).attackers
+        if not set(attackers(one)).isdisjoint(attackers(other)):
             raise AdvpipeError(
-                f"{one.type} and {other.type} contradict each other: both set {min(shared)} of the same "
-                "messages at the same time; give them schedules that do not overlap, or other targets"
+                f"{one.type} and {other.type} contradict each other: both set the {min(shared)} of the same "
+                "messages at the same time; give them other attackers, or schedules that do not overlap"
             )
-
-
-def _sets(spec: AttackSpec) -> frozenset[str]:
-    if spec.family == "gnss":
-        return frozenset({"the fixes"})
-    if spec.family == "cam":
-        return frozenset(getattr(find_attack(spec.type), "sets", ()))
-    return frozenset()
-
-
-def _same_messages(one: AttackSpec, other: AttackSpec) -> bool:
-    """Whether a message of the one may be a message of the other."""
-    if one.family == "gnss":
-        return one.victim == other.victim or None in (one.victim, other.victim)
-    ours, theirs = one.attackers, other.attackers
-    if ours is None or theirs is None or ours == theirs:
-        return (ours, one.seed_name) == (theirs, other.seed_name) or ours is None or theirs is None
-    if ours.vehicles and theirs.vehicles:
-        return not set(ours.vehicles).isdisjoint(theirs.vehicles)
-    return ours.roadside_unit is None and theirs.roadside_unit is None

@@ -89,7 +89,7 @@ def _plan(reader: BagReader, request: AttackRequest) -> CloudPlan | None:
     recording = recording_of(reader)
     for spec in request.attacks:
         recording.refuse_outside(spec)
-    refuse_contradictions(request.attacks)
+    refuse_contradictions(reader, request.attacks, request.seed)
     if not request.lidar:
         return None
     return plan_clouds(reader, request.lidar, request.frames, recording, request.seed)

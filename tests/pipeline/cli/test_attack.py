@@ -1,0 +1,96 @@
+"""The options of `advpipe attack`: what they become, and mistakes in them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from advpipe.pipeline.bag.provenance import clean_provenance
+from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.cli.attack import _attackers, _parameters, attack
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.stages.attack import run as stage
+from advpipe.stages.attack.run import AttackRequest
+
+
+def test_parameters_are_read_as_yaml() -> None:
+    assert _parameters(["ratio=0.1", "along-ray=true", "ids=[a, b]", "mode=place", "most=null"]) == {
+        "ratio": 0.1,
+        "along_ray": True,
+        "ids": ["a", "b"],
+        "mode": "place",
+        "most": None,
+    }
+
+
+def test_attackers() -> None:
+    assert _attackers([]) is None
+    assert _attackers(["a", "b"]) == {"vehicles": ["a", "b"]}
+    assert _attackers(["25%"]) == {"share": 0.25}
+    assert _attackers(["rsu:3,-4.5"]) == {"roadside_unit": {"x_m": 3.0, "y_m": -4.5}}
+    assert _attackers(["rsu:3,-4.5,6"]) == {"roadside_unit": {"x_m": 3.0, "y_m": -4.5, "z_m": 6.0}}
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    with BagWriter(tmp_path / "bag", provenance=clean_provenance("t", "", 1, "")):
+        pass
+    return tmp_path / "bag"
+
+
+def requested(bag: Path, monkeypatch: pytest.MonkeyPatch, **options: object) -> AttackSpec:
+    """What the command asks of the stage, which does not go to work."""
+    seen: list[AttackRequest] = []
+    monkeypatch.setattr(stage, "attack", lambda clean, out, request, **_: seen.append(request))
+    attack(bag, **options)  # type: ignore[arg-type]
+    (spec,) = seen[0].attacks
+    return spec
+
+
+def test_options_become_an_attack(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    spec = requested(bag, monkeypatch)
+    assert (spec.type, spec.parameters, spec.recipe) == ("detach", {"ratio": 0.01}, None)
+    spec = requested(bag, monkeypatch, ratio=0.02, settings=["rounds=4"], recipe="paper", frames="::5")
+    assert spec.parameters == {"ratio": 0.02, "rounds": 4}
+    assert (spec.recipe, spec.frames) == ("paper", "::5")
+    spec = requested(bag, monkeypatch, kind="cam-dos", attacker=["10%"], victim="ego", from_s=2.0, to_s=5.0)
+    assert spec.attackers is not None
+    assert (spec.attackers.share, spec.victim, spec.schedule.to_s) == (0.1, "ego", 5.0)
+    assert spec.parameters == {}
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        ({"ratio": float("nan")}, "ratio is nan"),
+        ({"ratio": -0.1}, r"ratio is -0\.1"),
+        ({"ratio": 0.0}, r"ratio is 0\.0"),
+        ({"ratio": 1.0}, r"ratio is 1\.0"),
+        ({"settings": ["rounds"]}, "--set 'rounds': write name=value"),
+        ({"settings": ["rounds=[1"]}, r"--set 'rounds=\[1': the value cannot be read"),
+        ({"settings": ["round=1"]}, r"detach: unknown parameter 'round'; known: ratio, "),
+        ({"settings": ["rounds=many"]}, "detach: rounds is 'many'"),
+        ({"kind": "detatch"}, "unknown attack 'detatch'; known: detach, "),
+        ({"recipe": "worst"}, "unknown recipe 'worst'"),
+        ({"attacker": ["a"]}, "detach has no use for attackers"),
+        (
+            {"kind": "cam-dos", "attacker": ["a", "5%"]},
+            "--attacker 5%: a share or a roadside unit stands alone",
+        ),
+        ({"kind": "cam-dos", "attacker": ["0%"]}, r"attackers\.share: Input should be greater than 0"),
+        ({"kind": "cam-dos", "attacker": ["x%"]}, "--attacker x%: write a vehicle's id, 20%, or rsu:X,Y"),
+        ({"kind": "cam-dos", "attacker": ["rsu:1"]}, r"attackers\.roadside_unit\.y_m: Field required"),
+        ({"kind": "cam-dos", "ratio": 0.1}, "cam-dos: unknown parameter 'ratio'; known: "),
+        ({"from_s": 5.0, "to_s": 4.0}, "to_s 4 is not after from_s 5"),
+        ({"from_s": -1.0}, r"from_s: Input should be greater than or equal to 0, not -1\.0"),
+        ({"frames": "1;2"}, "frames '1;2': expected start:stop:step"),
+        ({"detector": "large"}, "holds no messages"),  # the bag is looked at first
+    ],
+)
+def test_mistakes_are_one_line(bag: Path, options: dict[str, object], line: str) -> None:
+    with pytest.raises(AdvpipeError, match=line) as caught:
+        attack(bag, **options)  # type: ignore[arg-type]
+    assert "\n" not in str(caught.value)
+    assert [path.name for path in bag.parent.iterdir()] == ["bag"]

@@ -1,0 +1,164 @@
+"""GPS, V2X and LiDAR attacks in one bag of a recorded drive: what is new, and what is untouched."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import yaml
+
+from advpipe.pipeline.bag.frames import read_frames
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.scenario import load_scenario
+from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
+from advpipe.stages.attack.job import Job
+from advpipe.stages.attack.run import AttackRequest, attack, attack_id
+from advpipe.stages.simulate.run import simulate
+
+LIDAR, FIX, CAMS = "/ego/lidar/points", "/ego/gnss/fix", "/v2x/sent"
+SPAN = Schedule(from_s=1, to_s=2)
+GPS = AttackSpec(type="paa", victim="ego", schedule=SPAN)
+SPEED = AttackSpec(
+    type="cam-speed-constant", attackers={"share": 1.0}, parameters={"speed_mps": 30}, schedule=SPAN
+)
+
+
+def detach(**keys):
+    """At random: the small detector of these tests sees nothing of this drive."""
+    ours = {"parameters": {"ratio": 0.05}, "detector": "linear_detector:Shipped"}
+    return AttackSpec(type="detach", recipe="random", **ours, **keys)
+
+
+@pytest.fixture(scope="session")
+def drive(tmp_path_factory):
+    """Three seconds with V2X; 30 clouds."""
+    out = tmp_path_factory.mktemp("coordinated") / "drive"
+    lidar = "sensors.lidars.lidar"
+    settings = ["simulation.duration_s=3", f"{lidar}.channels=8", f"{lidar}.points_per_second=20000"]
+    simulate(load_scenario("smoke", [*settings, "v2x.penetration=1", "recording.markers=false"]), out)
+    return out / "clean"
+
+
+def by_topic(bag):
+    found = {}
+    for raw in BagReader(bag).raw_messages():
+        found.setdefault(raw.topic.name, []).append(raw)
+    return found
+
+
+def files_of(folder):
+    return {file.name: file.read_bytes() for file in sorted(folder.iterdir())}
+
+
+def test_three_families_strike_in_the_same_second(drive, tmp_path):
+    lidar = detach(schedule=SPAN, frames="::5")
+    summary = attack(drive, tmp_path / "adv", AttackRequest((lidar, SPEED, GPS), 7))  # in any order
+    clean, struck = by_topic(drive), by_topic(tmp_path / "adv")
+    changed = {topic for topic in clean if clean[topic] != struck[topic]}
+    untouched = {"/clock", "/tf_static", "/scenario/info", "/ego/ground_truth/odometry", "/ego/imu"}
+    assert not changed & (untouched | {"/ego/ground_truth/objects", "/v2x/stations", "/ego/wheel/odometry"})
+    assert {LIDAR, FIX, CAMS, "/tf", "/ego/odometry"} <= changed
+    assert summary.replaced >= {FIX, CAMS}
+    # Of the clouds, every fifth is there, and those of the span are attacked; nothing else is left out.
+    assert len(struck[LIDAR]) == 6
+    assert [len(clean[topic]) for topic in untouched] == [len(struck[topic]) for topic in untouched]
+    frames = pq.read_table(str(tmp_path / "adv" / "frames.parquet")).to_pylist()
+    assert [row["frame"] for row in frames] == [0, 5, 10, 15, 20, 25]
+    assert [row["attack"] for row in frames] == ["", "", "detach", "detach", "", ""]
+    # The GPS leaps for a second, by 50 to 150 m.
+    start_ns = clean[FIX][0].log_time_ns
+    reader = BagReader(drive)
+    for before, after in zip(clean[FIX], struck[FIX], strict=True):
+        is_on = 1 <= (before.log_time_ns - start_ns) / 1e9 < 2
+        fixes = [reader.decode(raw) for raw in (before, after)]
+        north_m = (fixes[1].latitude - fixes[0].latitude) * 111_200
+        east_m = (fixes[1].longitude - fixes[0].longitude) * 111_300 * np.cos(np.radians(fixes[0].latitude))
+        assert (49 < np.hypot(north_m, east_m) < 151) == is_on
+    for name in ("labels.parquet", "gnss_labels.parquet", "v2x_labels.parquet"):
+        assert pq.read_table(str(tmp_path / "adv" / name)).num_rows > 0
+    resolved = yaml.safe_load((tmp_path / "adv" / "attack.yaml").read_text())
+    assert resolved["attack"] == "detach+cam-speed-constant+gnss-relocate"
+    assert (resolved["recipe"], resolved["budget"]) == ("random", "ratio")  # of the clouds
+    assert json.loads(BagReader(tmp_path / "adv").provenance["attacks"]) == resolved["attacks"]
+    assert resolved["attacks"][2]["parameters"]["least_m"] == 50.0
+    assert len(list(read_frames(tmp_path / "adv"))) == 6  # the truth still fits the clouds
+
+
+def test_messages_alone_need_no_clouds_and_keep_all(drive, tmp_path):
+    attack(drive, tmp_path / "adv", AttackRequest((SPEED,), 7))
+    clean, struck = by_topic(drive), by_topic(tmp_path / "adv")
+    assert clean[LIDAR] == struck[LIDAR]
+    assert clean[FIX] == struck[FIX]
+    assert clean[CAMS] != struck[CAMS]
+    assert not (tmp_path / "adv" / "labels.parquet").exists()
+    assert yaml.safe_load((tmp_path / "adv" / "attack.yaml").read_text())["frames"] == "0::1"
+
+
+def test_same_bytes_in_one_go_in_pieces_and_on_two_workers(drive, tmp_path, monkeypatch):
+    monkeypatch.setattr("advpipe.pipeline.jobs.JOBS_WORTH_A_WORKER", 1)
+    request = AttackRequest((detach(frames="::10"), SPEED, GPS), 7)
+    attack(drive, tmp_path / "one" / "adv", request, workers=1)
+    attack(drive, tmp_path / "two" / "adv", request, workers=2)
+    whole = files_of(tmp_path / "one" / "adv")
+    assert files_of(tmp_path / "two" / "adv") == whole
+    stored, most, store = [], [2], Job.store
+
+    def interrupted(self, index, result):
+        if len(stored) == most[0]:
+            raise KeyboardInterrupt
+        stored.append(index)
+        store(self, index, result)
+
+    monkeypatch.setattr(Job, "store", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        attack(drive, tmp_path / "pieces" / "adv", request, workers=1)
+    assert not (tmp_path / "pieces" / "adv").exists()
+    assert stored == [0, 1]
+    most[0] = 99
+    attack(drive, tmp_path / "pieces" / "adv", request, workers=1)
+    assert stored == [0, 1, 2]
+    assert files_of(tmp_path / "pieces" / "adv") == whole
+
+
+@pytest.mark.parametrize(
+    ("specs", "line"),
+    [
+        (
+            [SPEED, AttackSpec(type="cam-sudden-stop", attackers={"vehicles": ["ego"]})],
+            "cam-speed-constant and cam-sudden-stop contradict each other: both set the speed",
+        ),
+        (
+            [GPS, AttackSpec(type="gnss-drift")],
+            "gnss-relocate and gnss-drift both spoof ego",
+        ),
+        ([AttackSpec(type="cam-dos", attackers={"vehicles": ["nobody"]})], "attacker 'nobody' has no radio"),
+        ([AttackSpec(type="cam-dos", schedule={"from_s": 3.5})], "begins at 3.5 s, but the recording ends"),
+        ([AttackSpec(type="gnss-drift", victim="nobody")], "no vehicle 'nobody' with GPS"),
+        (
+            [AttackSpec(type="cam-speed-constant", parameters={"speed": 1})],
+            "unknown parameter 'speed'",
+        ),
+        ([AttackSpec(type="cam-nothing")], "unknown attack 'cam-nothing'; known: detach"),
+    ],
+)
+def test_what_cannot_be_done_is_refused(drive, tmp_path, specs, line):
+    with pytest.raises(AdvpipeError, match=line) as caught:
+        attack(drive, tmp_path / "adv", AttackRequest(tuple(specs)))
+    assert "\n" not in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_bag_without_v2x_and_gps(clean_bag, tmp_path):
+    with pytest.raises(AdvpipeError, match="no V2X to send again"):
+        attack(clean_bag, tmp_path / "adv", AttackRequest((SPEED,)))
+    with pytest.raises(AdvpipeError, match="no vehicle 'ego' with GPS"):
+        attack(clean_bag, tmp_path / "adv", AttackRequest((GPS,)))
+    assert [item.name for item in tmp_path.iterdir()] == ["clean"]
+
+
+def test_its_name():
+    assert attack_id(AttackRequest((GPS, detach()))) == "gnss-relocate+detach-random-0.05"
+    assert attack_id(AttackRequest((SPEED,))).startswith("cam-speed-constant-speed_mps30")
