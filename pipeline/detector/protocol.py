@@ -88,7 +88,7 @@ class VoxelGrid:
 
         In single precision, as the detector counts: a point near a face is where the detector sees it.
         """
-        low, size = np.float32(self.low_m), np.float32(self.size_m)
+        low, size = np.array(self.low_m, np.float32), np.array(self.size_m, np.float32)
         with np.errstate(invalid="ignore", over="ignore"):
             scaled = np.floor((np.asarray(xyz_m, np.float32)[:, :3] - low) / size)
             inside = ((scaled >= 0) & (scaled < np.array(self.shape))).all(axis=1)

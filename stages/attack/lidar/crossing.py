@@ -1,0 +1,247 @@
+"""Crossing voxel faces: move the points that empty and fill the voxels which the detector's answer hangs on.
+
+A detector on voxels reads which of them are occupied, hardly where in them the points lie. So each round
+asks for the gradient of the loss to the occupancy of every voxel in reach, empty ones included, and lets
+points cross where that gains most: singly, or all points of a voxel together so that it empties.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import torch
+
+from advpipe.pipeline.baselines import move_within
+from advpipe.pipeline.detector.protocol import VoxelDetector
+from advpipe.stages.attack.lidar.constraints import Rules
+from advpipe.stages.attack.lidar.crossings import Crossings, find_crossings
+from advpipe.stages.attack.lidar.goal import Goal, owners
+from advpipe.stages.attack.lidar.keeper import Keeper
+from advpipe.stages.attack.lidar.selection import NoGradientError
+
+Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
+Int64 = npt.NDArray[np.int64]
+Bool = npt.NDArray[np.bool_]
+
+
+INTENSITY_STEP = 0.2
+"""Of the cloud's range of intensities, a step where they are attacked."""
+
+
+@dataclass(frozen=True)
+class Tactics:
+    """How crossings are chosen; chosen by measurement (benchmarks/attack_ingredients.py).
+
+    margin_m: points this near to an object take part. landing_m: how far past a face they land.
+    momentum: share of the earlier rounds in a voxel's gain. eager, calm: the probability that a crossing
+    that gains is made, in the first and in the last round of a cycle. rounds_a_cycle: each cycle starts
+    from the best that was kept. jitter_m: standard deviation of the noise under which gains are asked for.
+    groups: whole voxels may be emptied together. keep: judge attempts and keep the best.
+    """
+
+    margin_m: float = 0.3
+    landing_m: float = 0.001
+    momentum: float = 0.5
+    eager: float = 0.5
+    calm: float = 0.5
+    rounds_a_cycle: int = 12
+    jitter_m: float = 0.0
+    groups: bool = True
+    keep: bool = True
+
+
+class Crossing:
+    """One cloud under attack: points (N, 4) float32, all finite."""
+
+    def __init__(
+        self,
+        points: Float32,
+        goal: Goal,
+        detector: VoxelDetector,
+        rules: Rules,
+        reach_m: float,
+        tactics: Tactics,
+        rng: np.random.Generator,
+    ) -> None:
+        self.points, self.goal, self.detector, self.rules = points, goal, detector, rules
+        self.tactics, self.rng = tactics, rng
+        self.grid = detector.voxel_grid
+        self.owner = owners(points[:, :3], goal.fought.boxes.double().numpy(), tactics.margin_m)
+        keys = self.grid.keys(self.grid.cells(points))
+        self.movable = np.flatnonzero((self.owner >= 0) & (keys >= 0) & rules.allowed)
+        constraints = rules.constraints
+        self.options = find_crossings(
+            points[self.movable, :3],
+            self.grid,
+            reach_m,
+            tactics.landing_m,
+            constraints.along_ray,
+            rules.hidden if constraints.keep_occlusion_order else None,
+        )
+        fixed = np.delete(keys, self.movable)
+        self.fixed_count = _counts(fixed, self.options.keys)
+        self.intensity = points[self.movable, 3].copy()
+        self.gain = np.zeros(len(self.options.keys))
+        self.asked = np.zeros(len(self.options.keys), bool)
+        # An empty voxel is tried with the point that has the shortest way into it.
+        by_length = np.lexsort((self.options.length_m, self.options.cell))
+        _, first = np.unique(self.options.cell[by_length], return_index=True)
+        self.visitor = by_length[first]
+
+    def run(self, rounds: int) -> Float32:
+        """The attacked points (N, 4) after so many gradients; raises NoGradientError where there is none."""
+        keeper = Keeper(self.goal, self.detector, self.points, self.owner)
+        choice = self.options.home.copy()
+        kept, current = choice.copy(), self.points
+        tactics = self.tactics
+        cycle = min(tactics.rounds_a_cycle, rounds)
+        for number in range(rounds):
+            phase = number % cycle
+            if phase == 0:
+                choice = kept.copy()
+            self._ask(choice)
+            share = phase / max(1, cycle - 1)
+            choice = self._cross(choice, tactics.eager + (tactics.calm - tactics.eager) * share)
+            current = self.placed(choice)
+            if tactics.keep:
+                better = keeper.show(current)[self.movable]
+                kept[better] = choice[better]
+            else:
+                kept = choice
+        return keeper.settle() if tactics.keep else current
+
+    def placed(self, choice: Int64) -> Float32:
+        """The points (N, 4) where each movable one stands at its choice (P,)."""
+        moved = self.points.copy()
+        moved[self.movable, :3] = move_within(self.points[self.movable, :3], self.options.offset_m[choice])
+        moved[self.movable, 3] = self.intensity
+        return moved
+
+    def _ask(self, choice: Int64) -> None:
+        """Bring the gain of each voxel in reach up to date, by one backward pass."""
+        points = self.placed(choice)
+        if self.tactics.jitter_m:
+            points[:, :3] += self.rng.normal(0, self.tactics.jitter_m, (len(points), 3)).astype(np.float32)
+        empty = np.flatnonzero(self._count(choice) == 0)
+        visitor = self.visitor[empty]
+        ghosts = self.points[self.movable[self.options.point[visitor]]]
+        ghosts[:, :3] = move_within(ghosts[:, :3], self.options.offset_m[visitor])
+        taught = self.goal.taught
+        leaf = torch.from_numpy(points).requires_grad_()
+        loss, occupancy, rows = self.detector.occupancy_loss(
+            leaf, taught.boxes, taught.labels, torch.from_numpy(ghosts)
+        )
+        gradient, to_points = torch.autograd.grad(loss, [occupancy, leaf])
+        if self.rules.constraints.intensity:
+            self._shine(to_points[self.movable, 3].cpu().numpy())
+        worth = np.nan_to_num(gradient.cpu().numpy().astype(np.float64), posinf=0.0, neginf=0.0)
+        worth *= self.goal.sign
+        if not worth.any():
+            raise NoGradientError
+        row = rows.cpu().numpy()
+        read = row >= 0
+        key = self.grid.keys(self.grid.cells(np.concatenate([points, ghosts])[read]))
+        key, first = np.unique(key, return_index=True)
+        at = np.searchsorted(self.options.keys, key)
+        here = at < len(self.options.keys)
+        here[here] = self.options.keys[at[here]] == key[here]
+        cell, new = at[here], worth[row[read][first[here]]]
+        memory = np.where(self.asked[cell], self.tactics.momentum, 0.0)
+        self.gain[cell] = memory * self.gain[cell] + (1 - memory) * new
+        self.asked[cell] = True
+
+    def _shine(self, gradient: Float32) -> None:
+        """One step of the intensities (P,), within what the clean cloud knows."""
+        low, high = self.points[:, 3].min(), self.points[:, 3].max()
+        step = INTENSITY_STEP * (high - low) * np.sign(self.goal.sign * np.nan_to_num(gradient))
+        if self.rules.constraints.max_points is None:
+            self.intensity = np.clip(self.intensity + step, low, high).astype(np.float32)
+
+    def _count(self, choice: Int64) -> Int64:
+        return self.fixed_count + np.bincount(self.options.cell[choice], minlength=len(self.gain))
+
+    def _cross(self, choice: Int64, probability: float) -> Int64:
+        """The next choice (P,): what gains is made with some probability."""
+        options, gain = self.options, self.gain
+        count = self._count(choice)
+        here = options.cell[choice]
+        is_move = options.cell != here[options.point]
+        enter = np.where(count == 0, gain, 0.0)  # of a voxel
+        leave = np.where(count == 1, -gain, 0.0)
+        worth = np.where(is_move, enter[options.cell], -np.inf)
+        # Short ways first where all else is equal.
+        worth = worth - 1e-12 * options.length_m
+        best = _best_option(worth, options, len(choice))
+        single = np.where(np.isfinite(worth[best]), worth[best], -np.inf) + leave[here]
+        taken = (single > 0) & (self.rng.random(len(choice)) < probability)
+        taken &= ~_second_to_arrive(taken, options.cell[best], count, single)
+        if self.tactics.groups:
+            taken |= self._groups(choice, best, worth, count, taken, probability)
+        after = np.where(taken, best, choice)
+        return self._limited(after)
+
+    def _groups(
+        self, choice: Int64, best: Int64, worth: Float64, count: Int64, taken: Bool, probability: float
+    ) -> Bool:
+        """Which points (P,) leave their voxel together, so that it empties."""
+        options = self.options
+        here = options.cell[choice]
+        several = (count > 1) & (self.fixed_count == 0)
+        can = np.isfinite(worth[best])
+        stuck = np.zeros(len(count), bool)
+        stuck[here[~can]] = True
+        members = np.flatnonzero(several[here] & ~stuck[here])
+        if not len(members):
+            return np.zeros(len(choice), bool)
+        # What a group brings: each voxel that it fills once, and its own one emptied.
+        pair = here[members] * len(count) + options.cell[best[members]]
+        _, one_each = np.unique(pair, return_index=True)
+        brings = np.bincount(here[members[one_each]], worth[best[members[one_each]]], len(count))
+        alone = np.maximum(worth[best[members[one_each]]], 0)
+        alone_brings = np.bincount(here[members[one_each]], alone, len(count))
+        total = brings - self.gain
+        goes = several & ~stuck & (total > 0) & (total > alone_brings)
+        goes &= self.rng.random(len(count)) < probability
+        leaving = np.zeros(len(choice), bool)
+        leaving[members] = goes[here[members]]
+        return leaving
+
+    def _limited(self, choice: Int64) -> Int64:
+        """The choice with the least worthy moves undone, where only so many points may be touched."""
+        if self.rules.constraints.max_points is None:
+            return choice
+        options = self.options
+        moved = choice != options.home
+        worth = np.zeros(len(self.points))
+        brought = self.gain[options.cell[choice]] - self.gain[options.cell[options.home]]
+        worth[self.movable] = np.where(moved, np.maximum(brought, 1e-12), 0.0)
+        return np.where(self.rules.limit(worth)[self.movable], choice, options.home)
+
+
+def _best_option(worth: Float64, options: Crossings, points: int) -> Int64:
+    """The most worthy option (P,) of each point, the first of equals."""
+    order = np.lexsort((-worth, options.point))
+    first = np.searchsorted(options.point[order], np.arange(points))
+    return order[first]
+
+
+def _second_to_arrive(taken: Bool, cell: Int64, count: Int64, worth: Float64) -> Bool:
+    """Which of the taken moves (P,) into an empty voxel come after a worthier one."""
+    arriving = np.flatnonzero(taken & (count[cell] == 0))
+    order = arriving[np.lexsort((-worth[arriving], cell[arriving]))]
+    _, first = np.unique(cell[order], return_index=True)
+    late = np.zeros(len(taken), bool)
+    late[order] = True
+    late[order[first]] = False
+    return late
+
+
+def _counts(keys: Int64, wanted: Int64) -> Int64:
+    """How many of the keys equal each of the wanted ones, which ascend."""
+    at = np.searchsorted(wanted, keys)
+    inside = at < len(wanted)
+    inside[inside] = wanted[at[inside]] == keys[inside]
+    return np.bincount(at[inside], minlength=len(wanted))

@@ -1,0 +1,107 @@
+"""Where points can cross into another voxel: for each point, the cells in its reach and how to get there."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.baselines import move_within
+from advpipe.pipeline.detector.protocol import VoxelGrid
+
+Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
+Int64 = npt.NDArray[np.int64]
+Bool = npt.NDArray[np.bool_]
+
+MAX_CELLS_AWAY = 2
+"""Along each axis. A farther cell is no better a hiding place, and its way is longer."""
+
+HAIR = 1e-9
+"""Displacements end this share short of their bound, so that no rounding carries one beyond it."""
+
+
+@dataclass(frozen=True)
+class Crossings:
+    """The L options of P points: each is a cell that a point can stand in, and the shortest way into it.
+
+    point: (L,) which point, ascending. cell: (L,) index into `keys`. offset_m: (L, 3) float64 from where
+    the point stands in the clean cloud; zero for staying. home: (P,) the option of staying.
+    keys: (C,) the cells in reach of any point, as `VoxelGrid.keys`.
+    """
+
+    point: Int64
+    cell: Int64
+    offset_m: Float64
+    home: Int64
+    keys: Int64
+
+    @property
+    def length_m(self) -> Float64:
+        """How far each option leads (L,)."""
+        length_m: Float64 = np.linalg.norm(self.offset_m, axis=1)
+        return length_m
+
+
+def find_crossings(
+    start: Float32,
+    grid: VoxelGrid,
+    reach_m: float,
+    landing_m: float,
+    along_ray: bool = False,
+    forbidden: Callable[[Float64], Bool] | None = None,
+) -> Crossings:
+    """The options of points (P, 3), which all lie in the grid, within a reach.
+
+    landing_m: how far behind a face a point lands, or on the way back into the middle of a smaller cell.
+    along_ray: points move on their ray from the origin only. forbidden: which places (K, 3) are none.
+    """
+    low, size = np.array(grid.low_m), np.array(grid.size_m)
+    cells = grid.cells(start)
+    inset = np.minimum(landing_m, 0.45 * size)
+    away = [range(-n, n + 1) for n in (min(math.ceil(reach_m / s), MAX_CELLS_AWAY) for s in grid.size_m)]
+    place = start.astype(np.float64)
+    point, offset, target = [], [], []
+    for step in itertools.product(*away):
+        if step == (0, 0, 0):
+            here, way = np.arange(len(start)), np.zeros_like(place)
+        else:
+            first = low + (cells + step) * size + inset - place  # to the shrunken cell's faces
+            last = first + size - 2 * inset
+            here, way = _along_rays(place, first, last) if along_ray else _straight(first, last)
+        fits = np.linalg.norm(way, axis=1) <= reach_m * (1 - HAIR)
+        point.append(here[fits])
+        offset.append(way[fits] * (1 - HAIR))
+        target.append(cells[here[fits]] + step)
+    points, offsets, targets = np.concatenate(point), np.concatenate(offset), np.concatenate(target)
+    arrived = move_within(start[points], offsets)
+    stays: Bool = np.equal(offsets, 0).all(axis=1)
+    there: Bool = (grid.cells(arrived) == targets).all(axis=1) & (grid.keys(targets) >= 0)
+    valid = there | stays
+    if forbidden is not None:
+        check = np.flatnonzero(valid & ~stays)
+        valid[check[forbidden(arrived[check].astype(np.float64))]] = False
+    order = np.flatnonzero(valid)[np.lexsort((~stays[valid], points[valid]))]
+    keys, cell = np.unique(grid.keys(targets[order]), return_inverse=True)
+    home = np.searchsorted(points[order], np.arange(len(start)))  # staying comes first
+    return Crossings(points[order], cell.astype(np.int64), offsets[order], home.astype(np.int64), keys)
+
+
+def _straight(first: Float64, last: Float64) -> tuple[Int64, Float64]:
+    """The shortest way of each point into a box, from `first` to `last` relative to it."""
+    return np.arange(len(first)), np.clip(0.0, first, last)
+
+
+def _along_rays(place: Float64, first: Float64, last: Float64) -> tuple[Int64, Float64]:
+    """The same for the points whose ray meets the box, on the ray (the slab method)."""
+    ray = place / np.maximum(np.linalg.norm(place, axis=1, keepdims=True), 1e-9)
+    ray = np.where(np.abs(ray) < 1e-12, 1e-12, ray)
+    a, b = first / ray, last / ray
+    enter, leave = np.minimum(a, b).max(axis=1), np.maximum(a, b).min(axis=1)
+    meets = np.flatnonzero(enter <= leave)
+    way = np.clip(0.0, enter[meets], leave[meets])
+    return meets, way[:, None] * ray[meets]

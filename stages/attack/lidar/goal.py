@@ -1,0 +1,127 @@
+"""What an attack on a cloud is after: whom it fights, which loss it follows, and how well an attempt did."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import torch
+
+from advpipe.pipeline.bag.cloud import Cloud, xyz
+from advpipe.pipeline.detector.protocol import Detections, Detector
+from advpipe.pipeline.geometry.boxes import CLASSES, Boxes, points_in_boxes
+from advpipe.pipeline.geometry.iou import iou_3d
+from advpipe.pipeline.metrics.average_precision import LOOSE_IOU, STRICT_IOU
+from advpipe.pipeline.metrics.matching import match_overlaps
+from advpipe.stages.attack.lidar.constraints import Constraints
+from advpipe.stages.attack.lidar.targets import Targets, find_targets
+
+Float64 = npt.NDArray[np.float64]
+Int64 = npt.NDArray[np.int64]
+
+FALSE_WEIGHT = 0.3
+"""What a false detection near an object is worth beside the object's own: it costs precision, not recall."""
+
+
+@dataclass(frozen=True)
+class Goal:
+    """The M objects that an attack fights over, in the cloud's frame.
+
+    fought: their boxes and labels. taught: what the detector's loss is asked for.
+    sign: +1 where the attack raises that loss, -1 where it lowers it.
+    kind: "break" detections at all, "hide" the objects, or "conjure" them.
+    classes: the detector's.
+    """
+
+    fought: Targets
+    taught: Targets
+    sign: float
+    kind: str
+    classes: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.fought)
+
+    def success(self, found: Detections) -> Float64:
+        """How well the attack did on each object (M,) by these detections: higher is better.
+
+        To break one: no detection of strict overlap, and false ones beside it. To hide one: no detection
+        of loose overlap. To conjure one: a detection of it, and short of that a box that nearly is one.
+        """
+        truth, labels = self.fought.boxes.double().numpy(), self.fought.labels.numpy()
+        overlap = iou_3d(found.boxes, truth) * (found.labels[:, None] == labels[None])
+        if self.kind == "conjure":
+            return np.asarray((overlap * found.scores[:, None]).max(axis=0, initial=0.0), np.float64)
+        if self.kind == "hide":
+            loose = np.array([LOOSE_IOU[self.classes[label]] for label in labels.tolist()])
+            return -np.asarray(((overlap >= loose) * found.scores[:, None]).max(axis=0, initial=0.0))
+        return self._broken(found, overlap, truth, labels)
+
+    def _broken(self, found: Detections, overlap: Float64, truth: Float64, labels: Int64) -> Float64:
+        kept, false = np.zeros(len(truth)), np.zeros(len(truth))
+        for label in np.unique(np.concatenate([labels, found.labels])).tolist():
+            mine, theirs = np.flatnonzero(labels == label), np.flatnonzero(found.labels == label)
+            least = STRICT_IOU[self.classes[label]]
+            everyone = np.ones(len(mine), bool)
+            matches = match_overlaps(overlap[np.ix_(theirs, mine)], everyone, found.scores[theirs], least)
+            hit = matches.found_by >= 0
+            kept[mine[hit]] = matches.scores[matches.found_by[hit]]
+            wrong = theirs[matches.is_false_positive()]
+            if len(wrong) and len(truth):
+                away = np.linalg.norm(found.boxes[wrong, None, :2] - truth[None, :, :2], axis=2)
+                np.maximum.at(false, away.argmin(axis=1), found.scores[wrong])
+        return FALSE_WEIGHT * false - kept
+
+
+def goal_of(constraints: Constraints, detector: Detector, cloud: Cloud, boxes: Boxes) -> Goal:
+    """The goal under these constraints; of no objects where there is nothing to fight over.
+
+    Without further wishes every object's detection is broken: the loss of the truth goes up. Chosen
+    objects are hidden, as the loss of a truth without them goes down; a ghost is conjured likewise.
+    """
+    everyone = find_targets(detector, cloud, boxes)
+    if constraints.ghost:
+        ghost = _known(constraints.attacked(boxes, xyz(cloud)), detector)
+        return Goal(ghost, _joined(everyone, ghost), -1.0, "conjure", detector.classes)
+    if constraints.objects:
+        chosen = find_targets(detector, cloud, constraints.attacked(boxes, xyz(cloud)))
+        return Goal(chosen, _without(everyone, chosen), -1.0, "hide", detector.classes)
+    return Goal(everyone, everyone, 1.0, "break", detector.classes)
+
+
+def owners(points: npt.NDArray[np.float32], boxes: Float64, margin_m: float) -> Int64:
+    """Which of the boxes (M, 7), grown by a margin, each point (N, 3) belongs to: (N,), -1 for none.
+
+    Where boxes share a point, it is the one with the point farthest inside, or least far outside.
+    """
+    owner = np.full(len(points), -1, np.int64)
+    nearest_m = np.full(len(points), np.inf)
+    for index, inside in enumerate(points_in_boxes(points, boxes, margin_m)):
+        x, y, z, length, width, height, yaw = boxes[index]
+        dx, dy, dz = (points[inside].astype(np.float64) - (x, y, z)).T
+        along, across = dx * np.cos(yaw) + dy * np.sin(yaw), dy * np.cos(yaw) - dx * np.sin(yaw)
+        outside_m = np.maximum.reduce(
+            [np.abs(along) - length / 2, np.abs(across) - width / 2, np.abs(dz) - height / 2]
+        )
+        nearer = outside_m < nearest_m[inside]
+        owner[inside[nearer]], nearest_m[inside[nearer]] = index, outside_m[nearer]
+    return owner
+
+
+def _known(boxes: Boxes, detector: Detector) -> Targets:
+    """The boxes of classes that the detector has, however few points they hold."""
+    names = [CLASSES[label] for label in boxes.labels]
+    wanted = [i for i, name in enumerate(names) if name in detector.classes]
+    labels = [detector.classes.index(names[i]) for i in wanted]
+    geometry = boxes.geometry[wanted].reshape(-1, 7).astype(np.float32)
+    return Targets(torch.from_numpy(geometry), torch.tensor(labels, dtype=torch.int64))
+
+
+def _joined(a: Targets, b: Targets) -> Targets:
+    return Targets(torch.cat([a.boxes, b.boxes]), torch.cat([a.labels, b.labels]))
+
+
+def _without(everyone: Targets, chosen: Targets) -> Targets:
+    rest = ~(everyone.boxes[:, None] == chosen.boxes[None]).all(2).any(1)
+    return Targets(everyone.boxes[rest], everyone.labels[rest])

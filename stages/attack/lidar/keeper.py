@@ -1,0 +1,59 @@
+"""The best of many attempts, kept for each object by what the detector really finds."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.bag.cloud import POINT_DTYPE, Cloud
+from advpipe.pipeline.detector.protocol import Detector
+from advpipe.stages.attack.lidar.goal import Goal
+
+Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
+Int64 = npt.NDArray[np.int64]
+Bool = npt.NDArray[np.bool_]
+
+
+class Keeper:
+    """Shown attempts at one cloud, it keeps for each object the points that hurt it most.
+
+    owner: (N,) the object that each point belongs to, -1 for none. Points (N, 4) are x, y, z, intensity.
+    """
+
+    def __init__(self, goal: Goal, detector: Detector, clean: Float32, owner: Int64) -> None:
+        self._goal, self._detector, self.owner = goal, detector, owner
+        self._together = clean.copy()
+        self.success = self._goal.success(detector.detect(cloud_of(clean)))
+        self._whole, self._whole_success = clean, float(self.success.sum())
+
+    def show(self, attempt: Float32) -> Bool:
+        """Judge an attempt (N, 4); for which points (N,) it is now the one that is kept."""
+        success = self._judge(attempt)
+        better = success > self.success + 1e-9
+        self.success = np.where(better, success, self.success)
+        taken: Bool = (self.owner >= 0) & np.append(better, False)[self.owner]
+        self._together[taken] = attempt[taken]
+        return taken
+
+    def settle(self) -> Float32:
+        """The best points (N, 4) for all objects together: one attempt, or what was kept of several.
+
+        Looked at once more, for neighbours that were kept from different attempts change each other.
+        """
+        self.success = self._judge(self._together)
+        return self._whole.copy()
+
+    def _judge(self, points: Float32) -> Float64:
+        success = self._goal.success(self._detector.detect(cloud_of(points)))
+        if success.sum() > self._whole_success + 1e-9:
+            self._whole, self._whole_success = points.copy(), float(success.sum())
+        return success
+
+
+def cloud_of(points: Float32) -> Cloud:
+    """Points (N, 4) x, y, z, intensity as a cloud, its other fields zero: no detector reads them."""
+    cloud = np.zeros(len(points), POINT_DTYPE)
+    for column, name in enumerate(("x", "y", "z", "intensity")):
+        cloud[name] = points[:, column]
+    return cloud

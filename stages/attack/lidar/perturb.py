@@ -1,0 +1,168 @@
+"""Perturbation: move points by at most eps, none lost and none added."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.bag.cloud import Cloud, xyz, xyzi
+from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.stages.attack.lidar.base import LidarResult, PointLabels, unchanged
+from advpipe.stages.attack.lidar.constraints import Constraints, Rules
+from advpipe.stages.attack.lidar.crossing import Crossing, Tactics
+from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners
+from advpipe.stages.attack.lidar.keeper import Keeper
+from advpipe.stages.attack.lidar.pgd import descend, displaced
+from advpipe.stages.attack.lidar.selection import NoGradientError
+from advpipe.stages.attack.lidar.targets import detection_loss
+
+Float32 = npt.NDArray[np.float32]
+Bool = npt.NDArray[np.bool_]
+
+MOVED = "moved"
+"""The action on a point that stands elsewhere, or only reflects otherwise, in the adversarial cloud."""
+
+MAX_EPS_CM = 500.0
+
+RECIPES = {"best": 24, "robust": 24, "paper": 40, "random": 1, "random-near": 1, "random-best": 24}
+"""How many steps each takes where none are given: gradients, or random tries."""
+
+TACTICS = {
+    "best": Tactics(),
+    # A centimetre of jitter or rounding must not carry points back.
+    "robust": Tactics(landing_m=0.02, jitter_m=0.01),
+}
+
+
+class Perturb:
+    """Move points by at most `eps_cm` centimetres each, in the Euclidean norm, as stored in float32.
+
+    recipe: "best" crosses the voxel faces that the detector's answer hangs on and keeps for each object what
+        hurt it most (`crossing`); for a detector without occupancies it is PGD near objects that keeps
+        the best. "robust" lands 2 cm past the faces and counts on 1 cm of jitter. "paper" is the PGD
+        of the paper (section III-A, Eq. 1 and 2) on all points. By chance: "random" moves all points by eps
+        in a random direction, "random-near" those near objects, and "random-best" tries `steps` times
+        there, with the selection of "best".
+    steps: gradients or tries; 0 for the recipe's own number (the paper: 40).
+    weight: lambda of the paper's dual loss, in loss units a square metre; only for "paper".
+    along_ray, keep_occlusion_order, near_objects_m, objects, ghost, max_points, intensity: see
+        `constraints.Constraints`. Points that are not finite stay as they are.
+    """
+
+    def __init__(
+        self,
+        *,
+        eps_cm: float,
+        recipe: str = "best",
+        steps: int = 0,
+        weight: float = 0.01,
+        along_ray: bool = False,
+        keep_occlusion_order: bool = False,
+        near_objects_m: float | None = None,
+        objects: tuple[str, ...] = (),
+        ghost: str | None = None,
+        max_points: int | None = None,
+        intensity: bool = False,
+    ) -> None:
+        if not 0 < eps_cm <= MAX_EPS_CM:
+            raise AdvpipeError(f"perturb: eps_cm is {eps_cm}, but must lie above 0 and up to {MAX_EPS_CM:g}")
+        if recipe not in RECIPES:
+            raise AdvpipeError(f"perturb: unknown recipe {recipe!r}; known: {', '.join(RECIPES)}")
+        if not (steps >= 0 and float(steps).is_integer()):
+            raise AdvpipeError(f"perturb: steps is {steps}, but must be a whole number from 0 up")
+        if not (math.isfinite(weight) and weight >= 0):
+            raise AdvpipeError(f"perturb: weight is {weight}, but must be a number from 0 up")
+        self.eps_m, self.recipe, self.weight = float(eps_cm) / 100, recipe, float(weight)
+        self.steps = int(steps) or RECIPES[recipe]
+        self.tactics = TACTICS.get(recipe, TACTICS["best"])
+        options = {
+            "along_ray": along_ray,
+            "keep_occlusion_order": keep_occlusion_order,
+            "near_objects_m": near_objects_m,
+            "objects": objects,
+            "ghost": ghost,
+            "max_points": max_points,
+            "intensity": intensity,
+        }
+        self.constraints = Constraints.of(options)
+        self.constraints.check("perturb")
+        if intensity and recipe == "paper":
+            raise AdvpipeError("perturb: recipe paper leaves intensities alone; take another for intensity")
+
+    def __call__(
+        self, cloud: Cloud, boxes: Boxes, detector: Detector, rng: np.random.Generator
+    ) -> LidarResult:
+        """The cloud with points moved; unchanged, with a note, where there is nothing to attack."""
+        finite = np.flatnonzero(np.isfinite(xyzi(cloud)).all(axis=1))
+        if not len(finite):
+            return unchanged(cloud, "no points to move")
+        scene = cloud[finite]
+        goal = goal_of(self.constraints, detector, scene, boxes)
+        loss_before = detection_loss(detector, scene, goal.taught)
+        if not len(goal) and self.recipe != "random":
+            return unchanged(cloud, "no object to hide that the detector could find")
+        rules = self.constraints.on(xyz(scene), boxes)
+        try:
+            points, note = self._moved(xyzi(scene), goal, detector, rules, rng)
+        except NoGradientError:
+            return unchanged(cloud, "no gradient: the detector's loss depends on no point", loss_before)
+        adversarial = cloud.copy()
+        for column, name in enumerate(("x", "y", "z", "intensity")):
+            adversarial[name][finite] = points[:, column]
+        labels = _labels(cloud, adversarial, finite)
+        loss_after = detection_loss(detector, adversarial[finite], goal.taught)
+        return LidarResult(adversarial, labels, loss_before, loss_after, note)
+
+    def _moved(
+        self, points: Float32, goal: Goal, detector: Detector, rules: Rules, rng: np.random.Generator
+    ) -> tuple[Float32, str]:
+        """The points (N, 4) after the attack, and what the user must know."""
+        if self.recipe == "paper":
+            return descend(points, goal, detector, rules, self.eps_m, self.steps, self.weight, rng), ""
+        if self.recipe == "random":
+            return _shaken(points, rules, self.eps_m, rng), ""
+        owner = owners(points[:, :3], goal.fought.boxes.double().numpy(), self.tactics.margin_m)
+        near = owner >= 0
+        if self.recipe == "random-near":
+            return _shaken(points, rules, self.eps_m, rng, near), ""
+        keeper = Keeper(goal, detector, points, owner)
+        if self.recipe == "random-best":
+            for _ in range(self.steps):
+                keeper.show(_shaken(points, rules, self.eps_m, rng, near))
+            return keeper.settle(), ""
+        if isinstance(detector, VoxelDetector):
+            crossing = Crossing(points, goal, detector, rules, self.eps_m, self.tactics, rng)
+            return crossing.run(self.steps), ""
+        note = f"recipe {self.recipe} needs a detector with occupancy_loss; used PGD with the best iterate"
+        return descend(points, goal, detector, rules, self.eps_m, self.steps, 0.0, rng, keeper), note
+
+
+def _shaken(
+    points: Float32, rules: Rules, reach_m: float, rng: np.random.Generator, near: Bool | None = None
+) -> Float32:
+    """Points (N, 4) moved by the whole reach in random directions, as far as the constraints let them.
+
+    Only those `near` (N,), if given. Where intensities are attacked, theirs are drawn anew.
+    """
+    directions = rng.standard_normal((len(points), 3))
+    directions *= reach_m / np.linalg.norm(directions, axis=1, keepdims=True)
+    chosen = rules.limit(
+        np.where(rules.allowed if near is None else rules.allowed & near, rng.random(len(points)), 0)
+    )
+    moved = displaced(points, rules.project(np.where(chosen[:, None], directions, 0.0)), reach_m)
+    if rules.constraints.intensity:
+        drawn = rng.uniform(points[:, 3].min(), points[:, 3].max(), len(points)).astype(np.float32)
+        moved[:, 3] = np.where(chosen, drawn, points[:, 3])
+    return moved
+
+
+def _labels(cloud: Cloud, adversarial: Cloud, finite: npt.NDArray[np.int64]) -> PointLabels:
+    """Labels of the points that the attack changed."""
+    before, after = xyzi(cloud[finite]).astype(np.float64), xyzi(adversarial[finite]).astype(np.float64)
+    changed = np.flatnonzero((before != after).any(axis=1))
+    displacement_m = np.linalg.norm(after[changed, :3] - before[changed, :3], axis=1)
+    return PointLabels(finite[changed], np.full(len(changed), MOVED), displacement_m)

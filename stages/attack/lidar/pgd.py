@@ -1,0 +1,106 @@
+"""Projected gradient descent on points: the paper's, and one that keeps the best of its iterates."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor
+
+from advpipe.pipeline.baselines import move_within
+from advpipe.pipeline.detector.protocol import Detector
+from advpipe.stages.attack.lidar.constraints import Constraints, Rules
+from advpipe.stages.attack.lidar.crossings import HAIR
+from advpipe.stages.attack.lidar.goal import Goal
+from advpipe.stages.attack.lidar.keeper import Keeper
+from advpipe.stages.attack.lidar.selection import NoGradientError
+
+Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+
+STEP_SHARE = 1 / 30
+"""Of the reach, a step (section IV-B of the paper: alpha = eps / 30)."""
+
+
+def descend(
+    points: Float32,
+    goal: Goal,
+    detector: Detector,
+    rules: Rules,
+    reach_m: float,
+    steps: int,
+    weight: float,
+    rng: np.random.Generator,
+    keeper: Keeper | None = None,
+) -> Float32:
+    """Points (N, 4) after PGD as in Eq. 1 and 2 of the paper; the fourth column stays.
+
+    The loss is L = -sign * L_det + weight * sum of squared displacements. It starts from U(-reach, reach) in
+    each coordinate, projected into the ball; each step goes reach / 30 against the gradient, normalised
+    for each point, and is projected again. With a keeper, its best iterate, and only points of its
+    objects move; else the last one. Raises NoGradientError where the loss depends on no point.
+    """
+    start = torch.from_numpy(points)
+    allowed = np.ones(len(points), bool) if keeper is None else keeper.owner >= 0
+    drawn = torch.from_numpy(rng.uniform(-reach_m, reach_m, (len(points), 3)).astype(np.float32))
+    offset = torch.zeros_like(drawn)
+    for number in range(steps):
+        if number == 0:  # who moves is known after the first gradient only where they are limited
+            allowed &= _most_salient(points, goal, detector, rules)
+            offset = _permitted(project(drawn, reach_m), rules, allowed)
+        gradient = loss_gradient(start, offset, goal, detector)
+        total = -goal.sign * gradient + 2 * weight * offset
+        length = total.norm(dim=1, keepdim=True)
+        unit = total / length.clamp(min=1e-30)
+        offset = _permitted(project(offset - STEP_SHARE * reach_m * unit, reach_m), rules, allowed)
+        if keeper is not None:
+            keeper.show(displaced(points, offset.numpy(), reach_m))
+    return displaced(points, offset.numpy(), reach_m) if keeper is None else keeper.settle()
+
+
+def loss_gradient(start: Tensor, offset: Tensor, goal: Goal, detector: Detector) -> Tensor:
+    """The gradient (N, 3) of the detector's loss to the points (N, 4) displaced by an offset (N, 3)."""
+    leaf = start.clone()
+    leaf[:, :3] += offset
+    leaf.requires_grad_()
+    loss = detector.loss(leaf, goal.taught.boxes, goal.taught.labels)
+    (gradient,) = torch.autograd.grad(loss, leaf)
+    rises = torch.nan_to_num(gradient[:, :3], posinf=0.0, neginf=0.0)
+    if not rises.any():
+        raise NoGradientError
+    return rises
+
+
+def _most_salient(points: Float32, goal: Goal, detector: Detector, rules: Rules) -> Bool:
+    """Which points (N,) may move: all, or the most salient where only so many may."""
+    if rules.constraints.max_points is None:
+        return rules.allowed
+    start = torch.from_numpy(points)
+    saliency = loss_gradient(start, torch.zeros_like(start[:, :3]), goal, detector).norm(dim=1).numpy()
+    return rules.limit(np.where(rules.allowed, saliency, 0.0))
+
+
+def _permitted(offset: Tensor, rules: Rules, allowed: Bool) -> Tensor:
+    """Displacements (N, 3) as far as the constraints let them."""
+    if rules.constraints != Constraints():
+        offset = torch.from_numpy(rules.project(offset.numpy()).astype(np.float32))
+    return offset if allowed.all() else offset * torch.from_numpy(allowed)[:, None]
+
+
+def project(offset: Tensor, reach_m: float) -> Tensor:
+    """Displacements (N, 3), those longer than the reach shortened to it (the paper's Clip)."""
+    length = offset.norm(dim=1, keepdim=True)
+    return torch.where(length > reach_m, offset * (reach_m / length), offset)
+
+
+def displaced(points: Float32, offset_m: npt.NDArray[np.floating[Any]], reach_m: float) -> Float32:
+    """Points (N, 4) moved by offsets (N, 3), as float32 nowhere farther than the reach, not by a bit."""
+    offset = np.asarray(offset_m, np.float64)
+    length = np.linalg.norm(offset, axis=1, keepdims=True)
+    offset = offset * np.minimum(1.0, reach_m / np.maximum(length, 1e-300)) * (1 - HAIR)
+    moved = points.copy()
+    moved[:, :3] = move_within(points[:, :3], offset)
+    return moved
