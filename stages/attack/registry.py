@@ -17,6 +17,7 @@ _HERE = "advpipe.stages.attack"
 
 ATTACKS: dict[str, str] = {
     "detach": "lidar.detach:Detach",
+    "perturb": "lidar.perturb:Perturb",
     "gnss-bias": "gnss.bias:Bias",
     "gnss-relocate": "gnss.relocate:Relocate",
     "gnss-drift": "gnss.drift:Drift",
