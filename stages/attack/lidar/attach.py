@@ -191,13 +191,20 @@ class Attach:
 
 def _with_intensity(clean: Float32, places: Places, goal: Goal, judge: Harm, detector: Detector) -> Places:
     """The places with intensities of 0 or 1, whichever the gradient asks for, where that does more harm."""
-    points = torch.from_numpy(np.concatenate([clean, places.points])).requires_grad_()
-    loss = detector.loss(points, goal.taught.boxes, goal.taught.labels)
+
+    def loss_of(added: Float32) -> tuple[torch.Tensor, torch.Tensor]:
+        points = torch.from_numpy(np.concatenate([clean, added])).requires_grad_()
+        return goal.sign * detector.loss(points, goal.taught.boxes, goal.taught.labels), points
+
+    loss, points = loss_of(places.points)
     (gradient,) = torch.autograd.grad(loss, points)
-    slope = goal.sign * gradient[len(clean) :, 3].cpu().numpy()
+    slope = gradient[len(clean) :, 3].cpu().numpy()
     changed = places.points.copy()
     changed[:, 3] = np.where(slope > 0, 1.0, np.where(slope < 0, 0.0, changed[:, 3]))
-    before, after = (judge(np.concatenate([clean, p])).sum() for p in (places.points, changed))
+    before, after = (
+        (float(judge(np.concatenate([clean, added])).sum()), float(loss_of(added)[0].detach()))
+        for added in (places.points, changed)
+    )
     return replace(places, points=changed) if after > before else places
 
 

@@ -1,0 +1,77 @@
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from advpipe.stages.attack.lidar.climb import allocate, climb
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_allocation_is_the_best_there_is(seed):
+    draw = np.random.default_rng(seed)
+    costs = [[0, *np.cumsum(draw.integers(1, 5, draw.integers(0, 4))).tolist()] for _ in range(5)]
+    harms = [np.round(draw.uniform(0, 1, len(cost)), 2).tolist() for cost in costs]
+    budget = int(draw.integers(0, 25))
+
+    def total(rungs):
+        return sum(harm[r] - harm[0] for harm, r in zip(harms, rungs, strict=True))
+
+    def price(rungs):
+        return sum(cost[r] for cost, r in zip(costs, rungs, strict=True))
+
+    every = product(*[range(len(cost)) for cost in costs])
+    best = max(total(rungs) for rungs in every if price(rungs) <= budget)
+    rungs = allocate(costs, harms, budget)
+    assert price(rungs) <= budget
+    assert total(rungs) == pytest.approx(best)
+
+
+class Wall:
+    """Objects that fall when they have lost a number of their items, ten each, first to last."""
+
+    def __init__(self, needs, helper=False):
+        self.needs, self.helper, self.asked = np.array(needs), helper, 0
+
+    @property
+    def most(self):
+        return np.full(len(self.needs), 10)
+
+    def propose(self, taken, wanted, room):
+        self.asked += 1
+        have = np.bincount(taken // 10, minlength=len(self.needs))
+        return [10 * m + have[m] + np.arange(min(count, 10 - have[m])) for m, count in enumerate(wanted)]
+
+    def harm(self, taken):
+        have = np.bincount(np.asarray(taken, int) // 10, minlength=len(self.needs))
+        if self.helper and have[1]:  # object 0 falls one item sooner while object 1 has lost one
+            have[0] += 1
+        return np.where(have >= self.needs, 1.0, 0.1 * have / self.needs)
+
+    def enough(self, harm):
+        return harm >= 1
+
+
+def test_climb_takes_the_objects_that_fall_to_the_fewest_items():
+    chosen, reserve = climb(Wall([9, 2, 1, 3]), 7, 10)
+    of = np.bincount(chosen // 10, minlength=4).tolist()
+    assert of == [1, 2, 1, 3]  # one is left over, and scratches object 0
+    assert not set(chosen.tolist()) & set(reserve.tolist())
+    assert len(climb(Wall([9, 2, 1, 3]), 2, 10)[0]) <= 2
+
+
+def test_a_choice_that_leant_on_a_neighbour_is_priced_anew():
+    # Object 0 fell with four items as object 1 had lost some; alone it takes five. Object 1 never falls.
+    game = Wall([5, 99], helper=True)
+    chosen, _ = climb(game, 5, 10)
+    assert game.harm(chosen)[0] == 1.0
+    assert len(chosen) <= 5
+
+
+def test_nothing_found_follows_the_gradient_once():
+    game = Wall([1, 1])
+    game.enough = lambda harm: np.ones(2, bool)
+    chosen, reserve = climb(game, 4, 10)
+    assert game.asked == 1
+    assert len(chosen) + len(reserve) >= 4
