@@ -102,7 +102,8 @@ def _parameters(settings: list[str]) -> dict[str, Any]:
         try:
             found[name.strip().replace("-", "_")] = yaml.safe_load(text)
         except (yaml.YAMLError, ValueError) as error:
-            raise AdvpipeError(f"--set {setting!r}: the value cannot be read: {error}") from None
+            problem = getattr(error, "problem", None) or "it is not YAML"
+            raise AdvpipeError(f"--set {setting!r}: the value cannot be read: {problem}") from None
     return found
 
 
