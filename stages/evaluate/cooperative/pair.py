@@ -1,0 +1,115 @@
+"""Two vehicles with LiDARs: their clouds at the same instants, and the poses that each bag reports."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from advpipe.pipeline.bag import messages
+from advpipe.pipeline.bag.cloud import Cloud
+from advpipe.pipeline.bag.frame_slice import FrameSlice
+from advpipe.pipeline.bag.frames import Frame, read_frames
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.topics import TF_STATIC, VehicleTopics
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.geometry.transforms import Float64, invert
+
+Poses = dict[int, Float64]
+"""map_SE3_base by stamp in nanoseconds."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """The topics of one LiDAR each: of the vehicle that fuses, and of the one that shares."""
+
+    own: VehicleTopics
+    other: VehicleTopics
+
+
+@dataclass(frozen=True)
+class SharedFrame:
+    """One instant. own: the fusing vehicle's cloud and its truth. other: the shared cloud."""
+
+    own: Frame
+    other: Cloud
+
+
+def find_pair(reader: BagReader) -> Pair | None:
+    """The first two vehicles with clouds and an estimate, `ego` first; None where there are fewer."""
+    found: dict[str, VehicleTopics] = {}
+    for name in reader.topics_of_type("sensor_msgs/msg/PointCloud2"):
+        vehicle, _, rest = name.strip("/").partition("/")
+        topics = VehicleTopics(vehicle, rest.removesuffix("/points"))
+        if topics.odometry.name in reader.topics and topics.true_odometry.name in reader.topics:
+            found.setdefault(vehicle, topics)
+    first = sorted(found, key=lambda vehicle: (vehicle != "ego", vehicle))[:2]
+    return Pair(found[first[0]], found[first[1]]) if len(first) == 2 else None
+
+
+def shared_frames(reader: BagReader, pair: Pair, chosen: FrameSlice) -> Iterator[SharedFrame]:
+    """Those of the chosen clouds of the fusing vehicle at whose stamp the other has one, too."""
+    clouds = reader.raw_messages([pair.other.lidar_points.name])
+    waiting = next(clouds, None)
+    for frame in read_frames(reader.path, chosen, lidar_topic=pair.own.lidar_points.name):
+        while waiting is not None and reader.cloud(waiting).stamp_ns < frame.stamp_ns:
+            waiting = next(clouds, None)
+        if waiting is None:
+            return
+        stamped = reader.cloud(waiting)
+        if stamped.stamp_ns == frame.stamp_ns:
+            yield SharedFrame(frame, stamped.cloud)
+
+
+def poses(reader: BagReader, topic: str) -> Poses:
+    """Of an odometry topic."""
+    return {
+        messages.stamp_ns(message): messages.se3_from_pose(message.pose.pose)
+        for _, message in reader.messages(topic)
+    }
+
+
+class Alignment:
+    """`own_SE3_other` between the two LiDARs, through the poses that a bag reports of their vehicles."""
+
+    def __init__(self, reader: BagReader, pair: Pair, *, true: bool = False) -> None:
+        self._reader = reader
+        mounted = _mounted(reader)
+        self._ends: list[tuple[Poses, Float64]] = []
+        for topics in (pair.own, pair.other):
+            reported = topics.true_odometry if true else topics.odometry
+            base_SE3_lidar = mounted.get((topics.base_frame, topics.lidar_frame))
+            if base_SE3_lidar is None or reported.name not in reader.topics:
+                raise AdvpipeError(
+                    f"{reader.path}: {TF_STATIC.name} and {reported.name} do not tell where "
+                    f"{topics.lidar_frame} is; record it again"
+                )
+            self._ends.append((poses(reader, reported.name), base_SE3_lidar))
+
+    def at(self, stamp_ns: int) -> Float64:
+        """The transform (4, 4) at a stamp; raises AdvpipeError where a pose is missing."""
+        map_SE3_lidars = []
+        for reported, base_SE3_lidar in self._ends:
+            if stamp_ns not in reported:
+                raise AdvpipeError(
+                    f"{self._reader.path} reports no pose at {stamp_ns} ns, when it has clouds"
+                )
+            map_SE3_lidars.append(reported[stamp_ns] @ base_SE3_lidar)
+        aligned: Float64 = invert(map_SE3_lidars[0]) @ map_SE3_lidars[1]
+        return aligned
+
+
+def misalignment_m(aligned: Float64, true: Float64) -> float:
+    """How far apart two alignments put the other vehicle's sensor."""
+    return float(np.linalg.norm(aligned[:3, 3] - true[:3, 3]))
+
+
+def _mounted(reader: BagReader) -> dict[tuple[str, str], Float64]:
+    if TF_STATIC.name not in reader.topics:
+        return {}
+    return {
+        (one.header.frame_id, one.child_frame_id): messages.se3_from_transform(one.transform)
+        for _, message in reader.messages(TF_STATIC.name)
+        for one in message.transforms
+    }

@@ -1,0 +1,185 @@
+"""The report's part on cooperative perception: what false poses do to what two vehicles see together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from advpipe.pipeline.bag.frame_slice import FrameSlice
+from advpipe.pipeline.bag.frames import count_frames
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.recorded_filter import vehicles_with_filter
+from advpipe.pipeline.detector.protocol import Detections
+from advpipe.pipeline.detector.registry import load_detector
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.metrics.average_precision import RankedMatches
+from advpipe.pipeline.metrics.matching import FrameMatches
+from advpipe.stages.evaluate.cooperative.fusion import fuse_clouds, fuse_detections, without_oneself
+from advpipe.stages.evaluate.cooperative.pair import (
+    Alignment,
+    Pair,
+    SharedFrame,
+    find_pair,
+    misalignment_m,
+    shared_frames,
+)
+from advpipe.stages.evaluate.detection.comparison import bag_name
+from advpipe.stages.evaluate.detection.scoring import Eye, ground_truth, match
+from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns
+from advpipe.stages.evaluate.report.numbers import number
+from advpipe.stages.evaluate.report.section import Section, Table
+
+MOST_FRAMES = 50
+CRITERIA = ("strict", "loose")
+ALONE, CLEAN = "alone", "clean poses"
+
+See = Callable[[Eye, SharedFrame, Float64], Detections]
+
+FUSIONS: dict[str, See] = {
+    "clouds": lambda eye, frame, pose: eye.detect(fuse_clouds(frame.own.cloud, frame.other, pose)),
+    "detections": lambda eye, frame, pose: fuse_detections(
+        eye.detect(frame.own.cloud), eye.detect(frame.other), pose
+    ),
+}
+"""How the two are fused."""
+
+FORMULAS = (
+    (
+        "cooperative",
+        "the shared cloud, or what the detector finds in it, is brought to the fusing vehicle's frame by "
+        "the poses that both report (their odometry); truth: objects around the fusing vehicle with at "
+        "least 5 points in both clouds together, aligned truly; boxes around the fusing vehicle itself do "
+        "not count",
+    ),
+    ("misalignment", "distance between where reported and true poses put the other's sensor, the mean"),
+)
+
+
+@dataclass(frozen=True)
+class CooperativeRow:
+    """AP in [0, 1] of one class; NaN without objects. poses: alone, clean poses, or the bag that reports."""
+
+    poses: str
+    fusion: str
+    label: str
+    frames: int
+    objects: int
+    ap_strict: float
+    ap_loose: float
+    misalignment_m: float
+
+
+def sections(
+    clean: Path, adversarial: Sequence[Path], seed: int = 0, detector: str = "small"
+) -> tuple[Section, ...]:
+    """One section where two vehicles with LiDARs share and the GPS of one was attacked; else none.
+
+    At most `MOST_FRAMES` instants, equally spaced. `seed` serves no draw here. Raises AdvpipeError for bags
+    that do not tell the sensors' places.
+    """
+    reader = BagReader(clean)
+    pair = find_pair(reader)
+    if pair is None:
+        return ()
+    attacked = [bag for bag in adversarial if _moves(reader, BagReader(bag), pair)]
+    if not attacked:
+        return ()
+    rows = cooperative_rows(reader, pair, {bag_name(bag): BagReader(bag) for bag in attacked}, detector)
+    return (
+        Section(
+            key="cooperative",
+            title="Cooperative perception under GPS attacks",
+            lead=f"{pair.own.vehicle} fuses what {pair.other.vehicle} shares.",
+            tables=(_table(rows),),
+            records=tuple({**vars(row)} for row in rows),
+            formulas=FORMULAS,
+        ),
+    )
+
+
+def cooperative_rows(
+    reader: BagReader, pair: Pair, adversarial: Mapping[str, BagReader], detector: str
+) -> list[CooperativeRow]:
+    """The fusing vehicle alone, and fused by clean and attacked poses; a row for each class with objects."""
+    total = count_frames(reader.path, pair.own.lidar_points.name)
+    chosen = FrameSlice(0, total, max(1, -(-total // MOST_FRAMES)))
+    eye, true = Eye(load_detector(detector)), Alignment(reader, pair, true=True)
+    reported = {
+        CLEAN: Alignment(reader, pair),
+        **{name: Alignment(other, pair) for name, other in adversarial.items()},
+    }
+    arms = [(ALONE, ""), *((name, fusion) for fusion in FUSIONS for name in reported)]
+    matches: dict[tuple[str, str, str, str], list[FrameMatches]] = {}
+    off_m: dict[str, list[float]] = {name: [] for name in reported}
+    for frame in shared_frames(reader, pair, chosen):
+        eye.forget()
+        stamp_ns, own_SE3_other = frame.own.stamp_ns, true.at(frame.own.stamp_ns)
+        together = fuse_clouds(frame.own.cloud, frame.other, own_SE3_other)
+        truth = ground_truth(frame.own, eye.classes, eye.range_m).counted_on(together)
+        poses = {name: alignment.at(stamp_ns) for name, alignment in reported.items()}
+        for name, pose in poses.items():
+            off_m[name].append(misalignment_m(pose, own_SE3_other))
+        for name, fusion in arms:
+            see = eye.detect(frame.own.cloud) if name == ALONE else FUSIONS[fusion](eye, frame, poses[name])
+            found = _in_range(eye, without_oneself(see))
+            for (word, label), one in match(truth, found, eye.classes, CRITERIA).items():
+                matches.setdefault((name, fusion, word, label), []).append(one)
+    return [
+        _row(name, fusion, label, matches, off_m.get(name, []))
+        for name, fusion in arms
+        for label in eye.classes
+        if sum(one.n_truth for one in matches.get((name, fusion, "strict", label), []))
+    ]
+
+
+def _row(
+    name: str,
+    fusion: str,
+    label: str,
+    matches: Mapping[tuple[str, str, str, str], Sequence[FrameMatches]],
+    off_m: Sequence[float],
+) -> CooperativeRow:
+    strict, loose = (RankedMatches.of(matches[name, fusion, word, label]) for word in CRITERIA)
+    return CooperativeRow(
+        poses=name,
+        fusion=fusion,
+        label=label,
+        frames=len(strict.n_truth),
+        objects=int(strict.n_truth.sum()),
+        ap_strict=strict.average_precision(),
+        ap_loose=loose.average_precision(),
+        misalignment_m=float(np.mean(off_m)) if off_m else float("nan"),
+    )
+
+
+def _in_range(eye: Eye, found: Detections) -> Detections:
+    """What is fused may lie beyond what the detector is asked about."""
+    kept = np.flatnonzero(eye.range_m.contains_centres(found.boxes))
+    return Detections(found.boxes[kept], found.scores[kept], found.labels[kept])
+
+
+def _moves(clean: BagReader, adversarial: BagReader, pair: Pair) -> bool:
+    """Whether the fixes of one of the two were attacked."""
+    known = {*vehicles_with_filter(clean)} & {*vehicles_with_filter(adversarial)}
+    vehicles = [topics.vehicle for topics in (pair.own, pair.other) if topics.vehicle in known]
+    return any(len(attacked_fixes_ns(clean, adversarial, vehicle)) for vehicle in vehicles)
+
+
+def _table(rows: Sequence[CooperativeRow]) -> Table:
+    heads = ("poses", "fused", "class", "boxes", "AP strict", "AP loose", "misaligned m")
+    lines = tuple(
+        (
+            row.poses,
+            row.fusion or "–",
+            row.label,
+            str(row.objects),
+            number(row.ap_strict, 3),
+            number(row.ap_loose, 3),
+            number(row.misalignment_m, 2),
+        )
+        for row in rows
+    )
+    return Table("Average precision of what is fused", heads, lines)

@@ -1,0 +1,141 @@
+"""A car that one vehicle cannot see and another can, and what false poses make of it; all by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from advpipe.pipeline.bag import messages
+from advpipe.pipeline.bag.cloud import POINT_DTYPE, cloud_to_cdr
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.topics import TF_STATIC, VehicleTopics
+from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.detector.protocol import Detections
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.geometry.transforms import invert, se3_from_yaw, transform_points
+from advpipe.stages.evaluate.cooperative.fusion import fuse_detections, without_oneself
+from advpipe.stages.evaluate.cooperative.pair import Alignment, find_pair
+from advpipe.stages.evaluate.cooperative.section import cooperative_rows, sections
+
+EGO, OTHER = VehicleTopics("ego"), VehicleTopics("other")
+STAMPS_NS = (1_000_000_000, 1_100_000_000, 1_200_000_000)
+DETECTOR = "middle_detector:MiddleDetector"
+MAP_SE3_EGO = se3_from_yaw([5.0, 0.0, 0.0], 0.0)
+MAP_SE3_OTHER = se3_from_yaw([60.0, 0.0, 0.0], np.pi)  # comes towards ego
+CAR = [45.0, 0.0, 1.0, 4.0, 2.0, 2.0, 0.0]
+
+
+@pytest.fixture(autouse=True)
+def _detector(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+
+
+def corners() -> np.ndarray:
+    """The eight corners of the car and the middles between them, on the map, just inside."""
+    grid = np.array(np.meshgrid(*[[-0.499, 0, 0.499]] * 3)).reshape(3, -1).T
+    return np.array(CAR[:3]) + grid * CAR[3:6]
+
+
+def cloud_of(map_m: np.ndarray, map_SE3_base: np.ndarray) -> np.ndarray:
+    points = transform_points(invert(map_SE3_base), map_m)
+    cloud = np.zeros(len(points), POINT_DTYPE)
+    cloud["x"], cloud["y"], cloud["z"] = points.T
+    return cloud
+
+
+def write(path: Path, shift_m: tuple[float, float] = (0.0, 0.0), vehicles=(EGO, OTHER)) -> Path:
+    """`shift_m`: by how much the other's reported place is off."""
+    ground = np.array([[20.0, 3.0, 0.0]] * 9)  # the ego sees the road only
+    seen = {EGO: (MAP_SE3_EGO, ground), OTHER: (MAP_SE3_OTHER, corners())}
+    with BagWriter(path, provenance={"kind": "clean"}) as bag:
+        static = [(one.base_frame, one.lidar_frame, np.eye(4)) for one in vehicles]
+        bag.write(TF_STATIC, messages.transforms(STAMPS_NS[0], static), STAMPS_NS[0])
+        for one in vehicles:
+            start = messages.initial_pose(STAMPS_NS[0], np.zeros(3), [0, 0, 0, 1], np.eye(6))
+            bag.write(one.initial_pose, start, STAMPS_NS[0])
+        for stamp_ns in STAMPS_NS:
+            car = Boxes(np.array([CAR]), np.zeros(1, np.int64), ("car",), np.zeros((1, 3)))
+            bag.write(EGO.objects, messages.detections(stamp_ns, "map", car), stamp_ns)
+            for one in vehicles:
+                pose, map_m = seen[one]
+                told = pose.copy()
+                told[:2, 3] += shift_m if one is OTHER else (0.0, 0.0)
+                for topic, place in ((one.true_odometry, pose), (one.odometry, told)):
+                    odometry = messages.odometry(
+                        stamp_ns, place, np.zeros(3), np.zeros(3), child_frame_id=one.base_frame
+                    )
+                    bag.write(topic, odometry, stamp_ns)
+                fix = messages.nav_sat_fix(stamp_ns, 50 + shift_m[0] * (one is OTHER), 8, 0)
+                bag.write(one.gnss_fix, fix, stamp_ns)
+                cdr = cloud_to_cdr(cloud_of(map_m, pose), stamp_ns, one.lidar_frame)
+                bag.write_cdr(one.lidar_points, cdr, stamp_ns)
+    return path
+
+
+def test_precision_by_hand(tmp_path: Path) -> None:
+    """Off by 1 m along a car of 4 m: overlap 3 / 5 = 0.6, loose but not strict; by 3 m: neither."""
+    clean = BagReader(write(tmp_path / "clean"))
+    attacked = {
+        f"{shift:g} m": BagReader(write(tmp_path / f"{shift}", (shift, 0.0))) for shift in (0.2, 1.0, 3.0)
+    }
+    rows = cooperative_rows(clean, find_pair(clean), attacked, DETECTOR)
+    found = {(row.poses, row.fusion): (row.ap_strict, row.ap_loose) for row in rows}
+    assert found == {
+        ("alone", ""): (0, 0),
+        **{("clean poses", fusion): (1, 1) for fusion in ("clouds", "detections")},
+        **{("0.2 m", fusion): (1, 1) for fusion in ("clouds", "detections")},
+        **{("1 m", fusion): (0, 1) for fusion in ("clouds", "detections")},
+        **{("3 m", fusion): (0, 0) for fusion in ("clouds", "detections")},
+    }
+    assert {(row.frames, row.objects) for row in rows} == {(3, 3)}
+    off = {row.poses: row.misalignment_m for row in rows if row.poses != "alone"}
+    assert off == pytest.approx({"clean poses": 0, "0.2 m": 0.2, "1 m": 1, "3 m": 3}, abs=1e-6)
+
+
+def test_the_others_sensor_in_the_own_frame(tmp_path: Path) -> None:
+    """55 m ahead, turned around; with a false place, ahead and to the left of there."""
+    reader = BagReader(write(tmp_path / "bag", (2.0, 7.0)))
+    pair = find_pair(reader)
+    assert (pair.own, pair.other) == (EGO, OTHER)
+    true, told = Alignment(reader, pair, true=True), Alignment(reader, pair)
+    assert np.allclose(true.at(STAMPS_NS[0]), se3_from_yaw([55, 0, 0], np.pi))
+    assert np.allclose(told.at(STAMPS_NS[0])[:3, 3], [57, 7, 0])
+    with pytest.raises(AdvpipeError, match="reports no pose at 5 ns"):
+        told.at(5)
+
+
+def test_an_object_that_both_find_is_one() -> None:
+    """The better of two boxes that overlap; and one that only the other finds, turned around."""
+    own = Detections(np.array([[10.0, 0, 1, 4, 2, 2, 0]]), np.array([0.6]), np.zeros(1, np.int64))
+    others = Detections(
+        np.array([[44.5, 0.0, 1, 4, 2, 2, 0], [5, 3, 1, 4, 2, 2, 0]]),
+        np.array([0.8, 0.7]),
+        np.zeros(2, np.int64),
+    )
+    fused = fuse_detections(own, others, se3_from_yaw([55, 0, 0], np.pi))
+    assert fused.scores.tolist() == [0.8, 0.7]
+    assert np.allclose(fused.boxes[:, :2], [[10.5, 0], [50, -3]])
+    labels = Detections(others.boxes, others.scores, np.ones(2, np.int64))
+    assert len(fuse_detections(own, labels, se3_from_yaw([55, 0, 0], np.pi))) == 3  # of another class
+
+
+def test_nobody_is_an_object_to_itself() -> None:
+    boxes = np.array([[0.5, 0, -1, 4, 2, 2, 0.1], [10, 0, -1, 4, 2, 2, 0]])
+    kept = without_oneself(Detections(boxes, np.array([0.9, 0.8]), np.zeros(2, np.int64)))
+    assert kept.boxes[:, 0].tolist() == [10]
+
+
+def test_a_section_where_gps_was_attacked(tmp_path: Path) -> None:
+    clean, attacked = write(tmp_path / "clean"), write(tmp_path / "paa", (3.0, 0.0))
+    (section,) = sections(clean, [clean, attacked], 0, DETECTOR)
+    assert {record["poses"] for record in section.records} == {"alone", "clean poses", "paa"}
+    assert all(len(line) == len(section.tables[0].heads) for line in section.tables[0].lines)
+    assert sections(clean, [clean], 0, DETECTOR) == ()
+
+
+def test_no_section_with_one_vehicle(tmp_path: Path) -> None:
+    clean = write(tmp_path / "clean", vehicles=(EGO,))
+    assert sections(clean, [clean], 0, DETECTOR) == ()
