@@ -15,23 +15,36 @@ from advpipe.pipeline.geometry.boxes import Boxes, points_in_boxes
 Float64 = npt.NDArray[np.float64]
 
 
-def remove_random_points(cloud: Cloud, count: int, rng: np.random.Generator) -> npt.NDArray[np.int64]:
+NEAR_M = 0.5
+"""A point is near an object up to this far from its box."""
+
+
+def remove_random_points(
+    cloud: Cloud, count: int, rng: np.random.Generator, boxes: Boxes | None = None
+) -> npt.NDArray[np.int64]:
     """Take `count` points of a cloud (N,) away, uniformly: the indices of the N - count kept, ascending.
 
-    Points that are not finite are rays without an echo: they are no points to take.
+    With boxes, from the points near them, and only what those lack from the others. Points that are not
+    finite are rays without an echo: they are no points to take.
     """
-    removed = rng.choice(np.flatnonzero(np.isfinite(xyz(cloud)).all(axis=1)), size=count, replace=False)
-    return np.delete(np.arange(len(cloud)), removed)
+    is_finite = np.isfinite(xyz(cloud)).all(axis=1)
+    near = is_finite & points_near(cloud, boxes)
+    inside = rng.choice(np.flatnonzero(near), size=min(count, int(near.sum())), replace=False)
+    others = rng.choice(np.flatnonzero(is_finite & ~near), size=count - len(inside), replace=False)
+    return np.delete(np.arange(len(cloud)), np.concatenate([inside, others]))
 
 
-def move_random_points(cloud: Cloud, displacement_m: npt.ArrayLike, rng: np.random.Generator) -> Cloud:
-    """Move each point in a uniformly random direction.
+def move_random_points(
+    cloud: Cloud, displacement_m: npt.ArrayLike, rng: np.random.Generator, boxes: Boxes | None = None
+) -> Cloud:
+    """Move each point in a uniformly random direction; with boxes, only those near them.
 
     displacement_m: how far each point moves, (N,) or one number for all. As stored in float32 no
     point moves farther, and it falls short by the rounding of its coordinates at most.
     """
     length = np.broadcast_to(np.asarray(displacement_m, dtype=np.float64), len(cloud))
-    offset = _random_directions(len(cloud), rng) * length[:, None]
+    length = np.where(points_near(cloud, boxes), length, 0.0)
+    offset = random_directions(len(cloud), rng) * length[:, None]
     return _with_xyz(cloud, move_within(xyz(cloud), offset))
 
 
@@ -45,14 +58,21 @@ def add_random_points(
     """
     if len(cloud) == 0 or count == 0:
         return cloud.copy()
-    sources = np.arange(len(cloud))
-    if boxes is not None and len(boxes):
-        near = np.unique(np.concatenate(points_in_boxes(xyz(cloud), boxes.geometry, distance_m)))
-        sources = near if len(near) else sources
+    near = points_near(cloud, boxes, distance_m)
+    sources = np.flatnonzero(near) if near.any() else np.arange(len(cloud))
     added = cloud[rng.choice(sources, size=count)]
-    radius = distance_m * rng.random(count) ** (1 / 3)  # uniform over the ball's volume
-    offset = _random_directions(count, rng) * radius[:, None]
+    offset = random_offsets(count, distance_m, rng)
     return np.concatenate([cloud, _with_xyz(added, move_within(xyz(added), offset))])
+
+
+def points_near(cloud: Cloud, boxes: Boxes | None, margin_m: float = NEAR_M) -> npt.NDArray[np.bool_]:
+    """Which points of a cloud (N,) lie in the boxes, grown by a margin; all where no boxes are given."""
+    if boxes is None:
+        return np.ones(len(cloud), bool)
+    near = np.zeros(len(cloud), bool)
+    for inside in points_in_boxes(xyz(cloud), boxes.geometry, margin_m):
+        near[inside] = True
+    return near
 
 
 def move_within(
@@ -65,7 +85,13 @@ def move_within(
     return np.where(too_far, np.nextafter(end, start), end)
 
 
-def _random_directions(count: int, rng: np.random.Generator) -> Float64:
+def random_offsets(count: int, radius_m: float, rng: np.random.Generator) -> Float64:
+    """Vectors (count, 3), uniform over the ball of that radius, none longer than it."""
+    length = radius_m * rng.random((count, 1)) ** (1 / 3)  # uniform over the ball's volume
+    return random_directions(count, rng) * length
+
+
+def random_directions(count: int, rng: np.random.Generator) -> Float64:
     """Unit vectors (count, 3), uniform over the sphere; a hair short, so that rounding cannot exceed 1."""
     vectors = rng.standard_normal((count, 3))
     length: Float64 = np.linalg.norm(vectors, axis=1, keepdims=True)

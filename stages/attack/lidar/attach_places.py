@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from advpipe.pipeline.baselines import move_within
+from advpipe.pipeline.baselines import move_within, random_offsets
 from advpipe.pipeline.detector.protocol import VoxelGrid
 from advpipe.pipeline.geometry.boxes import points_in_boxes
 from advpipe.stages.attack.lidar.constraints import Rules, along_rays
@@ -86,9 +86,7 @@ def ball_places(
     drawn, have = [_none()], 0
     for _ in range(_DRAWS if len(sources) else 0):
         source = rng.choice(sources, size=count)
-        direction = rng.standard_normal((count, 3))
-        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-        offset = direction * (eps_m * rng.random((count, 1)) ** (1 / 3))
+        offset = random_offsets(count, eps_m, rng)
         if rules.constraints.along_ray:
             offset = along_rays(clean[source, :3], offset)
         drawn.append(_places(clean, source, offset, boxes, margin_m, eps_m, rules))
