@@ -28,7 +28,7 @@ CHECKS: Mapping[str, Check] = MappingProxyType(
     {
         "format": Check("fields", 0.5, None, "fields left out or out of range, no CAM", "TS 102 894-2"),
         "identity": Check("1", 0.5, None, "the receiver's own id, or a type that changes", "EN 302 637-2"),
-        "range": Check("m", 900.0, 1.1, "distance from the receiver", "F2MD range"),
+        "range": Check("m", 900.0, 1.5, "distance from the receiver", "F2MD range"),
         "speed": Check("m/s", 30.0, 1.2, "speed", "F2MD speed"),
         "position": Check("m", 3.0, 1.5, "distance from the nearest lane", "F2MD position"),
         "wrong_way": Check("rad", 1.6, 1.2, "angle to the direction of every lane near", "F2MD, VASP"),

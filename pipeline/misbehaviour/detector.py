@@ -58,6 +58,7 @@ class _Track:
         if self.claims:
             x_m, y_m = checks.told_way_m(claim, self.last)
             way = way[0] + x_m, way[1] + y_m
+        self.kalman.accept()
         self.claims.append(claim)
         self.ways.append(way)
         while len(self.claims) > 2 and checks.elapsed_s(claim, self.claims[1]) >= window_s:
@@ -122,15 +123,10 @@ class Detector:
                 values["appearance"] = checks.appearance_m(claim, receiver, self._config.earshot_m)
         else:
             self._measure_change(values, claim, track)
-        newest = max(
-            (t.last for t in (station.believed, station.suspect) if t is not None),
-            key=lambda last: last.arrival_ns,
-            default=None,
-        )
-        if newest is not None:
-            values["frequency"] = checks.frequency_hz(claim, newest)
-            if claim.station_type != newest.station_type:
-                values["identity"] = 1.0
+        known = station.believed or station.suspect
+        if known is not None:
+            values["frequency"] = checks.frequency_hz(claim, known.last)
+            values["identity"] = max(values["identity"], float(claim.station_type != known.last.station_type))
         values["overlap"] = self._overlap(claim, receiver, station)
         statistics = list(values.values())
         is_bad = self._is_bad(statistics)
@@ -189,7 +185,7 @@ class Detector:
         elapsed = checks.elapsed_s(claim, track.last)
         turned_rad = math.remainder(claim.yaw_rad - track.last.yaw_rad, math.tau)
         turning_mps2 = abs(claim.speed_mps * turned_rad / elapsed)
-        return track.kalman.update(
+        return track.kalman.innovation(
             elapsed, (claim.x_m, claim.y_m), velocity, min(turning_mps2, _MOST_TURNING)
         )
 
@@ -254,7 +250,7 @@ class Detector:
         kalman = Kalman(self._config.kalman_acceleration_mps2, _KALMAN_POSITION_M, _KALMAN_SPEED_MPS)
         velocity = checks.velocity_mps(claim)
         if math.isfinite(velocity[0]):
-            kalman.update(0.0, (claim.x_m, claim.y_m), velocity)
+            kalman.innovation(0.0, (claim.x_m, claim.y_m), velocity)
         return _Track(kalman)
 
 

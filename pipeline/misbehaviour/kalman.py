@@ -18,36 +18,42 @@ class _Axis(NamedTuple):
 class Kalman:
     """Constant velocity driven by white acceleration, x and y on their own; measures both and velocities.
 
-    Four degrees of freedom; in closed form, as there are thousands of messages.
+    Four degrees of freedom; in closed form, as there are thousands of messages. `innovation` looks at a
+    claim, `accept` takes the one that was looked at last.
     """
 
     def __init__(self, acceleration_mps2: float, position_m: float, speed_mps: float) -> None:
         self._q = acceleration_mps2**2
         self._r = position_m**2, speed_mps**2
         self._axes: tuple[_Axis, _Axis] | None = None
+        self._next: tuple[_Axis, _Axis] | None = None
 
-    def update(
+    def innovation(
         self,
         elapsed_s: float,
         place_m: tuple[float, float],
         velocity_mps: tuple[float, float],
         turning_mps2: float = 0.0,
     ) -> float:
-        """Takes a claim `elapsed_s` after the last one; returns its normalised innovation squared.
+        """The normalised innovation squared of a claim `elapsed_s` after the one accepted last.
 
         turning_mps2: the centripetal acceleration, which the filter knows nothing of. 0 for the first.
         """
         if self._axes is None:
             r_p, r_v = self._r
             x, y = (_Axis(p, v, r_p, 0.0, r_v) for p, v in zip(place_m, velocity_mps, strict=True))
-            self._axes = x, y
+            self._next = x, y
             return 0.0
         (x, nis_x), (y, nis_y) = (
             self._step(axis, elapsed_s, p, v, self._q + turning_mps2**2)
             for axis, p, v in zip(self._axes, place_m, velocity_mps, strict=True)
         )
-        self._axes = x, y
+        self._next = x, y
         return nis_x + nis_y
+
+    def accept(self) -> None:
+        """Goes on from the claim looked at last."""
+        self._axes = self._next
 
     def _step(self, axis: _Axis, t: float, place: float, velocity: float, q: float) -> tuple[_Axis, float]:
         r_p, r_v = self._r

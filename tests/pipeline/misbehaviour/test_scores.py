@@ -1,0 +1,43 @@
+"""Against scikit-learn, and by hand where it has no such figure."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from sklearn.metrics import f1_score, matthews_corrcoef, precision_score, recall_score
+
+from advpipe.pipeline.misbehaviour.scores import Scores, scores
+
+
+@pytest.mark.oracle
+def test_as_scikit_learn() -> None:
+    rng = np.random.default_rng(1)
+    truth, flagged = rng.random(500) < 0.3, rng.random(500) < 0.4
+    found = scores(flagged, truth)
+    assert found.precision == pytest.approx(precision_score(truth, flagged))
+    assert found.recall == pytest.approx(recall_score(truth, flagged))
+    assert found.f1 == pytest.approx(f1_score(truth, flagged))
+    assert found.mcc == pytest.approx(matthews_corrcoef(truth, flagged))
+
+
+def test_undefined_is_said() -> None:
+    silent = Scores(0, 0, 5, 0)
+    assert math.isnan(silent.precision)
+    assert math.isnan(silent.recall)
+    assert math.isnan(silent.f1)
+    assert math.isnan(silent.mcc)
+    assert silent.false_positive_rate == 0.0
+
+
+def test_latency_of_those_who_are_caught() -> None:
+    """Liar 1 lies at 1, 2, 3 s and is caught at 3; liar 2 lies at 5 and is not; liar 3 at once."""
+    liars = np.array([1, 1, 1, 2, 3, 1])
+    times_s = np.array([1.0, 2.0, 3.0, 5.0, 6.0, 0.5])
+    truth = np.array([True, True, True, True, True, False])
+    flagged = np.array([False, False, True, False, True, True])
+    found = scores(flagged, truth, liars, times_s)
+    assert found.latency_s == pytest.approx((2.0 + 0.0) / 2)
+    assert found.caught == pytest.approx(2 / 3)
+    assert (found.true_positives, found.false_positives) == (2, 1)
