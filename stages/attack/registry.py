@@ -16,6 +16,7 @@ from advpipe.pipeline.errors import AdvpipeError
 _HERE = "advpipe.stages.attack"
 
 ATTACKS: dict[str, str] = {
+    "attach": "lidar.attach:Attach",
     "detach": "lidar.detach:Detach",
     "perturb": "lidar.perturb:Perturb",
     "gnss-bias": "gnss.bias:Bias",
