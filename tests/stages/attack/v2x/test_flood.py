@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from v2x_lane import context, edited, lane, radio, said, time_s
@@ -89,19 +91,24 @@ def test_congestion_control_that_it_keeps_to():
 
 
 def test_congestion_control_on_a_busy_channel():
-    """Another attacker nearby fills the channel: after a second, at most one message each 0.46 s."""
-    busy = lane({1: 0.0, 2: 50.0}, 60)
-    shouting = DosRandom(context("shout", attackers=(2,)), rate_hz=4000.0)
-    loud = [step._replace(sent=tuple(shouting.edit(step, step.sent))) for step in busy]
-    attack = DosRandom(context("cam-dos"), rate_hz=1000.0, dcc=True)
-    times_s = []
-    for step in loud:
-        poured = [one for one in attack.edit(step, step.sent) if one.station_id == 1]
-        own = {one.number for one in step.sent if one.station_id == 1}
-        times_s += [time_s(one.request_ns) for one in poured if one.number not in own]
+        loud = [
+            replace(step.sent[1], request_ns=step.begin_ns + 250_000 * n, payload=payload) for n in range(400)
+        ]
+
+    Its CAMs of 48 bytes, with 82 around them, are 1040 bits and 22 more: 23 symbols of 48, and 5 ahead of
+    them, each of 8 us: 224 us, which four thousand times a second take 0.896 of the time.
+    """
+    attack, times_s = DosRandom(context("cam-dos"), rate_hz=1000.0, dcc=True), []
+    for step in lane({1: 0.0, 2: 50.0}, 30):
+        payload = bytes(48)
+        loud = [
+            replace(step.sent[1], request_ns=step.begin_ns + 250_000 * n, payload=payload) for n in range(400)
+        ]
+        times_s += [time_s(one.request_ns) for one in attack.edit(step, loud) if one.station_id == 1]
     gaps_s = np.diff(times_s)
     assert gaps_s[0] == pytest.approx(0.06)
     assert gaps_s[-1] == pytest.approx(0.46)
+    assert 15 <= sum(gaps_s < 0.061) <= 18
 
 
 @pytest.mark.parametrize("rate_hz", [0, -1, 1e5, float("nan")])

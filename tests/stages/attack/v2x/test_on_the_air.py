@@ -75,7 +75,7 @@ def clean(reader):
 
 
 def test_a_flood_fills_the_channel(reader, beside_ego, tmp_path):
-    """1500 messages a second of some 0.2 ms: the channel is a good quarter busier, and others lose more."""
+    """1500 messages a second of 0.2 ms: the channel near by is a good quarter busier; others lose more."""
     schedule = {"from_s": 2.0, "to_s": 3.0}
     received, _, statistics, labels = sent_again(
         *(reader, tmp_path / "labels"),
@@ -88,11 +88,11 @@ def test_a_flood_fills_the_channel(reader, beside_ego, tmp_path):
     assert len(labels) == 1500
     assert {row["action"] for row in labels} == {"added"}
     assert all(row["mattered"] for row in labels)
-    load = dict(zip(statistics.busy_ns, statistics.busy_mean, strict=True))
-    usual = dict(zip(quiet.busy_ns, quiet.busy_mean, strict=True))
+    load = dict(zip(statistics.busy_ns, statistics.busy_max, strict=True))
+    usual = dict(zip(quiet.busy_ns, quiet.busy_max, strict=True))
     more = sorted(load[end_ns] - usual[end_ns] for end_ns in load)
-    assert more[-8] > 0.2
-    assert more[0] == pytest.approx(0, abs=0.02)
+    assert more[-8] > 0.25
+    assert more[len(more) // 2] == pytest.approx(0, abs=0.02)
     theirs = sum(count for station, count in received.items() if station in before)
     assert theirs < 0.97 * before.total()
 
@@ -109,7 +109,7 @@ def test_ghosts_stand_in_the_map(reader, beside_ego, tmp_path):
     )
     ghosts = {row["false_station_id"] for row in labels}
     assert len(ghosts) == 5
-    known = {entry.station_id for entry in maps[-1].entries}
+    known = {entry.station_id for entry in maps[-1].objects}
     assert ghosts <= known
     assert all(row["true_x_m"] is None and row["mattered"] for row in labels)
     assert {row["attacker"] for row in labels} == {"roadside_unit_1"}
