@@ -183,6 +183,16 @@ class V2xChange:
             raise RuntimeError("labels are known once all messages have been taken")
         self._labels.write(folder)
 
+    def edited(self, step: V2xStep) -> list[Sent]:
+        """What is sent in a step instead; `messages` asks for one after the other."""
+        self._labels.begin(step.sent)
+        sent = list(step.sent)
+        for place, editor in enumerate(self._editors):
+            before, sent = sent, sorted(editor.edit(step, tuple(sent)), key=_order)
+            self._labels.compare(place, editor, before, sent)
+        self._cams.forget()
+        return self._congestion.allowed(step, sent) if self._congestion else sent
+
     def _stamped(self) -> Iterator[StampedCdr]:
         """As the simulation records them: all of a step, in the order of its stamps."""
         air, pending, last_ns = self._drive.air(), list[StampedCdr](), 0
@@ -207,7 +217,7 @@ class V2xChange:
                 yield topics.ldm_objects, ldm_detections_cdr(known), now_ns
 
     def _send(self, air: Air, step: V2xStep) -> Iterator[StampedCdr]:
-        sent = self._edited(step) if step.end_ns is not None else []
+        sent = self.edited(step) if step.end_ns is not None else []
         heard = self._drive.send(air, step, sent)
         if self._congestion:
             self._congestion.hear(heard.loads)
@@ -218,15 +228,6 @@ class V2xChange:
                 yield from own_messages(self._own[one.station_id], one)
         for received in heard.received:
             yield from received_messages(received)
-
-    def _edited(self, step: V2xStep) -> list[Sent]:
-        self._labels.begin(step.sent)
-        sent = list(step.sent)
-        for place, editor in enumerate(self._editors):
-            before, sent = sent, sorted(editor.edit(step, tuple(sent)), key=_order)
-            self._labels.compare(place, editor, before, sent)
-        self._cams.forget()
-        return self._congestion.allowed(step, sent) if self._congestion else sent
 
 
 def _order(sent: Sent) -> tuple[int, int]:
