@@ -34,6 +34,9 @@ from advpipe.stages.attack.lidar.base import LidarResult
 from advpipe.stages.attack.lidar.perturb import Perturb
 from advpipe.stages.attack.lidar.targets import find_targets
 
+STEPS = 24
+"""Gradients of each line whose name does not say otherwise."""
+
 Attempt = Callable[[float], Perturb]
 
 
@@ -41,7 +44,7 @@ def best(**tactics: float) -> Attempt:
     """The recipe `best` with other tactics, by the reach in cm."""
 
     def made(eps_cm: float) -> Perturb:
-        attack = Perturb(eps_cm=eps_cm)
+        attack = Perturb(eps_cm=eps_cm, steps=STEPS)
         attack.tactics = replace(attack.tactics, **tactics)  # type: ignore[arg-type]
         return attack
 
@@ -55,8 +58,9 @@ def recipe(name: str, **parameters: float) -> Attempt:
 LINES: Mapping[str, Attempt] = {
     "best": best(),
     "random": recipe("random"),
-    "random-selected": recipe("random-selected"),
+    "random-best": recipe("random-best"),
     "paper": recipe("paper"),
+    "random-near": recipe("random-near"),
     "robust": recipe("robust"),
     "no selection": best(keep=False),
     "no groups": best(groups=False),
@@ -72,8 +76,8 @@ LINES: Mapping[str, Attempt] = {
     "within 1 m": best(margin_m=1.0),
     "within 3 m": best(margin_m=3.0),
     "2 cm past": best(landing_m=0.02),
-    "twice the steps": recipe("best", steps=48),
-    "half the steps": recipe("best", steps=12),
+    "twice the steps": recipe("best", steps=2 * STEPS),
+    "half the steps": recipe("best", steps=STEPS // 2),
 }
 
 

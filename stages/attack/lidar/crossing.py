@@ -66,6 +66,7 @@ class Crossing:
         tactics: Tactics,
         rng: np.random.Generator,
     ) -> None:
+        """rules: what may be touched. reach_m: how far a point may move."""
         self.points, self.goal, self.detector, self.rules = points, goal, detector, rules
         self.tactics, self.rng = tactics, rng
         self.grid = detector.voxel_grid
@@ -93,7 +94,7 @@ class Crossing:
 
     def run(self, rounds: int) -> Float32:
         """The attacked points (N, 4) after so many gradients; raises NoGradientError where there is none."""
-        keeper = Keeper(self.goal, self.detector, self.points, self.owner)
+        keeper = Keeper(self.goal, self.detector, self.points, self.owner, self._shaken)
         choice = self.options.home.copy()
         kept, current = choice.copy(), self.points
         tactics = self.tactics
@@ -120,11 +121,17 @@ class Crossing:
         moved[self.movable, 3] = self.intensity
         return moved
 
+    def _shaken(self, points: Float32) -> Float32:
+        """Points (N, 4) as the detector gets them: with the noise that the attack must survive."""
+        if not self.tactics.jitter_m:
+            return points
+        noise = np.zeros(points.shape, np.float32)
+        noise[:, :3] = self.rng.normal(0, self.tactics.jitter_m, (len(points), 3))
+        return points + noise
+
     def _ask(self, choice: Int64) -> None:
         """Bring the gain of each voxel in reach up to date, by one backward pass."""
-        points = self.placed(choice)
-        if self.tactics.jitter_m:
-            points[:, :3] += self.rng.normal(0, self.tactics.jitter_m, (len(points), 3)).astype(np.float32)
+        points = self._shaken(self.placed(choice))
         empty = np.flatnonzero(self._count(choice) == 0)
         visitor = self.visitor[empty]
         ghosts = self.points[self.movable[self.options.point[visitor]]]

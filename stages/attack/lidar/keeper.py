@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 
@@ -15,16 +17,27 @@ Int64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 
 
+Shaken = Callable[[Float32], Float32]
+
+
+def _as_they_are(points: Float32) -> Float32:
+    return points
+
+
 class Keeper:
     """Shown attempts at one cloud, it keeps for each object the points that hurt it most.
 
     owner: (N,) the object that each point belongs to, -1 for none. Points (N, 4) are x, y, z, intensity.
+    shaken: what becomes of points before the detector sees them, where an attack must survive that.
     """
 
-    def __init__(self, goal: Goal, detector: Detector, clean: Float32, owner: Int64) -> None:
+    def __init__(
+        self, goal: Goal, detector: Detector, clean: Float32, owner: Int64, shaken: Shaken = _as_they_are
+    ) -> None:
         self._goal, self._detector, self.owner = goal, detector, owner
+        self._shaken = shaken
         self._together = clean.copy()
-        self.success = self._goal.success(detector.detect(cloud_of(clean)))
+        self.success = self._goal.success(detector.detect(cloud_of(shaken(clean))))
         self._whole, self._whole_success = clean, float(self.success.sum())
 
     def show(self, attempt: Float32) -> Bool:
@@ -45,7 +58,7 @@ class Keeper:
         return self._whole.copy()
 
     def _judge(self, points: Float32) -> Float64:
-        success = self._goal.success(self._detector.detect(cloud_of(points)))
+        success = self._goal.success(self._detector.detect(cloud_of(self._shaken(points))))
         if success.sum() > self._whole_success + 1e-9:
             self._whole, self._whole_success = points.copy(), float(success.sum())
         return success

@@ -125,6 +125,9 @@ class Perturb:
             return descend(points, goal, detector, rules, self.eps_m, self.steps, self.weight, rng), ""
         if self.recipe == "random":
             return _shaken(points, rules, self.eps_m, rng), ""
+        if self.recipe in TACTICS and isinstance(detector, VoxelDetector):
+            crossing = Crossing(points, goal, detector, rules, self.eps_m, self.tactics, rng)
+            return crossing.run(self.steps), ""
         owner = owners(points[:, :3], goal.fought.boxes.double().numpy(), self.tactics.margin_m)
         near = owner >= 0
         if self.recipe == "random-near":
@@ -134,9 +137,6 @@ class Perturb:
             for _ in range(self.steps):
                 keeper.show(_shaken(points, rules, self.eps_m, rng, near))
             return keeper.settle(), ""
-        if isinstance(detector, VoxelDetector):
-            crossing = Crossing(points, goal, detector, rules, self.eps_m, self.tactics, rng)
-            return crossing.run(self.steps), ""
         note = f"recipe {self.recipe} needs a detector with occupancy_loss; used PGD with the best iterate"
         return descend(points, goal, detector, rules, self.eps_m, self.steps, 0.0, rng, keeper), note
 

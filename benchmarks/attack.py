@@ -1,0 +1,83 @@
+"""What the attacks on clouds cost beside the detector's own passes, and frames an hour by preset.
+
+    python benchmarks/attack.py [BAG] [--rounds 5] [--steps 40] [--presets small 360 kitti] [--recipes ...]
+
+The peer of `perturb --recipe paper` is as many bare passes of the same detector on the same cloud: its loss,
+forward, and the gradient to the points, backward. The mark: at most 1.15 times as long. All other recipes
+are timed once each, against nothing. One thread computes, as in advpipe; random weights take as long as
+trained ones. BAG is a recorded drive; by default two seconds of the boulevard are simulated.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+from common import compare, finish, machine
+
+from advpipe.pipeline.bag.cloud import xyzi
+from advpipe.pipeline.bag.frames import Frame, FrameSlice, read_frames
+from advpipe.pipeline.bag.locate import resolve_bag
+from advpipe.pipeline.detector.second.model import Second, SecondNet
+from advpipe.pipeline.detector.second.presets import PRESETS
+from advpipe.pipeline.detector.threads import fixed_torch_threads
+from advpipe.pipeline.scenario import load_scenario
+from advpipe.stages.attack.lidar.perturb import RECIPES, Perturb
+from advpipe.stages.attack.lidar.targets import find_targets
+from advpipe.stages.simulate.run import simulate
+
+MOST = 1.15
+
+
+def report(preset: str, frame: Frame, given: argparse.Namespace) -> bool:
+    """Print one preset's lines; whether PGD reaches its mark."""
+    torch.manual_seed(0)
+    detector = Second(SecondNet(PRESETS[preset]))
+    targets = find_targets(detector, frame.cloud, frame.boxes)
+    points = torch.from_numpy(xyzi(frame.cloud))
+
+    def bare() -> None:
+        for _ in range(given.steps):
+            leaf = points.clone().requires_grad_()
+            torch.autograd.grad(detector.loss(leaf, targets.boxes, targets.labels), leaf)
+
+    def attacked(recipe: str, steps: int) -> None:
+        attack = Perturb(eps_cm=5, recipe=recipe, steps=steps)
+        attack(frame.cloud, frame.boxes, detector, np.random.default_rng(0))
+
+    timed = compare(
+        f"{preset}: PGD-{given.steps}", lambda: attacked("paper", given.steps), bare, given.rounds
+    )
+    print(timed.line(3600, "frames/h", 1 / MOST), flush=True)
+    for recipe in given.recipes:
+        start_s = time.perf_counter()
+        attacked(recipe, 0)
+        print(f"{preset}: {recipe:<26} {3600 / (time.perf_counter() - start_s):9,.1f} frames/h", flush=True)
+    return timed.ratio >= 1 / MOST
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("bag", type=Path, nargs="?")
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--steps", type=int, default=40)
+    parser.add_argument("--presets", nargs="+", default=list(PRESETS), choices=list(PRESETS))
+    parser.add_argument("--recipes", nargs="*", default=list(RECIPES), choices=list(RECIPES))
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder, fixed_torch_threads():
+        bag = given.bag
+        if bag is None:
+            bag = Path(folder) / "boulevard"
+            simulate(load_scenario("boulevard", ["simulation.duration_s=2"]), bag)
+        (frame,) = read_frames(resolve_bag(bag), FrameSlice(10, 11, 1))
+        print(f"{machine()}; PyTorch {torch.__version__}; {len(frame.cloud)} points")
+        passed = [report(preset, frame, given) for preset in given.presets]
+    finish(all(passed))
+
+
+if __name__ == "__main__":
+    main()
