@@ -91,19 +91,15 @@ def test_congestion_control_that_it_keeps_to():
 
 
 def test_congestion_control_on_a_busy_channel():
-        loud = [
-            replace(step.sent[1], request_ns=step.begin_ns + 250_000 * n, payload=payload) for n in range(400)
-        ]
+    """A neighbour is on the air nine tenths of the time: after a second, one message each 0.46 s at most.
 
     Its CAMs of 48 bytes, with 82 around them, are 1040 bits and 22 more: 23 symbols of 48, and 5 ahead of
     them, each of 8 us: 224 us, which four thousand times a second take 0.896 of the time.
     """
     attack, times_s = DosRandom(context("cam-dos"), rate_hz=1000.0, dcc=True), []
     for step in lane({1: 0.0, 2: 50.0}, 30):
-        payload = bytes(48)
-        loud = [
-            replace(step.sent[1], request_ns=step.begin_ns + 250_000 * n, payload=payload) for n in range(400)
-        ]
+        cam = replace(step.sent[1], payload=bytes(48))
+        loud = [replace(cam, request_ns=step.begin_ns + 250_000 * index) for index in range(400)]
         times_s += [time_s(one.request_ns) for one in attack.edit(step, loud) if one.station_id == 1]
     gaps_s = np.diff(times_s)
     assert gaps_s[0] == pytest.approx(0.06)
