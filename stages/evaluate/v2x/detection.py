@@ -19,20 +19,20 @@ from advpipe.stages.evaluate.v2x.receptions import Receptions
 
 PUBLISHED_CATCH_F1 = {
     "cam-position-random-offset": 0.940,
-    "cam-speed-zero": 0.907,
+    "cam-speed-constant": 0.907,  # with speed_mps: 0, as there
     "cam-position-offset": 0.846,
     "cam-speed-random-offset": 0.808,
     "cam-speed-offset": 0.637,
     "cam-heading-reversed": 0.593,
     "cam-dos": 0.353,
-    "cam-speed-sudden-constant": 0.284,
+    "cam-speed-frozen": 0.284,
     "cam-replay": 0.273,
     "cam-sybil-congestion": 0.259,
     "cam-position-mirrored": 0.192,
     "cam-delay": 0.062,
-    "cam-acceleration-multiplied": 0.050,
-    "cam-stop-sudden": 0.029,
-    "cam-braking-feigned": 0.027,
+    "cam-acceleration": 0.050,
+    "cam-sudden-stop": 0.029,
+    "cam-feigned-braking": 0.027,
 }
 """CaTCH in the documentation of VeReMi NextGen: urban traffic, low density. Other data than ours: for
 orientation, not for comparison."""
