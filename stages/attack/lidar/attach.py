@@ -45,6 +45,9 @@ INSET_M = {"best": 0.002, "robust": 0.025}
 JITTER_M = 0.01
 """What the recipe `robust` survives."""
 
+REST_M = 0.02
+"""Points of the budget that have nothing to do stand this near to clean ones: the cloud hardly changes."""
+
 BALL_PLACES = 200
 """Places a chosen point, in all, for detectors that show no voxels, and for the baseline `random-best`."""
 
@@ -155,8 +158,10 @@ class Attach:
         best = places[np.concatenate([chosen, reserve])[: self.points]]
         short = self.points - len(best)
         if short:
-            note = "; ".join(filter(None, [note, "gradient used up: the rest added at random"]))
-            best = joined([best, self._by_chance(clean, sources, short, boxes, rules, rng)])
+            note = "; ".join(filter(None, [note, "nothing more to gain: the rest added at random"]))
+            near_m = min(self.eps_m, REST_M)
+            rest = ball_places(clean, sources, short, boxes, rules, near_m, MARGIN_M, rng)
+            best = joined([best, rest])
         if self.constraints.intensity:
             best = _with_intensity(clean, best, goal, judge, detector)
         return best, note

@@ -66,7 +66,8 @@ def voxel_places(
     if rules.constraints.along_ray:
         source, offset = _steps_on_rays(clean, near, eps_m, min(grid.size_m))
     else:
-        source, offset = _nearest_in_cells(clean, near, _cells_about(boxes, grid, margin_m), grid, inset_m)
+        cells = _cells_about(boxes, grid, margin_m)
+        source, offset = _nearest_in_cells(clean, near, cells, grid, eps_m, inset_m)
     places = _places(clean, source, offset, boxes, margin_m, eps_m, rules)
     return _one_a_voxel(places, grid, grid.keys(grid.cells(clean)))
 
@@ -127,16 +128,22 @@ def _cells_about(boxes: Float64, grid: VoxelGrid, margin_m: float) -> Int64:
         cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
         (inside,) = points_in_boxes(grid.low_corners_m(cells) + size / 2, box[None], margin_m)
         found.append(cells[inside])
-    return np.unique(np.concatenate(found), axis=0)
+    every = np.concatenate(found)
+    _, first = np.unique(grid.keys(every), return_index=True)
+    return every[first]
 
 
 def _nearest_in_cells(
-    clean: Float32, near: Int64, cells: Int64, grid: VoxelGrid, inset_m: float
+    clean: Float32, near: Int64, cells: Int64, grid: VoxelGrid, eps_m: float, inset_m: float
 ) -> tuple[Int64, Float64]:
-    """For each cell (K, 3) the clean point nearest to its centre, and the way into the cell from there."""
+    """For each cell (of K, 3) that may be in reach the clean point nearest to its centre, and the way into
+    the cell from there."""
     low, size = grid.low_corners_m(cells), np.array(grid.size_m)
-    _, nearest = cKDTree(clean[near, :3].astype(np.float64)).query(low + size / 2)
-    source = near[nearest]
+    reach_m = eps_m + float(np.linalg.norm(size)) / 2
+    tree = cKDTree(clean[near, :3].astype(np.float64))
+    distance_m, nearest = tree.query(low + size / 2, distance_upper_bound=reach_m)
+    low = low[np.isfinite(distance_m)]
+    source = near[nearest[np.isfinite(distance_m)]]
     start = clean[source, :3].astype(np.float64)
     return source, np.clip(start, low + inset_m, low + size - inset_m) - start
 

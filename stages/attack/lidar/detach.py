@@ -125,7 +125,9 @@ class Detach:
         short = budget - len(chosen)
         rest = np.setdiff1d(allowed, chosen, assume_unique=True)
         notes = (
-            ["gradient used up: the rest removed at random"] if short and self.recipe != "random-near" else []
+            ["nothing more to gain: the rest removed at random"]
+            if short and self.recipe != "random-near"
+            else []
         )
         if self.recipe in ("best", "robust") and not isinstance(detector, VoxelDetector):
             notes.append("no occupancy_loss: points by the gradient of the loss")
