@@ -39,7 +39,9 @@ class Tactics:
     momentum: share of the earlier rounds in a voxel's gain. eager, calm: the probability that a crossing
     that gains is made, in the first and in the last round of a cycle. rounds_a_cycle: each cycle starts
     from the best that was kept. jitter_m: standard deviation of the noise under which gains are asked for.
-    groups: whole voxels may be emptied together. keep: judge attempts and keep the best.
+    groups: whole voxels may be emptied together. keep: judge attempts and keep the best. decoys: false
+    detections of the clean cloud are made surer. lie: every other gradient is that of a truth which holds the
+    decoys alone; the focal loss of what is sure is flat, that of what should not be there is steep.
     """
 
     margin_m: float = 0.3
@@ -51,6 +53,8 @@ class Tactics:
     jitter_m: float = 0.0
     groups: bool = True
     keep: bool = True
+    decoys: bool = True
+    lie: bool = True
 
 
 class Crossing:
@@ -70,7 +74,7 @@ class Crossing:
         self.points, self.goal, self.detector, self.rules = points, goal, detector, rules
         self.tactics, self.rng = tactics, rng
         self.grid = detector.voxel_grid
-        self.owner = owners(points[:, :3], goal.fought.boxes.double().numpy(), tactics.margin_m)
+        self.owner = owners(points[:, :3], goal.regions, tactics.margin_m)
         keys = self.grid.keys(self.grid.cells(points))
         self.movable = np.flatnonzero((self.owner >= 0) & (keys >= 0) & rules.allowed)
         constraints = rules.constraints
@@ -103,7 +107,7 @@ class Crossing:
             phase = number % cycle
             if phase == 0:
                 choice = kept.copy()
-            self._ask(choice)
+            self._ask(choice, lie=tactics.lie and self.goal.kind == "break" and number % 2 == 1)
             share = phase / max(1, cycle - 1)
             choice = self._cross(choice, tactics.eager + (tactics.calm - tactics.eager) * share)
             current = self.placed(choice)
@@ -129,25 +133,27 @@ class Crossing:
         noise[:, :3] = self.rng.normal(0, self.tactics.jitter_m, (len(points), 3))
         return points + noise
 
-    def _ask(self, choice: Int64) -> None:
+    def _ask(self, choice: Int64, lie: bool) -> None:
         """Bring the gain of each voxel in reach up to date, by one backward pass."""
         points = self._shaken(self.placed(choice))
         empty = np.flatnonzero(self._count(choice) == 0)
         visitor = self.visitor[empty]
         ghosts = self.points[self.movable[self.options.point[visitor]]]
         ghosts[:, :3] = move_within(ghosts[:, :3], self.options.offset_m[visitor])
-        taught = self.goal.taught
+        taught, sign = (self.goal.decoys, -1.0) if lie else (self.goal.taught, self.goal.sign)
         leaf = torch.from_numpy(points).requires_grad_()
         loss, occupancy, rows = self.detector.occupancy_loss(
             leaf, taught.boxes, taught.labels, torch.from_numpy(ghosts)
         )
         gradient, to_points = torch.autograd.grad(loss, [occupancy, leaf])
         if self.rules.constraints.intensity:
-            self._shine(to_points[self.movable, 3].cpu().numpy())
+            self._shine(sign * to_points[self.movable, 3].cpu().double().numpy())
         worth = np.nan_to_num(gradient.cpu().numpy().astype(np.float64), posinf=0.0, neginf=0.0)
-        worth *= self.goal.sign
+        if not worth.any() and lie:
+            return  # a detector whose loss says nothing of what should not be there
         if not worth.any():
             raise NoGradientError
+        worth *= sign / np.abs(worth).mean()  # the scales of losses differ
         row = rows.cpu().numpy()
         read = row >= 0
         key = self.grid.keys(self.grid.cells(np.concatenate([points, ghosts])[read]))
@@ -160,10 +166,10 @@ class Crossing:
         self.gain[cell] = memory * self.gain[cell] + (1 - memory) * new
         self.asked[cell] = True
 
-    def _shine(self, gradient: Float32) -> None:
+    def _shine(self, rises: Float64) -> None:
         """One step of the intensities (P,), within what the clean cloud knows."""
         low, high = self.points[:, 3].min(), self.points[:, 3].max()
-        step = INTENSITY_STEP * (high - low) * np.sign(self.goal.sign * np.nan_to_num(gradient))
+        step = INTENSITY_STEP * (high - low) * np.sign(np.nan_to_num(rises))
         if self.rules.constraints.max_points is None:
             self.intensity = np.clip(self.intensity + step, low, high).astype(np.float32)
 

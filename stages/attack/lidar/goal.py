@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +11,7 @@ import torch
 from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.detector.protocol import Detections, Detector
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes, points_in_boxes
-from advpipe.pipeline.geometry.iou import iou_3d
+from advpipe.pipeline.geometry.iou import iou_3d, iou_bev
 from advpipe.pipeline.metrics.average_precision import LOOSE_IOU, STRICT_IOU
 from advpipe.pipeline.metrics.matching import match_overlaps
 from advpipe.stages.attack.lidar.constraints import Constraints
@@ -31,7 +31,8 @@ class Goal:
     fought: their boxes and labels. taught: what the detector's loss is asked for.
     sign: +1 where the attack raises that loss, -1 where it lowers it.
     kind: "break" detections at all, "hide" the objects, or "conjure" them.
-    classes: the detector's.
+    classes: the detector's. decoys: D places without an object where the detector sees one already, if
+    faintly; to make it surer of them is worth something, too.
     """
 
     fought: Targets
@@ -39,16 +40,27 @@ class Goal:
     sign: float
     kind: str
     classes: tuple[str, ...]
+    decoys: Targets = field(default_factory=lambda: Targets(torch.zeros(0, 7), torch.zeros(0).long()))
+
+    @property
+    def regions(self) -> Float64:
+        """The boxes (M + D, 7) of the objects and the decoys: where points are worth moving."""
+        regions: Float64 = torch.cat([self.fought.boxes, self.decoys.boxes]).double().numpy()
+        return regions
 
     def __len__(self) -> int:
         return len(self.fought)
 
     def success(self, found: Detections) -> Float64:
-        """How well the attack did on each object (M,) by these detections: higher is better.
+        """How well the attack did on each object and decoy (M + D,) by these detections: higher is better.
 
         To break one: no detection of strict overlap, and false ones beside it. To hide one: no detection
         of loose overlap. To conjure one: a detection of it, and short of that a box that nearly is one.
         """
+        here = found if not len(self.decoys) else self._away_from_decoys(found)
+        return np.concatenate([self._success(here), self._seen_decoys(found)])
+
+    def _success(self, found: Detections) -> Float64:
         truth, labels = self.fought.boxes.double().numpy(), self.fought.labels.numpy()
         overlap = iou_3d(found.boxes, truth) * (found.labels[:, None] == labels[None])
         if self.kind == "conjure":
@@ -57,6 +69,15 @@ class Goal:
             loose = np.array([LOOSE_IOU[self.classes[label]] for label in labels.tolist()])
             return -np.asarray(((overlap >= loose) * found.scores[:, None]).max(axis=0, initial=0.0))
         return self._broken(found, overlap, truth, labels)
+
+    def _away_from_decoys(self, found: Detections) -> Detections:
+        away = iou_bev(found.boxes, self.decoys.boxes.double().numpy()).max(axis=1, initial=0.0) <= 0
+        return Detections(found.boxes[away], found.scores[away], found.labels[away])
+
+    def _seen_decoys(self, found: Detections) -> Float64:
+        there = iou_bev(found.boxes, self.decoys.boxes.double().numpy()) > 0
+        seen: Float64 = FALSE_WEIGHT * (there * found.scores[:, None]).max(axis=0, initial=0.0)
+        return seen
 
     def _broken(self, found: Detections, overlap: Float64, truth: Float64, labels: Int64) -> Float64:
         kept, false = np.zeros(len(truth)), np.zeros(len(truth))
@@ -88,6 +109,16 @@ def goal_of(constraints: Constraints, detector: Detector, cloud: Cloud, boxes: B
         chosen = find_targets(detector, cloud, constraints.attacked(boxes, xyz(cloud)))
         return Goal(chosen, _without(everyone, chosen), -1.0, "hide", detector.classes)
     return Goal(everyone, everyone, 1.0, "break", detector.classes)
+
+
+def with_decoys(goal: Goal, detector: Detector, cloud: Cloud, boxes: Boxes) -> Goal:
+    """The goal with what the detector finds in the clean cloud where none of the true boxes is."""
+    if goal.kind != "break":
+        return goal
+    found = detector.detect(cloud)
+    away = iou_bev(found.boxes, boxes.geometry).max(axis=1, initial=0.0) <= 0
+    places = torch.from_numpy(found.boxes[away].astype(np.float32))
+    return replace(goal, decoys=Targets(places, torch.from_numpy(found.labels[away])))
 
 
 def owners(points: npt.NDArray[np.float32], boxes: Float64, margin_m: float) -> Int64:

@@ -14,7 +14,7 @@ from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.stages.attack.lidar.base import LidarResult, PointLabels, unchanged
 from advpipe.stages.attack.lidar.constraints import Constraints, Rules
 from advpipe.stages.attack.lidar.crossing import Crossing, Tactics
-from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners
+from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners, with_decoys
 from advpipe.stages.attack.lidar.keeper import Keeper
 from advpipe.stages.attack.lidar.pgd import descend, displaced
 from advpipe.stages.attack.lidar.selection import NoGradientError
@@ -105,6 +105,8 @@ class Perturb:
         loss_before = detection_loss(detector, scene, goal.taught)
         if not len(goal) and self.recipe != "random":
             return unchanged(cloud, "no object to hide that the detector could find")
+        if self.tactics.decoys and self.recipe not in ("paper", "random", "random-near"):
+            goal = with_decoys(goal, detector, scene, boxes)
         rules = self.constraints.on(xyz(scene), boxes)
         try:
             points, note = self._moved(xyzi(scene), goal, detector, rules, rng)
@@ -128,7 +130,7 @@ class Perturb:
         if self.recipe in TACTICS and isinstance(detector, VoxelDetector):
             crossing = Crossing(points, goal, detector, rules, self.eps_m, self.tactics, rng)
             return crossing.run(self.steps), ""
-        owner = owners(points[:, :3], goal.fought.boxes.double().numpy(), self.tactics.margin_m)
+        owner = owners(points[:, :3], goal.regions, self.tactics.margin_m)
         near = owner >= 0
         if self.recipe == "random-near":
             return _shaken(points, rules, self.eps_m, rng, near), ""

@@ -5,10 +5,14 @@ import math
 import numpy as np
 import pytest
 import torch
+from linear_detector import LinearVoxelDetector
 
 from advpipe.pipeline.bag.cloud import xyz, xyzi
+from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import points_in_boxes
+from advpipe.stages.attack.lidar.constraints import Constraints
+from advpipe.stages.attack.lidar.goal import FALSE_WEIGHT, goal_of, with_decoys
 from advpipe.stages.attack.lidar.perturb import RECIPES, Perturb
 from advpipe.stages.attack.lidar.pgd import project
 
@@ -252,3 +256,69 @@ def test_bad_parameters(wrong, line):
     with pytest.raises(AdvpipeError, match=line) as caught:
         Perturb(eps_cm=1, **wrong)
     assert "\n" not in str(caught.value)
+
+
+def test_decoys_are_what_the_detector_finds_beside_the_truth(scene, make_boxes):
+    cloud, boxes, detector = scene
+    detector.anchors = np.array([BOX, [1.0, 1.0, 1.0, 1.5, 1.5, 1.5, 0.0]])  # the second stands in free space
+    plain_goal = goal_of(Constraints(), detector, cloud, boxes)
+    goal = with_decoys(plain_goal, detector, cloud, boxes)
+    assert goal.regions.tolist() == detector.anchors.tolist()
+    clean = goal.success(detector.detect(cloud))
+    assert clean.tolist() == [-1.0, pytest.approx(FALSE_WEIGHT)]  # scores are cut off at 1
+    assert plain_goal.success(detector.detect(cloud)).tolist() == [pytest.approx(FALSE_WEIGHT - 1)]
+
+
+def test_success_counts_what_the_map_counts(scene):
+    cloud, boxes, detector = scene
+    goal = goal_of(Constraints(), detector, cloud, boxes)
+    box = np.array([BOX])
+    aside = box + [[1.5, 0, 0, 0, 0, 0, 0]]  # IoU 4.5 / 7.5: too little for a car
+
+    def success(*found):
+        geometry = np.concatenate([b for b, _ in found]) if found else np.zeros((0, 7))
+        scores = np.array([s for _, s in found])
+        return goal.success(Detections(geometry, scores, np.zeros(len(found), np.int64))).tolist()
+
+    assert success() == [0.0]
+    assert success((box, 0.9)) == [-0.9]
+    assert success((aside, 0.8)) == [pytest.approx(0.8 * FALSE_WEIGHT)]
+    assert success((box, 0.9), (aside, 0.8)) == [pytest.approx(0.8 * FALSE_WEIGHT - 0.9)]
+
+
+class Contrasting(LinearVoxelDetector):
+    """Its loss falls with the scores of what is taught and rises with those of what is not."""
+
+    def occupancy_loss(self, points, boxes, labels, ghosts=None):
+        places = torch.as_tensor(self.anchors, dtype=torch.float32)
+        ghosts = torch.zeros(0, 4) if ghosts is None else ghosts
+        scores, occupancy, voxel = self._scores(points, places, ghosts)
+        taught = (places[:, None] == boxes[None]).all(2).any(1)
+        return torch.where(taught, -scores, scores).sum(), occupancy, voxel
+
+    def loss(self, points, boxes, labels):
+        return self.occupancy_loss(points, boxes, labels)[0]
+
+
+def test_one_object_is_hidden_and_the_others_left_alone(make_cloud, make_boxes):
+    cars = [[1.5, 0.5, 0.5, 3.0, 1.0, 1.0, 0.0], [1.5, 7.5, 0.5, 3.0, 1.0, 1.0, 0.0]]
+    points = [[x + 0.5, y, 0.6] for x in range(3) for y in (0.6, 7.6) for _ in range(2)]
+    boxes, detector = make_boxes(*cars), Contrasting(np.ones((10, 10, 10)), cars)
+    cloud = make_cloud(points)
+    for name, hidden in (("car1", 1), ("0", 0)):
+        result = Perturb(eps_cm=60, objects=(name,))(cloud, boxes, detector, rng())
+        assert detector.detect(result.cloud).boxes.tolist() == [cars[1 - hidden]]
+        assert np.isin(result.labels.point, points_in_boxes(points, boxes.geometry)[hidden]).all()
+    assert "no object" in Perturb(eps_cm=60, objects=("bus7",))(cloud, boxes, detector, rng()).note
+
+
+def test_a_ghost_is_conjured_from_points_about(make_cloud, make_boxes, make_detector):
+    # Fifty points just below the voxels of a car that is not there.
+    draw = np.random.default_rng(2)
+    cloud = make_cloud(np.column_stack([draw.uniform(3, 7, (50, 2)), np.full(50, 0.97)]))
+    detector = make_detector(np.full((10, 10, 10), 0.2), [[5.0, 5.0, 1.745, 4.5, 1.85, 1.55, 0.0]])
+    detector.weights[:, :, 0] = 0
+    assert len(detector.detect(cloud)) == 0
+    result = Perturb(eps_cm=5, ghost="car:5:5")(cloud, make_boxes(), detector, rng())
+    assert len(detector.detect(result.cloud)) == 1
+    assert result.loss_after < result.loss_before
