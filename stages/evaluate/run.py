@@ -17,6 +17,7 @@ from advpipe.stages.evaluate.detection.looking import Looking
 from advpipe.stages.evaluate.detection.scoring import known_classes
 from advpipe.stages.evaluate.detection.summary import Summary, summarise
 from advpipe.stages.evaluate.detection.write_back import write_detections
+from advpipe.stages.evaluate.localisation.section import sections as localisation
 from advpipe.stages.evaluate.options import Options
 from advpipe.stages.evaluate.provenance import describe_bags, describe_detector, transfer_remark
 from advpipe.stages.evaluate.report.attacked import attacked_sections
@@ -27,6 +28,7 @@ from advpipe.stages.evaluate.report.report import FORMULAS, Report, precision_re
 from advpipe.stages.evaluate.report.results import write_frames, write_results
 from advpipe.stages.evaluate.report.section import Family
 from advpipe.stages.evaluate.report.table import print_report
+from advpipe.stages.evaluate.v2x.section import sections as v2x
 
 __all__ = ["Options", "Report", "evaluate", "print_report"]
 
@@ -36,7 +38,7 @@ REPORT = FolderKind(
     ("report.json",),
 )
 
-FAMILIES: tuple[Family, ...] = ()
+FAMILIES: tuple[Family, ...] = (localisation, v2x)
 """What the families of attacks add besides detection; each gives no section where it has nothing to say."""
 
 

@@ -10,7 +10,8 @@ from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.detection.strata import STRATA
 from advpipe.stages.evaluate.detection.success import EVERY_CLASS
 from advpipe.stages.evaluate.detection.summary import Summary
-from advpipe.stages.evaluate.report.numbers import NOTHING, interval, number, with_interval
+from advpipe.stages.evaluate.report.clean import of_first_detector
+from advpipe.stages.evaluate.report.numbers import NOTHING, interval, number, short_name, with_interval
 from advpipe.stages.evaluate.report.scene import attack_title
 from advpipe.stages.evaluate.report.section import Section, Table
 from advpipe.stages.evaluate.report.transfer import transfer_section
@@ -25,7 +26,7 @@ def attacked_sections(summaries: Sequence[Summary]) -> Iterator[Section]:
         yield baselines_section(attacked)
     if attacked:
         yield success_section(attacked)
-        yield change_section(attacked)
+        yield change_section(of_first_detector(attacked))
         yield recount_section(attacked)
     if any(summary.defended for summary in summaries):
         yield defences_section(summaries)
@@ -39,7 +40,7 @@ def title_of(summary: Summary, summaries: Sequence[Summary]) -> str:
     if len({each.comparison.name for each in alike}) > 1:
         title += f" ({summary.comparison.name})"
     if len({each.comparison.detector for each in summaries}) > 1:
-        title += f", seen by {summary.comparison.detector}"
+        title += f", seen by {short_name(summary.comparison.detector)}"
     return title
 
 
@@ -133,10 +134,10 @@ def change_section(summaries: Sequence[Summary]) -> Section:
                 number(summary.row[f"{prefix}chamfer_distance_m2"], 5),
                 *(number(summary.row[f"{prefix}points_{what}"], 0) for what in ("removed", "added", "moved")),
                 *(
-                    number(summary.row[f"{prefix}{what}_displacement_m"], 4)
+                    number(summary.row[f"{prefix}{what}_displacement_m"] or None, 4)
                     for what in ("mean", "rms", "median", "p95", "max")
                 ),
-                number(summary.row[f"{prefix}max_added_m"], 4),
+                number(summary.row[f"{prefix}max_added_m"] or None, 4),
             )
             for prefix in words
         )

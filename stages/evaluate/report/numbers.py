@@ -21,3 +21,8 @@ def with_interval(value: object, bounds: object, digits: int = 1) -> str:
     """Such as `46.2 (40.1…52.3)`; the figure alone where there is no interval."""
     text = number(value, digits)
     return f"{text} ({interval(bounds, digits)})" if isinstance(bounds, tuple) else text
+
+
+def short_name(detector: object) -> str:
+    """A detector's name where there is little room: the class alone of `module:Class`."""
+    return str(detector).rpartition(":")[2]

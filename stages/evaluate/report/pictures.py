@@ -16,6 +16,7 @@ from advpipe.stages.evaluate.report.birds_eye import draw_scene
 from advpipe.stages.evaluate.report.budget_curves import budget_groups, draw_budget_curves
 from advpipe.stages.evaluate.report.clean import distinct_clean, of_first_detector
 from advpipe.stages.evaluate.report.curves import ATTACK_LINES, CLEAN_LINES, draw_curves
+from advpipe.stages.evaluate.report.numbers import short_name
 from advpipe.stages.evaluate.report.ratios import draw_ratios
 from advpipe.stages.evaluate.report.scene import attack_name, best_frames, load_scene, worst_frames
 from advpipe.stages.evaluate.report.section import ATTACK, CLEAN, OVERVIEW, Picture
@@ -33,7 +34,8 @@ def draw_pictures(clean: Path, summaries: Sequence[Summary], lidar_topic: str | 
         figure = draw_ratios(rows)
         pictures.append(Picture(OVERVIEW, "", "map_ratio.png", "mAP ratio of each attack", to_png(figure)))
     for number, group in enumerate(budget_groups(rows)):
-        caption = f"mAP ratio over budget and Chamfer distance: {attack_name(group[0])}"
+        seen_by = short_name(group[0]["detector"])
+        caption = f"mAP ratio over budget and Chamfer distance: {attack_name(group[0])}, seen by {seen_by}"
         name = f"budget{number + 1}.png"
         pictures.append(Picture(OVERVIEW, "", name, caption, to_png(draw_budget_curves(group))))
     first = of_first_detector(summaries)

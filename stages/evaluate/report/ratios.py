@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from advpipe.stages.evaluate.detection.figures import Row
+from advpipe.stages.evaluate.report.numbers import short_name
 from advpipe.stages.evaluate.report.scene import attack_title
 from advpipe.stages.evaluate.report.style import BASELINE, INK, PREDICTION
 
@@ -15,7 +16,10 @@ from advpipe.stages.evaluate.report.style import BASELINE, INK, PREDICTION
 def draw_ratios(rows: Sequence[Row]) -> Figure:
     """One line an attack: red the attack, grey the same budget at random."""
     seen = {row["detector"] for row in rows}
-    titles = [attack_title(row) + (f", seen by {row['detector']}" if len(seen) > 1 else "") for row in rows]
+    titles = [
+        attack_title(row) + (f", seen by {short_name(row['detector'])}" if len(seen) > 1 else "")
+        for row in rows
+    ]
     figure = Figure(figsize=(11, 1.3 + 0.62 * len(rows)), dpi=110, facecolor="white", layout="constrained")
     axes = figure.add_subplot()
     axes.axvline(100, color="#c9d1da", linewidth=1, zorder=1)

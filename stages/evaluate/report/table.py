@@ -9,7 +9,7 @@ from rich.table import Table
 from advpipe.stages.evaluate.detection.arm import WHOLE
 from advpipe.stages.evaluate.detection.baseline import baseline_title
 from advpipe.stages.evaluate.detection.figures import Row
-from advpipe.stages.evaluate.report.numbers import NOTHING, interval, number
+from advpipe.stages.evaluate.report.numbers import NOTHING, interval, number, short_name
 from advpipe.stages.evaluate.report.ratios import strongest_baseline
 from advpipe.stages.evaluate.report.report import Report
 
@@ -61,7 +61,7 @@ def clean_cells(row: Row, detector: str = "") -> dict[str, str]:
     """The line of the clean clouds."""
     empty = dict.fromkeys(cells(row), NOTHING)
     return empty | {
-        "attack": f"{CLEAN}, seen by {detector}" if detector else CLEAN,
+        "attack": f"{CLEAN}: {short_name(detector)}" if detector else CLEAN,
         "mAP": number(row["map_clean"], 3),
         "ratio %": number(100.0, 2),
         "car AP": number(row.get("ap_car_clean"), 3),
@@ -100,7 +100,7 @@ def remarks(report: Report) -> list[str]:
     words = []
     several = len({row["detector"] for row in report.rows}) > 1
     for row in report.rows:
-        bag = f"{row['bag']}, seen by {row['detector']}" if several else str(row["bag"])
+        bag = f"{row['bag']}, seen by {short_name(row['detector'])}" if several else str(row["bag"])
         chosen, notes = row["classes_in_map"], row["notes"]
         if isinstance(chosen, list) and isinstance(notes, list):
             size = f"{row['frames']} frames, {row['objects']} objects"
@@ -188,9 +188,14 @@ def _by_attack(report: Report) -> Table:
         show_edge=False,
         padding=(0, 1, 0, 0),
     )
+    shown = lines(report, is_short=True)
     for column in ON_THE_TERMINAL:
-        table.add_column(column, justify="left" if column == "attack" else "right", no_wrap=True)
-    for line in lines(report, is_short=True):
+        if column == "attack":  # the one that is cut off where the terminal is narrow
+            table.add_column(column, no_wrap=True)
+        else:
+            width = max(len(line[column]) for line in shown)
+            table.add_column(column, justify="right", no_wrap=True, min_width=width)
+    for line in shown:
         style = "dim" if line["attack"].startswith((CLEAN, " ")) else None
         table.add_row(*(line[column] for column in ON_THE_TERMINAL), style=style)
     return table
