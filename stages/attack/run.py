@@ -65,8 +65,8 @@ def attack(
     writer = BagWriter(out, provenance=provenance, overwrite=overwrite)  # refuses a bad output at once
     resolved = resolved_text(provenance)
     summary = AttackSummary(out)
+    changes = change_messages(reader, request.attacks, request.seed)
     with open_job(out, resolved) as job:
-        changes = change_messages(reader, request.attacks, request.seed)
         if plan is not None:
             todo = [place for place in range(len(plan.attacked)) if job.load(place) is None]
             attacker = partial(cloud_attacker, reader.path, request.lidar, plan.attacked, request.seed, job)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
+from advpipe.pipeline.cli.run import run
+from advpipe.pipeline.errors import AdvpipeError
+
 SCENARIO = """
 name: tiny
-simulation: {seed: 1, duration_s: 1, warmup_s: 5}
+simulation: {seed: 1, duration_s: 1, warmup_s: 1}
 map: {sumo_net: boulevard.net.xml}
 traffic: {vehicles: 20, pedestrians: 5}
 sensors: {lidars: {lidar: {channels: 16, points_per_second: 20000}}}
@@ -24,28 +25,28 @@ attacks:
 """
 
 
-def advpipe(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", "from advpipe.pipeline.cli import app; app()", *words]
-    return subprocess.run(command, capture_output=True, text=True, cwd=folder, timeout=300)
-
-
 def stamps(folder: Path) -> dict[str, int]:
     return {str(path): path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
 
 
-def test_all_stages_and_again(tmp_path: Path) -> None:
-    (tmp_path / "tiny.yaml").write_text(SCENARIO, encoding="utf-8")
-    words = ["run", "tiny.yaml", "--out", "out"]
-    first = advpipe(tmp_path, *words)
-    assert first.returncode == 0, first.stderr
-    made = tmp_path / "out"
+@pytest.fixture
+def scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    path = Path("tiny.yaml")
+    path.write_text(SCENARIO, encoding="utf-8")
+    return path
+
+
+def test_all_stages_and_again(scenario: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made = Path("out")
+    run(str(scenario), made)
     assert {"clean", "fewer_points", "false_speed", "reports"} <= {path.name for path in made.iterdir()}
     report = json.loads((made / "reports" / "small" / "report.json").read_text())
     assert [row["attack"] for row in report["rows"]] == ["detach"]
     before = stamps(made)
-    again = advpipe(tmp_path, *words)
-    assert again.returncode == 0, again.stderr
-    assert again.stdout.splitlines() == [
+    capsys.readouterr()
+    run(str(scenario), made)
+    assert capsys.readouterr().out.splitlines() == [
         "out/clean: kept",
         "out/fewer_points: kept",
         "out/false_speed: kept",
@@ -54,40 +55,39 @@ def test_all_stages_and_again(tmp_path: Path) -> None:
     assert stamps(made) == before
 
     # Another attack under an old name: the drive and the other bag are kept, the rest is asked about.
-    (tmp_path / "tiny.yaml").write_text(SCENARIO.replace("ratio: 0.1", "ratio: 0.2"), encoding="utf-8")
-    refused = advpipe(tmp_path, *words)
-    assert refused.returncode == 1
-    assert refused.stderr.startswith("advpipe: out/fewer_points exists already, not overwriting")
+    scenario.write_text(SCENARIO.replace("ratio: 0.1", "ratio: 0.2"), encoding="utf-8")
+    with pytest.raises(AdvpipeError, match="^out/fewer_points exists already, not overwriting"):
+        run(str(scenario), made)
     assert stamps(made) == before
-    replaced = advpipe(tmp_path, *words, "--overwrite")
-    assert replaced.returncode == 0, replaced.stderr
-    assert "out/clean: kept" in replaced.stdout
-    assert "out/false_speed: kept" in replaced.stdout
-    assert "out/fewer_points: kept" not in replaced.stdout
+    capsys.readouterr()
+    run(str(scenario), made, overwrite=True)
+    said = capsys.readouterr().out
+    assert "out/clean: kept" in said
+    assert "out/false_speed: kept" in said
+    assert "out/fewer_points: kept" not in said
     changed = {path for path, stamp in stamps(made).items() if before.get(path) != stamp}
+    assert changed
     assert all("fewer_points" in path or "reports" in path for path in changed)
 
     # Another drive in the same place.
-    other = advpipe(tmp_path, *words, "--set", "simulation.seed=2")
-    assert (other.returncode, other.stderr.count("\n")) == (1, 1)
-    assert "out holds the drive of another scenario; pass --overwrite" in other.stderr
+    with pytest.raises(AdvpipeError, match="out holds the drive of another scenario; pass --overwrite"):
+        run(str(scenario), made, ["simulation.seed=2"])
 
 
 @pytest.mark.parametrize(
     ("attacks", "line"),
     [
-        ("{a: {type: detatch}}", "unknown attack 'detatch'; known: detach"),
+        ("{a: {type: detatch}}", "unknown attack 'detatch'; known: .*detach"),
         ("{a: {type: detach}}", "ratio is missing"),
         ("{a: {type: detach, parameters: {ratio: 2}}}", "ratio is 2"),
         ("{a: {type: cam-dos, parameters: {rate: 2}}}", "cam-dos: unknown parameter 'rate'"),
     ],
 )
 def test_bad_attacks_are_refused_before_anything_is_simulated(
-    tmp_path: Path, attacks: str, line: str
+    scenario: Path, attacks: str, line: str
 ) -> None:
     text = SCENARIO[: SCENARIO.index("attacks:")] + f"attacks: {attacks}\n"
-    (tmp_path / "tiny.yaml").write_text(text, encoding="utf-8")
-    done = advpipe(tmp_path, "run", "tiny.yaml", "--out", "out")
-    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
-    assert line in done.stderr
-    assert not (tmp_path / "out").exists()
+    scenario.write_text(text, encoding="utf-8")
+    with pytest.raises(AdvpipeError, match=line):
+        run(str(scenario), Path("out"))
+    assert not Path("out").exists()

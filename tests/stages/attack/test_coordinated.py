@@ -123,12 +123,29 @@ def test_same_bytes_in_one_go_in_pieces_and_on_two_workers(drive, tmp_path, monk
     assert files_of(tmp_path / "pieces" / "adv") == whole
 
 
+def test_attacks_that_do_not_meet_are_none(drive, tmp_path):
+    """The same field by others, at another time, or another field: one after the other, by all of them."""
+    ego, others = {"vehicles": ["ego"]}, {"share": 0.5}
+    specs = (
+        AttackSpec(type="cam-speed-offset", attackers=ego, schedule={"to_s": 1}),
+        AttackSpec(type="cam-speed-frozen", attackers=ego, schedule={"from_s": 1}),
+        AttackSpec(type="cam-heading-reversed", attackers=ego),
+        AttackSpec(type="cam-sudden-stop", attackers=others),
+    )
+    attack(drive, tmp_path / "adv", AttackRequest(specs))
+    labels = pq.read_table(str(tmp_path / "adv" / "v2x_labels.parquet"))
+    assert labels.num_rows > 0
+
+
 @pytest.mark.parametrize(
     ("specs", "line"),
     [
         (
-            [SPEED, AttackSpec(type="cam-sudden-stop", attackers={"vehicles": ["ego"]})],
-            "cam-speed-constant and cam-sudden-stop contradict each other: both set the speed",
+            [
+                AttackSpec(type="cam-speed-offset", attackers={"vehicles": ["ego"]}),
+                AttackSpec(type="cam-sudden-stop", attackers={"vehicles": ["ego"]}),
+            ],
+            "cam-speed-offset and cam-sudden-stop contradict each other: both set the speed",
         ),
         (
             [GPS, AttackSpec(type="gnss-drift")],
@@ -141,7 +158,7 @@ def test_same_bytes_in_one_go_in_pieces_and_on_two_workers(drive, tmp_path, monk
             [AttackSpec(type="cam-speed-constant", parameters={"speed": 1})],
             "unknown parameter 'speed'",
         ),
-        ([AttackSpec(type="cam-nothing")], "unknown attack 'cam-nothing'; known: detach"),
+        ([AttackSpec(type="cam-nothing")], "unknown attack 'cam-nothing'; known: "),
     ],
 )
 def test_what_cannot_be_done_is_refused(drive, tmp_path, specs, line):
@@ -153,9 +170,9 @@ def test_what_cannot_be_done_is_refused(drive, tmp_path, specs, line):
 
 def test_a_bag_without_v2x_and_gps(clean_bag, tmp_path):
     with pytest.raises(AdvpipeError, match="no V2X to send again"):
-        attack(clean_bag, tmp_path / "adv", AttackRequest((SPEED,)))
-    with pytest.raises(AdvpipeError, match="no vehicle 'ego' with GPS"):
-        attack(clean_bag, tmp_path / "adv", AttackRequest((GPS,)))
+        attack(clean_bag, tmp_path / "adv", AttackRequest((AttackSpec(type="cam-dos"),)))
+    with pytest.raises(AdvpipeError, match="no vehicle with GPS"):
+        attack(clean_bag, tmp_path / "adv", AttackRequest((AttackSpec(type="gnss-bias"),)))
     assert [item.name for item in tmp_path.iterdir()] == ["clean"]
 
 

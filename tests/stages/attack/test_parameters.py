@@ -84,7 +84,7 @@ def test_recipes():
 @pytest.mark.parametrize(
     ("word", "line"),
     [
-        ("detatch", r"unknown attack 'detatch'; known: detach, .*cam-replay.*, or module:Class"),
+        ("detatch", r"unknown attack 'detatch'; known: .*detach, .*cam-replay.*, or module:Class"),
         ("my_own:Missing", "cannot load attack my_own:Missing: "),
         ("no_such_module:Mine", "cannot load attack no_such_module:Mine: No module named"),
         ("my_own:number", "my_own:number is no class"),

@@ -13,6 +13,7 @@ import pytest
 import torch
 import yaml
 
+from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.cloud import cloud_from_cdr
 from advpipe.pipeline.bag.frames import read_frames
 from advpipe.pipeline.bag.provenance import parent_sha256
@@ -267,7 +268,7 @@ def test_existing_output(clean_bag, tmp_path):
 @pytest.mark.parametrize(
     ("changes", "line"),
     [
-        ({"type": "detatch"}, "unknown attack 'detatch'; known: detach"),
+        ({"type": "detatch"}, "unknown attack 'detatch'; known: .*detach"),
         ({"recipe": "worst"}, "unknown recipe 'worst'; known: best, paper, random"),
         ({"parameters": {}}, "ratio is missing; pass --set ratio=VALUE"),
         ({"parameters": {"ratio": 2.0}}, "ratio is 2.0"),
@@ -285,9 +286,13 @@ def test_bad_request_is_one_line_and_leaves_nothing(clean_bag, tmp_path, changes
 
 
 def test_bag_without_clouds(tmp_path):
+    with BagWriter(tmp_path / "blind", provenance={}) as bag:
+        bag.write(CLOCK, messages.clock(7), 7)
+    with pytest.raises(AdvpipeError, match="no LiDAR clouds"):
+        attack(tmp_path / "blind", tmp_path / "adv", request())
     with BagWriter(tmp_path / "empty", provenance={}):
         pass
-    with pytest.raises(AdvpipeError, match="no LiDAR clouds"):
+    with pytest.raises(AdvpipeError, match="holds no messages"):
         attack(tmp_path / "empty", tmp_path / "adv", request())
 
 
