@@ -56,17 +56,17 @@ def draw_scene(scene: Scene) -> Figure:
     )  # fmt: skip
     for column, (label, view) in enumerate(views):
         axes = figure.add_subplot(grid[:, column])
-        _draw_view(axes, scene, view, limits, point_area=0.7)
+        draw_view(axes, scene, view, limits, point_area=0.7)
         axes.set_title(f"{label}   {len(view.cloud):,} points", loc="left", fontsize=11, color=INK, pad=6)
         if focus is not None:
             _draw_frame_of(axes, focus)
     for row, (label, view) in enumerate(views if focus is not None else []):
         axes = figure.add_subplot(grid[row, -1])
-        _draw_view(axes, scene, view, focus or limits, point_area=4.0, rings=False)
+        draw_view(axes, scene, view, focus or limits, point_area=4.0, rings=False)
         axes.set_title(f"{label}, from near", loc="left", fontsize=11, color=INK, pad=6)
     figure.text(0.012, 1 - 0.18 / total, scene.title, va="top", fontsize=14, fontweight="bold", color=INK)
     figure.legend(
-        handles=_legend(scene), loc="lower center", ncols=7, frameon=False, fontsize=10, labelcolor=INK,
+        handles=legend(scene), loc="lower center", ncols=7, frameon=False, fontsize=10, labelcolor=INK,
         bbox_to_anchor=(0.5, 0.002),
     )  # fmt: skip
     return figure
@@ -77,12 +77,12 @@ def _draw_clean(scene: Scene, limits: Limits) -> Figure:
     figure = Figure(figsize=(CLEAN_IN + 0.3, total), dpi=110, facecolor="white")
     width = CLEAN_IN / (CLEAN_IN + 0.3)
     axes = figure.add_axes(((1 - width) / 2, FOOT_IN / total, width, CLEAN_IN / total))
-    _draw_view(axes, scene, scene.before, limits, point_area=0.6)
+    draw_view(axes, scene, scene.before, limits, point_area=0.6)
     figure.text(0.022, 1 - 0.18 / total, scene.title, va="top", fontsize=13, fontweight="bold", color=INK)
     points = f"{len(scene.before.cloud):,} points"
     figure.text(0.022, 1 - 0.5 / total, points, va="top", fontsize=10, color=SOFT)
     figure.legend(
-        handles=_legend(scene), loc="lower center", ncols=4, frameon=False, fontsize=10, labelcolor=INK,
+        handles=legend(scene), loc="lower center", ncols=4, frameon=False, fontsize=10, labelcolor=INK,
         bbox_to_anchor=(0.5, 0.002),
     )  # fmt: skip
     return figure
@@ -106,9 +106,10 @@ def _focus(scene: Scene) -> Limits | None:
     return x - ZOOM_M / 2, x + ZOOM_M / 2, y - ZOOM_M / 2, y + ZOOM_M / 2
 
 
-def _draw_view(
+def draw_view(
     axes: Axes, scene: Scene, view: View, limits: Limits, point_area: float, rings: bool = True
 ) -> None:
+    """One cloud of a scene with its boxes on these axes; rings: of distance, and thinner lines."""
     axes.set_aspect("equal")
     axes.set_xlim(limits[3], limits[2])  # y points left
     axes.set_ylim(limits[0], limits[1])
@@ -213,7 +214,7 @@ def _draw_frame_of(axes: Axes, limits: Limits) -> None:
     )  # fmt: skip
 
 
-def _legend(scene: Scene) -> list[Line2D]:
+def legend(scene: Scene) -> list[Line2D]:
     """An entry for each thing in the picture."""
 
     def dot(colour: str, text: str) -> Line2D:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from rich import box
 from rich.console import Console
 from rich.table import Table
@@ -14,6 +16,7 @@ from advpipe.stages.evaluate.report.ratios import strongest_baseline
 from advpipe.stages.evaluate.report.report import Report
 
 CLEAN = "clean"
+MIN_TITLE = 16
 
 ON_THE_TERMINAL = ("attack", "mAP", "ratio %", "95 %", "car AP", "CD m²", "points", "lost")
 """The columns that fit into 80 characters; the page has them all."""
@@ -153,7 +156,7 @@ def print_report(report: Report) -> None:
     if by_class := clean_lines(report):
         console.print(_by_class(by_class))
     if any(row["map_adv"] is not None for row in report.rows):
-        console.print(_by_attack(report))
+        console.print(_by_attack(report, console.width))
     elif report.rows:
         row = report.rows[0]
         car = f"; car alone {number(row['ap_car_clean'], 3)}" if "ap_car_clean" in row else ""
@@ -180,7 +183,7 @@ def _by_class(lines: list[dict[str, str]]) -> Table:
     return table
 
 
-def _by_attack(report: Report) -> Table:
+def _by_attack(report: Report, width_characters: int) -> Table:
     table = Table(
         title="Detection: strict 3D R40 average precision, ratio to clean, Chamfer distance",
         title_justify="left",
@@ -189,12 +192,16 @@ def _by_attack(report: Report) -> Table:
         padding=(0, 1, 0, 0),
     )
     shown = lines(report, is_short=True)
-    for column in ON_THE_TERMINAL:
-        if column == "attack":  # the one that is cut off where the terminal is narrow
-            table.add_column(column, no_wrap=True)
-        else:
-            width = max(len(line[column]) for line in shown)
-            table.add_column(column, justify="right", no_wrap=True, min_width=width)
+    widths = {
+        column: max(len(line[column]) for line in (*shown, {column: column})) for column in ON_THE_TERMINAL
+    }
+    rest = sum(width + 2 for column, width in widths.items() if column != "attack")
+    widths["attack"] = max(
+        min(widths["attack"], width_characters - rest - 2), MIN_TITLE
+    )  # cut off if too long
+    for column, width in widths.items():
+        justify: Literal["left", "right"] = "left" if column == "attack" else "right"
+        table.add_column(column, justify=justify, no_wrap=True, width=width)
     for line in shown:
         style = "dim" if line["attack"].startswith((CLEAN, " ")) else None
         table.add_row(*(line[column] for column in ON_THE_TERMINAL), style=style)
