@@ -15,6 +15,7 @@ from advpipe.pipeline.cli.one_line_errors import OneLineErrors
 from advpipe.pipeline.cli.run import run
 from advpipe.pipeline.cli.schema import schema
 from advpipe.pipeline.cli.simulate import simulate
+from advpipe.pipeline.cli.sweep import sweep
 from advpipe.pipeline.cli.train import import_weights, train
 
 app = typer.Typer(
@@ -30,6 +31,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "simulate": simulate,
     "attack": attack,
     "evaluate": evaluate,
+    "sweep": sweep,
     "export": export,
     "run": run,
     "train": train,

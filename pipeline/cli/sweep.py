@@ -1,0 +1,249 @@
+"""The command that attacks and evaluates at every budget of a table."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from advpipe.pipeline.cli.evaluate import detector_slug
+from advpipe.pipeline.cli.shared import DetectorName, Overwrite
+
+if TYPE_CHECKING:
+    from advpipe.stages.attack.run import AttackRequest
+    from advpipe.stages.evaluate.report.section import Picture
+    from advpipe.stages.evaluate.sweep.budgets import Budget
+    from advpipe.stages.evaluate.sweep.cell import Cell, Settings
+    from advpipe.stages.evaluate.sweep.store import Store
+
+USUAL_FRAMES = 100
+
+
+def sweep(
+    bag: Annotated[
+        Path | None, typer.Argument(help="Clean bag or its data set.", show_default="newest data set")
+    ] = None,
+    table: Annotated[str, typer.Option(help="Whose budgets: paper (all 18 of its Table II).")] = "paper",
+    recipes: Annotated[
+        str, typer.Option("--recipes", "--recipe", help="Recipes of the attacks, such as best,paper.")
+    ] = "best",
+    cells: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--cells", help="Some budgets only: perturb-10,detach-1; repeatable.", show_default="all"
+        ),
+    ] = None,
+    frames: Annotated[
+        str | None,
+        typer.Option(help="start:stop:step.", show_default="at most 100, equally spaced over the bag"),
+    ] = None,
+    detector: DetectorName = "small",
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the attacks, the baselines and the bootstrap.")
+    ] = 0,
+    baseline_tries: Annotated[
+        int, typer.Option(min=1, help="Random tries of which the best one is scored too; 1: only one.")
+    ] = 5,
+    lidar: Annotated[
+        str | None, typer.Option(help="Topic of the clouds, such as /ego/lidar/points, among several.")
+    ] = None,
+    keep_bags: Annotated[
+        bool, typer.Option("--keep-bags", help="Keep the adversarial bags that are made, in bags/.")
+    ] = False,
+    check: Annotated[
+        int | None,
+        typer.Option(min=1, help="Only compute so many finished cells again, drawn by --seed, and compare."),
+    ] = None,
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes.", show_default="one a core")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="Folder.", show_default="reports/sweep-<detector> of the data set"),
+    ] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Attack and evaluate at every budget of the paper's tables; goes on where it was stopped.
+
+    Each finished cell is kept in cells/ of the output, and only those that are missing are run. Other
+    recipes, with frames of their own, may be added to the same output later.
+    """
+    from advpipe.pipeline.bag.locate import newest_dataset, resolve_bag
+    from advpipe.stages.evaluate.sweep.budgets import choose_budgets
+    from advpipe.stages.evaluate.sweep.document import print_document, write_document
+    from advpipe.stages.evaluate.sweep.settings import sweep_settings
+    from advpipe.stages.evaluate.sweep.store import Store
+    from advpipe.stages.evaluate.sweep.tables import recipes_of
+
+    clean = resolve_bag(bag or newest_dataset(Path("datasets")))
+    named = [word.strip() for words in cells or [] for word in words.split(",") if word.strip()]
+    budgets = choose_budgets(table, named)
+    asked = list(dict.fromkeys(word.strip() for word in recipes.split(",") if word.strip())) or ["best"]
+    settings = sweep_settings(clean, detector, frames, seed, baseline_tries, lidar, USUAL_FRAMES)
+    target = out or clean.parent / "reports" / f"sweep-{detector_slug(detector)}"
+    store, bench = Store(target), _Bench(clean, target, detector, workers, keep_bags)
+    for recipe in asked:
+        for budget in budgets:
+            bench.request(budget, recipe, settings).check()  # rather now than hours later
+    if check is not None:
+        _check(bench, store, [(recipe, budget) for recipe in asked for budget in budgets], check, seed)
+        return
+    store.open(settings, asked, overwrite)
+    for recipe in asked:
+        for budget in budgets:
+            if store.load(recipe, budget.name) is not None:
+                print(f"{recipe}-{budget.name}: kept")
+                continue
+            store.save(cell := bench.run(budget, recipe, settings))
+            print(
+                f"{cell.name}: mAP ratio {cell.row['map_ratio_percent']:.2f} % (the paper: "
+                f"{budget.paper_map_ratio_percent:.2f} %), {len(cell.frames)} frames, "
+                f"attack {cell.attack_s:.0f} s, evaluation {cell.evaluate_s:.0f} s",
+                flush=True,
+            )
+    done = store.cells()
+    shown = recipes_of(done, asked)
+    pictures = [picture for recipe in shown for picture in _panels(bench, done, recipe)]
+    write_document(target, done, shown, _command(clean, table, settings, shown), pictures)
+    print_document(done, shown)
+    print(f"report: {target / 'report.html'}")
+
+
+@dataclass(frozen=True)
+class _Bench:
+    """Where cells are run: stage 2 makes a bag, stage 3 scores it, and it goes unless it is to be kept."""
+
+    clean: Path
+    out: Path
+    detector: str
+    workers: int | None
+    keep_bags: bool = False
+
+    def request(self, budget: Budget, recipe: str, settings: Settings) -> AttackRequest:
+        from advpipe.pipeline.scenario.attacks import attack_spec
+        from advpipe.stages.attack.run import AttackRequest
+
+        spec = attack_spec(
+            {
+                "type": budget.attack,
+                "recipe": recipe,
+                "parameters": budget.parameters,
+                "frames": settings.frames,
+                "detector": self.detector,
+                "lidar": settings.lidar_topic,
+            }
+        )
+        return AttackRequest((spec,), settings.seed)
+
+    def attack(self, budget: Budget, recipe: str, settings: Settings, bag: Path) -> None:
+        """The bag of a budget; one that a killed run has finished is taken as it is."""
+        from advpipe.pipeline.bag.reader import BagReader
+        from advpipe.pipeline.errors import writing
+        from advpipe.stages.attack.provenance import provenance_of, resolved_text
+        from advpipe.stages.attack.run import attack
+
+        request, made = self.request(budget, recipe, settings), bag / "attack.yaml"
+        if made.is_file():
+            wanted = resolved_text(provenance_of(BagReader(self.clean), request))
+            if made.read_text(encoding="utf-8") == wanted:
+                return
+        with writing(bag):
+            attack(self.clean, bag, request, overwrite=bag.exists(), workers=self.workers)
+
+    def run(self, budget: Budget, recipe: str, settings: Settings) -> Cell:
+        """A cell, from the attack to the figures."""
+        from advpipe.pipeline.bag.frames import FrameSlice
+        from advpipe.stages.evaluate.run import evaluate
+        from advpipe.stages.evaluate.sweep.cell import cell_of
+
+        bag = self.out / "bags" / f"{recipe}-{budget.name}"
+        scored = bag.with_name(f"{bag.name}.report")
+        begin_s = time.perf_counter()
+        self.attack(budget, recipe, settings, bag)
+        attacked_s = time.perf_counter()
+        report = evaluate(
+            self.clean,
+            [bag],
+            scored,
+            detector=self.detector,
+            seed=settings.seed,
+            baseline_tries=settings.baseline_tries,
+            frames=FrameSlice.parse(settings.frames),
+            overwrite=True,
+            lidar_topic=settings.lidar_topic,
+            workers=self.workers,
+        )
+        seconds = attacked_s - begin_s, time.perf_counter() - attacked_s
+        cell = cell_of(budget.name, recipe, settings, report, scored, *seconds)
+        self.tidy(scored)
+        if not self.keep_bags:
+            self.tidy(bag)
+        return cell
+
+    def tidy(self, folder: Path) -> None:
+        shutil.rmtree(folder, ignore_errors=True)
+        if folder.parent.is_dir() and not any(folder.parent.iterdir()):
+            folder.parent.rmdir()
+
+
+def _check(bench: _Bench, store: Store, places: Sequence[tuple[str, Budget]], count: int, seed: int) -> None:
+    """Compute some of the stored cells again, as they were made; raises AdvpipeError where one differs."""
+    from advpipe.pipeline.errors import AdvpipeError
+    from advpipe.pipeline.seeding import named_generator
+    from advpipe.stages.evaluate.sweep.compare import differences
+    from advpipe.stages.evaluate.sweep.settings import refuse_other_work
+
+    stored = [(cell, budget) for recipe, budget in places if (cell := store.load(recipe, budget.name))]
+    if not stored:
+        raise AdvpipeError(f"{store.folder} holds none of these cells; run the sweep first")
+    drawn = named_generator(seed, "sweep", "check").permutation(len(stored))[:count]
+    again = replace(bench, out=store.folder / "check", keep_bags=False)
+    wrong = []
+    for cell, budget in (stored[place] for place in sorted(drawn)):
+        refuse_other_work(cell, bench.clean, bench.detector)
+        found = differences(cell, again.run(budget, cell.recipe, cell.settings))
+        print(f"{cell.name}: {'the same' if not found else '; '.join(found[:5])}", flush=True)
+        wrong += [cell.name] if found else []
+    again.tidy(again.out)
+    if wrong:
+        raise AdvpipeError(f"computed again, {', '.join(wrong)} differ from what {store.folder} holds")
+
+
+def _panels(bench: _Bench, cells: Sequence[Cell], recipe: str) -> list[Picture]:
+    """The four-panel figure of a recipe, where its three cells were run on the same frames."""
+    from advpipe.stages.evaluate.report.pictures import to_png
+    from advpipe.stages.evaluate.report.section import OVERVIEW, Picture
+    from advpipe.stages.evaluate.sweep.budgets import budget_named
+    from advpipe.stages.evaluate.sweep.panels import PANELS, RULE, draw_panels, load_scenes, median_frame
+
+    by_name = {cell.budget: cell for cell in cells if cell.recipe == recipe}
+    chosen = [by_name[name] for name in PANELS if name in by_name]
+    if len(chosen) < len(PANELS):
+        return []
+    frame = median_frame(chosen)
+    folder = bench.out / "bags"
+    bags = [folder / f"frame-{cell.name}" for cell in chosen]
+    for cell, one in zip(chosen, bags, strict=True):
+        settings = replace(cell.settings, frames=str(frame))
+        bench.attack(budget_named(cell.budget), recipe, settings, one)
+    scenes = load_scenes(bench.clean, bags, bench.detector, frame, chosen)
+    for one in bags:
+        bench.tidy(one)
+    titles = [
+        f"{cell.budget.replace('-', ' ')} {budget_named(cell.budget).title.split()[1]}" for cell in chosen
+    ]
+    figure = draw_panels(scenes, titles, f"Recipe {recipe}, frame {frame}")
+    caption = f"Recipe {recipe}, frame {frame} of the clean bag: {RULE}. Truth in blue, predictions in red."
+    return [Picture(OVERVIEW, "", f"panels-{recipe}.png", caption, to_png(figure))]
+
+
+def _command(clean: Path, table: str, settings: Settings, recipes: Sequence[str]) -> str:
+    """What to type for the same; the frames are those of the last run."""
+    return (
+        f"advpipe sweep {clean.parent.name}/{clean.name} --table {table} --recipes {','.join(recipes)} "
+        f"--frames {settings.frames} --detector {settings.detector} --seed {settings.seed} "
+        f"--baseline-tries {settings.baseline_tries}"
+    )

@@ -1,0 +1,103 @@
+"""One cell of a sweep: a recipe at a budget, with every figure that tables and pictures need."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+
+from advpipe.stages.evaluate.detection.figures import Row
+from advpipe.stages.evaluate.report.report import Report
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a cell's figures depend on, besides recipe and budget.
+
+    clean_sha256: of the clean bag, as `parent_sha256` has it. detector: its name in reports. frames:
+    start:stop:step, counted in the clean bag. seed: of the attack, the baselines and the bootstrap. advpipe:
+    the version of this package.
+    """
+
+    clean_sha256: str
+    detector: str
+    detector_sha256: str
+    frames: str
+    seed: int
+    baseline_tries: int
+    lidar_topic: str | None
+    advpipe: str
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What came out of one cell.
+
+    budget: a name of `budgets`. row: of the evaluation's report. bag_sha256: of the adversarial bag.
+    frames, found_objects, lost_objects: of each frame that was scored, its index in the clean bag, how many
+    objects the detector finds in the clean cloud, and how many of those the attack hides. attack_s,
+    evaluate_s: time taken by the run that finished it, wall clock.
+    """
+
+    budget: str
+    recipe: str
+    settings: Settings
+    row: Row
+    bag_sha256: str
+    frames: tuple[int, ...]
+    found_objects: tuple[int, ...]
+    lost_objects: tuple[int, ...]
+    attack_s: float
+    evaluate_s: float
+
+    @property
+    def name(self) -> str:
+        """Such as `best-perturb-10`."""
+        return f"{self.recipe}-{self.budget}"
+
+    def figures(self) -> dict[str, Any]:
+        """All of it that comes out alike when the cell is computed again: without the time taken."""
+        return {key: value for key, value in asdict(self).items() if key not in ("attack_s", "evaluate_s")}
+
+    def to_json(self) -> str:
+        return json.dumps(asdict(self), indent=1, sort_keys=True, allow_nan=False) + "\n"
+
+    @staticmethod
+    def from_json(text: str) -> Cell:
+        """Raises ValueError, KeyError or TypeError for what is no cell."""
+        stored = json.loads(text)
+        settings = Settings(**stored.pop("settings"))
+        for key in ("frames", "found_objects", "lost_objects"):
+            stored[key] = tuple(stored[key])
+        return Cell(settings=settings, row=_row(stored.pop("row")), **stored)
+
+
+def cell_of(
+    budget: str,
+    recipe: str,
+    settings: Settings,
+    report: Report,
+    folder: Path,
+    attack_s: float,
+    evaluate_s: float,
+) -> Cell:
+    """The cell of an evaluation of one adversarial bag, whose report lies in `folder`."""
+    document = json.loads(report.to_json())
+    (row,), (bag,) = document["rows"], document["provenance"]["compared"]
+    names = ["frame", "found_objects_clean", "lost_objects_adv"]
+    table = pq.read_table(str(folder / "frames.parquet"), columns=names).to_pydict()
+    frames, found, lost = (tuple(table[name]) for name in names)
+    seconds = round(attack_s, 1), round(evaluate_s, 1)
+    return Cell(budget, recipe, settings, _row(row), str(bag["sha256"]), frames, found, lost, *seconds)
+
+
+def _row(stored: Mapping[str, object]) -> Row:
+    """The row with its intervals as tuples, as reports have them; JSON knows lists only."""
+    return {
+        key: tuple(value) if key.endswith("_ci95") and isinstance(value, list) else value
+        for key, value in stored.items()
+    }

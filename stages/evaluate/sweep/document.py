@@ -1,0 +1,138 @@
+"""The report of a sweep: on the terminal, as report.json and as a page that needs no other file."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from advpipe.stages.evaluate.report.pictures import to_png
+from advpipe.stages.evaluate.report.report import FORMULAS
+from advpipe.stages.evaluate.report.section import OVERVIEW, Picture, Table
+from advpipe.stages.evaluate.sweep.budgets import AXES
+from advpipe.stages.evaluate.sweep.cell import Cell
+from advpipe.stages.evaluate.sweep.curves import draw_curves
+from advpipe.stages.evaluate.sweep.tables import (
+    ON_THE_TERMINAL,
+    baselines_table,
+    records,
+    table_one,
+    table_two,
+)
+
+TEMPLATE = Path(__file__).with_name("sweep.html")
+
+SAME_DATA = (
+    "The paper's figures are those of its own detector and its own recording of Town06; ours are of the "
+    "detector and the drive named below. Figures of the paper have no interval."
+)
+
+
+def write_document(
+    folder: Path, cells: Sequence[Cell], recipes: Sequence[str], command: str, panels: Sequence[Picture] = ()
+) -> None:
+    """Write report.json, report.html and figures/ of all cells; those of an earlier run are replaced.
+
+    command: that made them. panels: pictures of a frame, if they were drawn.
+    """
+    pictures = [*panels, *_curves(cells)]
+    (folder / "figures").mkdir(exist_ok=True)
+    for picture in pictures:
+        _replace(folder / "figures" / picture.file_name, picture.png)
+    _replace(folder / "report.json", _json(cells, recipes, command).encode())
+    _replace(folder / "report.html", _html(cells, recipes, command, pictures).encode())
+
+
+def _curves(cells: Sequence[Cell]) -> list[Picture]:
+    caption = "mAP ratio over budget and over Chamfer distance, with 95 % intervals: "
+    return [
+        Picture(OVERVIEW, "", f"{attack}.png", caption + axis.title, to_png(draw_curves(cells, attack)))
+        for attack, axis in AXES.items()
+    ]
+
+
+def _json(cells: Sequence[Cell], recipes: Sequence[str], command: str) -> str:
+    formulas = {key: FORMULAS[key] for key in _SHOWN}
+    document: dict[str, Any] = {
+        "command": command,
+        "formulas": formulas,
+        "provenance": provenance(cells),
+        "cells": records(cells, recipes),
+    }
+    return json.dumps(document, indent=1, sort_keys=True, allow_nan=False) + "\n"
+
+
+def provenance(cells: Sequence[Cell]) -> list[dict[str, Any]]:
+    """What made the cells of each recipe: settings, the list of frames, and the bags' checksums."""
+    by_recipe: dict[str, list[Cell]] = {}
+    for cell in cells:
+        by_recipe.setdefault(cell.recipe, []).append(cell)
+    return [
+        {
+            "recipe": recipe,
+            **vars(group[0].settings),
+            "frame_list": list(group[0].frames),
+            "bags_sha256": {cell.budget: cell.bag_sha256 for cell in group},
+        }
+        for recipe, group in by_recipe.items()
+    ]
+
+
+def _html(cells: Sequence[Cell], recipes: Sequence[str], command: str, pictures: Sequence[Picture]) -> str:
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
+        lead=SAME_DATA,
+        tables=[table_one(cells, recipes), *(table_two(cells, recipes, attack) for attack in AXES)],
+        baselines=baselines_table(cells),
+        pictures=pictures,
+        formulas={key: FORMULAS[key] for key in _SHOWN},
+        command=command,
+        provenance=json.dumps(provenance(cells), indent=1, sort_keys=True),
+    )
+
+
+_SHOWN = ("ap", "map", "map_ratio", "iou", "ignored", "chamfer", "interval", "baseline", "beats_random")
+
+
+def print_document(cells: Sequence[Cell], recipes: Sequence[str]) -> None:
+    """Both tables on the terminal; of Table II the columns that fit there."""
+    from rich.console import Console
+
+    console = Console()
+    console.print(_rich(_transposed(table_one(cells, recipes))))
+    for attack in AXES:
+        table = table_two(cells, recipes, attack)
+        heads = tuple(table.heads[place] for place in ON_THE_TERMINAL)
+        lines = tuple(tuple(line[place] for place in ON_THE_TERMINAL) for line in table.lines)
+        console.print(_rich(Table(table.title, heads, lines)))
+
+
+def _transposed(table: Table) -> Table:
+    """A line for each column: there may be many recipes' lines, but they are too wide for a terminal."""
+    columns = list(zip(table.heads, *table.lines, strict=True))
+    return Table(table.title, columns[0], tuple(columns[1:]))
+
+
+def _rich(table: Table) -> Any:
+    from rich import box
+    from rich.table import Table as RichTable
+
+    shown = RichTable(title=table.title, title_justify="left", box=box.SIMPLE_HEAD, show_edge=False)
+    for place, head in enumerate(table.heads):
+        shown.add_column(head, justify="right" if place else "left")
+    for line in table.lines:
+        shown.add_row(*line)
+    return shown
+
+
+def _replace(path: Path, content: bytes) -> None:
+    """The file is the old one or the new one, never half of it."""
+    partial = path.with_name(f".{path.name}.partial")
+    partial.write_bytes(content)
+    os.replace(partial, path)

@@ -1,0 +1,89 @@
+"""The folder of a sweep: one file a finished cell, so that a later run goes on where this one stopped."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.stages.evaluate.sweep.cell import Cell, Settings
+
+CELLS = "cells"
+
+
+@dataclass(frozen=True)
+class Store:
+    """The cells in `folder`/cells, `<recipe>-<budget>.json` each."""
+
+    folder: Path
+
+    def cells(self) -> list[Cell]:
+        """All that are finished, by their names; raises AdvpipeError for a file that is none."""
+        return [_read(path) for path in sorted((self.folder / CELLS).glob("*.json"))]
+
+    def load(self, recipe: str, budget: str) -> Cell | None:
+        """The cell, unless it is not finished."""
+        path = self._path(recipe, budget)
+        return _read(path) if path.is_file() else None
+
+    def save(self, cell: Cell) -> None:
+        """Keep a cell; a killed run leaves the whole of it or nothing."""
+        path = self._path(cell.recipe, cell.budget)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial = path.with_suffix(".partial")
+        partial.write_text(cell.to_json(), encoding="utf-8")
+        os.replace(partial, path)
+
+    def open(self, settings: Settings, recipes: Sequence[str], overwrite: bool) -> None:
+        """Make sure that cells of these settings may lie here; with `overwrite` others are removed.
+
+        Recipes may differ in their frames, cells of one recipe may not. Raises AdvpipeError for a
+        folder that is no sweep's, and for cells of other settings.
+        """
+        if self.folder.exists() and not self.folder.is_dir():
+            raise AdvpipeError(f"{self.folder} is no folder; choose another --out")
+        strangers = [path.name for path in self.folder.iterdir()] if self.folder.is_dir() else []
+        if strangers and not (self.folder / CELLS).is_dir():
+            raise AdvpipeError(
+                f"{self.folder} holds {min(strangers)} but no {CELLS}/, so it is no sweep; "
+                "choose another --out"
+            )
+        for cell in self.cells():
+            if (difference := _difference(cell, settings, cell.recipe in recipes)) is None:
+                continue
+            if not overwrite:
+                key, theirs, ours = difference
+                raise AdvpipeError(
+                    f"{self.folder} holds {cell.name} of another sweep ({key} {theirs}, not {ours}); give "
+                    "another --out, or pass --overwrite to remove what does not fit"
+                )
+            self._path(cell.recipe, cell.budget).unlink()
+        (self.folder / CELLS).mkdir(parents=True, exist_ok=True)
+
+    def _path(self, recipe: str, budget: str) -> Path:
+        return self.folder / CELLS / f"{recipe}-{budget}.json"
+
+
+def _difference(cell: Cell, settings: Settings, is_asked_for: bool) -> tuple[str, object, object] | None:
+    """Which setting differs first, with both values; frames count only where the recipe is asked for."""
+    mine, wanted = asdict(cell.settings), asdict(settings)
+    for key, value in wanted.items():
+        if mine[key] != value and (key != "frames" or is_asked_for):
+            return key, _short(mine[key]), _short(value)
+    return None
+
+
+def _short(value: object) -> str:
+    text = str(value)
+    return f"{text[:12]}…" if len(text) == 64 else text
+
+
+def _read(path: Path) -> Cell:
+    try:
+        return Cell.from_json(path.read_text(encoding="utf-8"))
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise AdvpipeError(
+            f"{path} is damaged or no cell of a sweep; remove it to compute it again"
+        ) from None

@@ -1,0 +1,176 @@
+"""The paper's two tables, with its figures beside ours."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import cast
+
+from advpipe.stages.evaluate.detection.baseline import baseline_title
+from advpipe.stages.evaluate.detection.figures import Row
+from advpipe.stages.evaluate.report.numbers import NOTHING, interval, number, with_interval
+from advpipe.stages.evaluate.report.ratios import strongest_baseline
+from advpipe.stages.evaluate.report.section import Table
+from advpipe.stages.evaluate.report.table import changed_points
+from advpipe.stages.evaluate.sweep.budgets import AXES, TABLE_ONE, TABLES, Budget
+from advpipe.stages.evaluate.sweep.cell import Cell
+
+NOT_RUN = "not run"
+
+HEADS = (
+    "attack", "paper: ratio %", "CD m²", "ours: ratio %", "95 %", "CD m²", "below paper", "random: ratio %",
+    "ours minus it", "95 %", "beats random", "max shift m", "points", "frames", "seconds",
+)  # fmt: skip
+
+ON_THE_TERMINAL = (0, 1, 2, 3, 4, 5, 7, 9, 13)
+"""The places in `HEADS` of what fits there."""
+
+ANSWER = {True: "yes", False: "no", None: NOTHING}
+
+
+def recipes_of(cells: Sequence[Cell], asked: Sequence[str] = ()) -> list[str]:
+    """The recipes that tables have lines for: those asked for, then others that were run before."""
+    return list(dict.fromkeys([*asked, *sorted({cell.recipe for cell in cells})]))
+
+
+def table_one(cells: Sequence[Cell], recipes: Sequence[str]) -> Table:
+    """Table I: the attacks side by side, a line for the paper and one for each recipe and its baseline."""
+    found = {(cell.recipe, cell.budget): cell for cell in cells}
+    heads = ["detector and recipe"]
+    for name in TABLE_ONE:
+        heads += [f"{name.replace('-', ' ')}: CD m²", "mAP ratio %"]
+    lines = [["SECOND, the paper's figures"]]
+    budgets = {budget.name: budget for budget in TABLES["paper"]}
+    for name in TABLE_ONE:
+        lines[0] += [
+            number(budgets[name].paper_chamfer_distance_m2, 5),
+            number(budgets[name].paper_map_ratio_percent, 2),
+        ]
+    for recipe in recipes:
+        here = [found.get((recipe, name)) for name in TABLE_ONE]
+        seen = next((cell.settings.detector for cell in here if cell), "")
+        lines.append([f"{seen}, recipe {recipe}".removeprefix(", ")])
+        lines.append(["  strongest random baseline"])
+        for cell in here:
+            if cell is None:
+                lines[-2] += [NOT_RUN, NOT_RUN]
+                lines[-1] += [NOTHING, NOTHING]
+                continue
+            for line, prefix in ((lines[-2], ""), (lines[-1], _strongest_prefix(cell))):
+                line += [
+                    number(cell.row.get(f"{prefix}chamfer_distance_m2"), 5)
+                    if prefix is not None
+                    else NOTHING,
+                    with_interval(
+                        cell.row.get(f"{prefix}map_ratio_percent"), cell.row.get(f"{prefix}map_ratio_ci95"), 2
+                    )
+                    if prefix is not None
+                    else NOTHING,
+                ]
+    return Table("Table I", tuple(heads), tuple(tuple(line) for line in lines))
+
+
+def table_two(cells: Sequence[Cell], recipes: Sequence[str], attack: str) -> Table:
+    """The part of Table II about one attack: a line for each budget and recipe."""
+    found = {(cell.recipe, cell.budget): cell for cell in cells}
+    lines = [
+        line(budget, recipe, found.get((recipe, budget.name)))
+        for budget in TABLES["paper"]
+        if budget.attack == attack
+        for recipe in recipes
+    ]
+    return Table(f"Table II: {AXES[attack].title}", HEADS, tuple(lines))
+
+
+def line(budget: Budget, recipe: str, cell: Cell | None) -> tuple[str, ...]:
+    """The cells of `HEADS`; of the random baselines, the strongest."""
+    known = (
+        f"{budget.title}, {recipe}",
+        number(budget.paper_map_ratio_percent, 2),
+        number(budget.paper_chamfer_distance_m2, 5),
+    )
+    if cell is None:
+        return (*known, NOT_RUN, *[NOTHING] * (len(HEADS) - len(known) - 1))
+    row, word = cell.row, strongest_baseline(cell.row)
+    return (
+        *known,
+        number(row["map_ratio_percent"], 2),
+        interval(row["map_ratio_ci95"]),
+        number(row["chamfer_distance_m2"], 5),
+        ANSWER[below_paper(budget, cell)],
+        number(row[f"{word}_map_ratio_percent"], 2) if word else NOTHING,
+        number(row[f"map_ratio_minus_{word}"], 2) if word else NOTHING,
+        interval(row[f"map_ratio_minus_{word}_ci95"]) if word else NOTHING,
+        ANSWER[cast("bool | None", row["beats_random"])],
+        _farthest(row),
+        changed_points(row),
+        number(row["frames"], 0),
+        number(cell.attack_s + cell.evaluate_s, 0),
+    )
+
+
+def baselines_table(cells: Sequence[Cell]) -> Table:
+    """Every baseline of every cell: its ratio, and the paired difference to it."""
+    heads = ("cell", "random baseline", "its ratio %", "95 %", "ours minus it", "95 %", "beats it")
+    lines = [
+        (
+            cell.name,
+            baseline_title(word),
+            number(cell.row[f"{word}_map_ratio_percent"], 2),
+            interval(cell.row[f"{word}_map_ratio_ci95"]),
+            number(cell.row[f"map_ratio_minus_{word}"], 2),
+            interval(cell.row[f"map_ratio_minus_{word}_ci95"]),
+            ANSWER[cast("bool | None", cell.row[f"beats_{word}"])],
+        )
+        for cell in cells
+        for word in cast("list[str]", cell.row["baselines"])
+    ]
+    return Table("Against the same budget spent at random", heads, tuple(lines))
+
+
+def below_paper(budget: Budget, cell: Cell) -> bool | None:
+    """Whether the mAP ratio is below the paper's, and the Chamfer distance not above; None if undefined."""
+    ratio, distance = cell.row["map_ratio_percent"], cell.row["chamfer_distance_m2"]
+    if not isinstance(ratio, float) or not isinstance(distance, float | int):
+        return None
+    return ratio < budget.paper_map_ratio_percent and distance <= budget.paper_chamfer_distance_m2
+
+
+def records(cells: Sequence[Cell], recipes: Sequence[str]) -> list[Mapping[str, object]]:
+    """One a budget and recipe, as `report.json` lists them; of a cell that was not run, the paper's alone."""
+    found = {(cell.recipe, cell.budget): cell for cell in cells}
+    listed: list[Mapping[str, object]] = []
+    for recipe in recipes:
+        for budget in TABLES["paper"]:
+            about: dict[str, object] = {
+                "cell": budget.name,
+                "recipe": recipe,
+                "attack": budget.attack,
+                "parameters": budget.parameters,
+                "paper_map_ratio_percent": budget.paper_map_ratio_percent,
+                "paper_chamfer_distance_m2": budget.paper_chamfer_distance_m2,
+                "status": NOT_RUN,
+            }
+            if cell := found.get((recipe, budget.name)):
+                about |= {
+                    "status": "done",
+                    "is_below_paper": below_paper(budget, cell),
+                    "strongest_baseline": strongest_baseline(cell.row),
+                    "attack_s": cell.attack_s,
+                    "evaluate_s": cell.evaluate_s,
+                    "bag_sha256": cell.bag_sha256,
+                    "frames": cell.settings.frames,
+                    "row": cell.row,
+                }
+            listed.append(about)
+    return listed
+
+
+def _strongest_prefix(cell: Cell) -> str | None:
+    word = strongest_baseline(cell.row)
+    return f"{word}_" if word else None
+
+
+def _farthest(row: Row) -> str:
+    """How far a point moved, or stands from the nearest clean one, at most."""
+    ways = [row["max_displacement_m"], row["max_added_m"]]
+    return number(max((way for way in ways if isinstance(way, float | int)), default=None), 4)
