@@ -98,7 +98,9 @@ def heading_sigma(claim: Claim, last: Claim, expected: Expectation) -> float:
     outward_rad = expected.overhang_m * max(abs(claim.yaw_rate_radps), abs(last.yaw_rate_radps)) / speed
     if math.isnan(outward_rad):
         outward_rad = 0.0
-    return off_rad / math.hypot(expected.heading_rad, place_m / way_m, outward_rad / 2, min(abs(turned_rad), 1.0) / 4)
+    return off_rad / math.hypot(
+        expected.heading_rad, place_m / way_m, outward_rad / 2, min(abs(turned_rad), 1.0) / 4
+    )
 
 
 def turn_sigma(claim: Claim, last: Claim, expected: Expectation) -> float:

@@ -39,6 +39,7 @@ CHECKS: Mapping[str, Check] = MappingProxyType(
         "heading": Check("sigma", 6.0, 1.1, "direction of that way against headings told", "F2MD"),
         "turn": Check("sigma", 6.0, 1.1, "heading's change against yaw rates told", "VASP yaw rate"),
         "acceleration": Check("sigma", 6.0, 1.1, "speed's change against accelerations told", "F2MD"),
+        "impulse": Check("sigma", 6.0, 1.1, "the same over the last seconds", "F2MD, over a window"),
         "dynamics": Check("m/s2", 10.0, 1.2, "acceleration told, or speed's change over time", "NextGen"),
         "size": Check("m", 0.15, None, "change of length or width, told in 0.1 m", "VASP dimension"),
         "overlap": Check("1", 0.5, 1.2, "share of the smaller box that another covers", "F2MD intersection"),
@@ -65,6 +66,8 @@ class Expectation:
     speed_mps: float = 0.03
     speed_mps_per_root_s: float = 0.07
     acceleration_change_mps2: float = 1.2
+    acceleration_noise_mps2: float = 1.0
+    """Of one told acceleration, that of an instant, about the mean since the CAM before."""
     heading_rad: float = 0.015
     heading_rad_per_root_s: float = 0.005
     yaw_rate_change_radps: float = 0.08
@@ -82,7 +85,8 @@ class DetectorConfig:
     thresholds: by check; a check that is missing is off. earshot_m: within which new stations are sudden.
     settle_s: after the first message, while everybody is new. memory_s: a track without a message for so
     long is forgotten. pardon_s: a flagged station whose messages agree with each other for so long, and
-    with everything else, is believed again; infinity for never. window_s: of `drift`.
+    with everything else, is believed again; infinity for never. window_s: of `drift` and
+    `impulse`.
     """
 
     thresholds: Mapping[str, float] = field(

@@ -8,10 +8,8 @@ believed for being repeated; messages that a masquerader mixes into a station's 
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from itertools import pairwise
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -21,10 +19,7 @@ from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.misbehaviour import checks
 from advpipe.pipeline.misbehaviour.claim import Claim, Receiver
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig, Expectation
-from advpipe.pipeline.misbehaviour.kalman import Kalman
-
-_KALMAN_POSITION_M, _KALMAN_SPEED_MPS = 0.2, 0.15
-_MOST_TURNING = 8.0  # m/s2; beyond, tyres slip
+from advpipe.pipeline.misbehaviour.track import Track
 
 
 class Judgement(NamedTuple):
@@ -41,55 +36,11 @@ class Judgement(NamedTuple):
 
 
 @dataclass
-class _Track:
-    """Messages of one station that agree with each other."""
-
-    kalman: Kalman
-    claims: deque[Claim] = field(default_factory=deque)
-    ways: deque[tuple[float, float]] = field(default_factory=deque)
-    last_fault_ns: int = 0
-
-    @property
-    def last(self) -> Claim:
-        return self.claims[-1]
-
-    def add(self, claim: Claim, window_s: float) -> None:
-        way = self.ways[-1] if self.ways else (0.0, 0.0)
-        if self.claims:
-            x_m, y_m = checks.told_way_m(claim, self.last)
-            way = way[0] + x_m, way[1] + y_m
-        self.kalman.accept()
-        self.claims.append(claim)
-        self.ways.append(way)
-        while len(self.claims) > 2 and checks.elapsed_s(claim, self.claims[1]) >= window_s:
-            self.claims.popleft()
-            self.ways.popleft()
-
-    def drift(self, claim: Claim, config: DetectorConfig) -> float:
-        """The way since the first message in the window against all speeds told since."""
-        first = self.claims[0]
-        if len(self.claims) < 2 or checks.elapsed_s(claim, first) > 2 * config.window_s:
-            return math.nan
-        x_m, y_m = checks.told_way_m(claim, self.last)
-        told_x_m, told_y_m = (
-            self.ways[-1][0] - self.ways[0][0] + x_m,
-            self.ways[-1][1] - self.ways[0][1] + y_m,
-        )
-        miss_m = math.hypot(claim.x_m - first.x_m - told_x_m, claim.y_m - first.y_m - told_y_m)
-        expected = config.expectation
-        steps = [*self.claims, claim]
-        # What each step leaves out adds up; errors of places and speeds grow with time.
-        bends_m = [checks.bend_m(after, before, expected) for before, after in pairwise(steps)]
-        sigma_m = checks.way_sigma_m(checks.elapsed_s(claim, first), expected, *bends_m)
-        return miss_m / sigma_m
-
-
-@dataclass
 class _Station:
     """What is known of one station id: those messages that are believed, and others."""
 
-    believed: _Track | None = None
-    suspect: _Track | None = None
+    believed: Track | None = None
+    suspect: Track | None = None
 
 
 class Detector:
@@ -143,7 +94,7 @@ class Detector:
         if station.suspect is not None and claim.arrival_ns - station.suspect.last.arrival_ns > memory_ns:
             station.suspect = None
 
-    def _track(self, station: _Station, claim: Claim) -> tuple[_Track | None, bool]:
+    def _track(self, station: _Station, claim: Claim) -> tuple[Track | None, bool]:
         """The messages that this one goes on from, and whether those are not believed."""
         believed, suspect = station.believed, station.suspect
         if believed is None or suspect is None:
@@ -165,7 +116,7 @@ class Detector:
         values["freshness"] = checks.freshness_s(claim)
         values["dynamics"] = checks.dynamics_mps2(claim, None)
 
-    def _measure_change(self, values: dict[str, float], claim: Claim, track: _Track) -> None:
+    def _measure_change(self, values: dict[str, float], claim: Claim, track: Track) -> None:
         expected, last = self._config.expectation, track.last
         values["size"] = checks.size_m(claim, last)
         if checks.elapsed_s(claim, last) <= 0:  # `frequency` objects; nothing follows from such a pair
@@ -176,18 +127,8 @@ class Detector:
         values["turn"] = checks.turn_sigma(claim, last, expected)
         values["acceleration"] = checks.acceleration_sigma(claim, last, expected)
         values["dynamics"] = checks.dynamics_mps2(claim, last)
-        values["kalman"] = self._kalman(claim, track)
-
-    def _kalman(self, claim: Claim, track: _Track) -> float:
-        velocity = checks.velocity_mps(claim)
-        if not math.isfinite(velocity[0]):
-            return math.nan
-        elapsed = checks.elapsed_s(claim, track.last)
-        turned_rad = math.remainder(claim.yaw_rad - track.last.yaw_rad, math.tau)
-        turning_mps2 = abs(claim.speed_mps * turned_rad / elapsed)
-        return track.kalman.innovation(
-            elapsed, (claim.x_m, claim.y_m), velocity, min(turning_mps2, _MOST_TURNING)
-        )
+        values["impulse"] = track.impulse(claim, self._config)
+        values["kalman"] = track.innovation(claim)
 
     def _overlap(self, claim: Claim, receiver: Receiver, own: _Station) -> float:
         """With the receiver, and with stations believed: of two, the younger one is in the wrong."""
@@ -197,10 +138,10 @@ class Detector:
         others: list[tuple[float, ...]] = [
             (receiver.x_m, receiver.y_m, 0.0, receiver.length_m, receiver.width_m, 1.0, receiver.yaw_rad)
         ]
-        age = len(own.believed.claims) if own.believed is not None else 0
+        age = own.believed.length if own.believed is not None else 0
         for other in self._stations.values():
             track = other.believed
-            if other is own or track is None or len(track.claims) < max(age, 2):
+            if other is own or track is None or track.length < max(age, 2):
                 continue
             if (claim.arrival_ns - track.last.arrival_ns) / 1e9 > 1.0:
                 continue
@@ -215,7 +156,7 @@ class Detector:
         self,
         station: _Station,
         claim: Claim,
-        track: _Track | None,
+        track: Track | None,
         goes_on_from_lie: bool,
         is_bad: bool,
         statistics: Sequence[float],
@@ -223,8 +164,8 @@ class Detector:
         config, at_ns = self._config, claim.arrival_ns
         if not is_bad:
             if track is None or track is not station.believed:
-                station.believed = track = self._new_track(claim)
-            track.add(claim, config.window_s)
+                station.believed = track = Track(config)
+            track.add(claim)
             return
         faults = [
             name
@@ -236,22 +177,15 @@ class Detector:
             if checks.elapsed_s(claim, lie.last) <= 0:
                 lie.last_fault_ns = at_ns
                 return
-            lie.add(claim, config.window_s)
+            lie.add(claim)
             if faults:
                 lie.last_fault_ns = at_ns
             elif (at_ns - lie.last_fault_ns) / 1e9 >= config.pardon_s:
                 station.believed, station.suspect = lie, None
             return
-        station.suspect = self._new_track(claim)
-        station.suspect.add(claim, config.window_s)
+        station.suspect = Track(config)
+        station.suspect.add(claim)
         station.suspect.last_fault_ns = at_ns
-
-    def _new_track(self, claim: Claim) -> _Track:
-        kalman = Kalman(self._config.kalman_acceleration_mps2, _KALMAN_POSITION_M, _KALMAN_SPEED_MPS)
-        velocity = checks.velocity_mps(claim)
-        if math.isfinite(velocity[0]):
-            kalman.innovation(0.0, (claim.x_m, claim.y_m), velocity)
-        return _Track(kalman)
 
 
 def judge_all(claims: Sequence[Claim], receivers: Sequence[Receiver], config: DetectorConfig) -> Judgement:

@@ -89,6 +89,7 @@ LEAST = {
     "heading": 3.0,
     "drift": 3.5,
     "acceleration": 3.5,
+    "impulse": 3.5,
     "position_speed": 3.5,
     "speed": 20.0,
     "range": 300.0,
