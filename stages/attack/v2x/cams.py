@@ -67,6 +67,32 @@ class Cams:
         self._trees.clear()
 
 
+def values(tree: CamTree) -> dict[str, Any]:
+    """All of `FIELDS` at once; see `told`."""
+    header, cam = tree["header"], tree["cam"]
+    basic, fast = cam["camParameters"]["basicContainer"], cam["camParameters"][HIGH][1]
+    place, pedals = basic["referencePosition"], fast.get("accelerationControl")
+    found = {
+        "station_id": header["stationID"],
+        "generation_delta_time_ms": cam["generationDeltaTime"],
+        "station_type": basic["stationType"],
+        "latitude_deg": place["latitude"],
+        "longitude_deg": place["longitude"],
+        "altitude_m": place["altitude"]["altitudeValue"],
+        "heading_rad": fast["heading"]["headingValue"],
+        "speed_mps": fast["speed"]["speedValue"],
+        "length_m": fast["vehicleLength"]["vehicleLengthValue"],
+        "width_m": fast["vehicleWidth"],
+        "longitudinal_acceleration_mps2": fast["longitudinalAcceleration"]["longitudinalAccelerationValue"],
+        "curvature_per_m": fast["curvature"]["curvatureValue"],
+        "yaw_rate_radps": fast["yawRate"]["yawRateValue"],
+    }
+    for field, (_, quantity) in _QUANTITIES.items():
+        found[field] = quantity.value(found[field])
+    found["acceleration_control"] = None if pedals is None else pedals[0]
+    return found
+
+
 def told(tree: CamTree, field: str) -> Any:
     """A field of a vehicle's CAM, one of `FIELDS`: as in `Cam`, None where it is unavailable or left out."""
     if field in _QUANTITIES:

@@ -6,11 +6,10 @@ Effect-based, as in VeReMi NextGen: a zero-speed report of a standing car is no 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
-from advpipe.pipeline.v2x.codec import CamTree
 from advpipe.pipeline.v2x.timestamps import GENERATION_DELTA_TIME_CYCLE_MS
-from advpipe.stages.attack.v2x.cams import told
 
 POSITION_M = 1.0
 THRESHOLDS: dict[str, float] = {
@@ -29,7 +28,11 @@ ALWAYS = ("station_id", "station_type", "acceleration_control")
 _PLACE = ("latitude_deg", "longitude_deg")
 
 
-def matters(true: CamTree | None, false: CamTree | None, moved_m: float, expiry_s: float) -> bool:
+Values = Mapping[str, Any]
+"""What a CAM tells, as `cams.values` has it."""
+
+
+def matters(true: Values | None, false: Values | None, moved_m: float, expiry_s: float) -> bool:
     """Whether receivers who believe `false` know something else than with `true`.
 
     None stands for bytes that are no CAM. moved_m: how far the positions are apart on the ground; NaN where
@@ -40,11 +43,11 @@ def matters(true: CamTree | None, false: CamTree | None, moved_m: float, expiry_
         return True
     if moved_m > POSITION_M:
         return True
-    if math.isnan(moved_m) and any(told(true, name) != told(false, name) for name in _PLACE):
+    if math.isnan(moved_m) and any(true[name] != false[name] for name in _PLACE):
         return True
-    if any(told(true, name) != told(false, name) for name in ALWAYS):
+    if any(true[name] != false[name] for name in ALWAYS):
         return True
-    if any(_differs(name, told(true, name), told(false, name)) for name in THRESHOLDS):
+    if any(_differs(name, true[name], false[name]) for name in THRESHOLDS):
         return True
     return _time_apart_ms(true, false) > 1000 * expiry_s
 
@@ -60,8 +63,8 @@ def _differs(name: str, true: Any, false: Any) -> bool:
     return bool(abs(apart) > THRESHOLDS[name])
 
 
-def _time_apart_ms(true: CamTree, false: CamTree) -> int:
+def _time_apart_ms(true: Values, false: Values) -> int:
     cycle_ms = GENERATION_DELTA_TIME_CYCLE_MS
     name = "generation_delta_time_ms"
-    apart_ms = (told(true, name) - told(false, name)) % cycle_ms
+    apart_ms = (true[name] - false[name]) % cycle_ms
     return int(min(apart_ms, cycle_ms - apart_ms))

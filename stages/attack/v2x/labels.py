@@ -11,17 +11,17 @@ import numpy as np
 
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.v2x.air import Sent
-from advpipe.pipeline.v2x.codec import CamTree
-from advpipe.stages.attack.v2x.cams import FIELDS, Cams, told
+from advpipe.stages.attack.v2x.cams import FIELDS, Cams, told, values
 from advpipe.stages.attack.v2x.editor import MessageEditor, V2xAttack
-from advpipe.stages.attack.v2x.effect import matters
+from advpipe.stages.attack.v2x.effect import Values, matters
 
 FILE_NAME = "v2x_labels.parquet"
 _BLOCK = 1000
 
 
 class _Row(NamedTuple):
-    """A touched message. true, false: what an honest one would have said, and what it says."""
+    """A touched message. before, true, false: what it said before the attack, what an honest one would have
+    said, and what it says; None for what is no CAM, or nobody's."""
 
     one: Sent
     time_ns: int
@@ -30,9 +30,9 @@ class _Row(NamedTuple):
     sender: str
     action: str
     always_matters: bool
-    before: CamTree | None
-    true: CamTree | None
-    false: CamTree | None
+    before: Values | None
+    true: Values | None
+    false: Values | None
 
 
 class Labels:
@@ -154,11 +154,15 @@ class Labels:
             sender,
             action,
             isinstance(editor, V2xAttack) and editor.always_matters,
-            None if before is None else self.cams.open(before),
-            None if true is None else self.cams.open(true),
-            self.cams.open(one.payload) if is_sent else None,
+            said := self._values(before),
+            said if true is before else self._values(true),
+            self._values(one.payload if is_sent else None),
         )
         self._rows.append(row)
+
+    def _values(self, payload: bytes | None) -> Values | None:
+        tree = None if payload is None else self.cams.open(payload)
+        return None if tree is None else values(tree)
 
     def _close_block(self) -> None:
         import pyarrow as pa
@@ -189,8 +193,8 @@ class Labels:
             for axis, values_m in zip(("x_m", "y_m"), places_m, strict=True):
                 columns[f"{kind}_{axis}"] = pa.array(values_m, pa.float64(), from_pandas=True)
             for field in FIELDS:
-                values = [None if (tree := getattr(row, kind)) is None else told(tree, field) for row in rows]
-                columns[f"{kind}_{field}"] = pa.array(values, _column_type(field))
+                column = [None if (said := getattr(row, kind)) is None else said[field] for row in rows]
+                columns[f"{kind}_{field}"] = pa.array(column, _column_type(field))
         self._tables.append(pa.table(columns))
 
     def _mattered(self, row: _Row, moved_m: float) -> bool:
@@ -200,14 +204,14 @@ class Labels:
             return True
         return matters(row.true, row.false, moved_m, self._expiry_s)
 
-    def _places_m(self, trees: Sequence[CamTree | None]) -> Any:
+    def _places_m(self, said: Sequence[Values | None]) -> Any:
         """x and y (2, N) of what messages say, NaN where they do not."""
         names = ("latitude_deg", "longitude_deg")
         degrees = np.array(
-            [[math.nan, math.nan] if t is None else [_number(told(t, name)) for name in names] for t in trees]
+            [[math.nan, math.nan] if one is None else [_number(one[name]) for name in names] for one in said]
         ).reshape(-1, 2)
         is_told = (np.abs(degrees[:, 0]) < 90) & (np.abs(degrees[:, 1]) <= 180)
-        places_m = np.full((2, len(trees)), math.nan)
+        places_m = np.full((2, len(said)), math.nan)
         told_deg = degrees[is_told].T
         places_m[:, is_told] = self._geodesy.to_map([*told_deg, np.zeros(told_deg.shape[1])])[:2]
         places_m[~np.isfinite(places_m)] = math.nan
@@ -218,7 +222,7 @@ def _changed(row: _Row) -> list[str]:
     """The fields that this attack changed, by what it was given."""
     if row.action != "changed" or row.before is None or row.false is None:
         return []
-    names = [name for name in FIELDS if told(row.before, name) != told(row.false, name)]
+    names = [name for name in FIELDS if row.before[name] != row.false[name]]
     return names or ["other"]
 
 

@@ -6,11 +6,12 @@ import pytest
 from one_attacker import honest
 
 from advpipe.pipeline.v2x.codec import decode
+from advpipe.stages.attack.v2x.cams import values
 from advpipe.stages.attack.v2x.effect import matters
 
 
-def tree(time_ms=0, **fields):
-    return decode(honest(time_ms, **fields).payload)
+def said(time_ms=0, **fields):
+    return values(decode(honest(time_ms, **fields).payload))
 
 
 @pytest.mark.parametrize(
@@ -31,15 +32,15 @@ def tree(time_ms=0, **fields):
     ],
 )
 def test_thresholds(true, false, expected):
-    assert matters(tree(**true), tree(**false), 0.0, 1.1) == expected
+    assert matters(said(**true), said(**false), 0.0, 1.1) == expected
 
 
 def test_place_and_time():
     """More than a metre; a time by which the map's entry has expired, over the cycle of 65.536 s as well."""
-    assert not matters(tree(), tree(), 0.9, 1.1)
-    assert matters(tree(), tree(), 1.1, 1.1)
-    assert not matters(tree(1000), tree(0), 0.0, 1.1)
-    assert matters(tree(1200), tree(0), 0.0, 1.1)
-    assert not matters(tree(66_000), tree(0), 0.0, 1.1)
-    assert matters(tree(), None, math.nan, 1.1)
-    assert matters(tree(), tree(latitude_deg=None), math.nan, 1.1)
+    assert not matters(said(), said(), 0.9, 1.1)
+    assert matters(said(), said(), 1.1, 1.1)
+    assert not matters(said(1000), said(0), 0.0, 1.1)
+    assert matters(said(1200), said(0), 0.0, 1.1)
+    assert not matters(said(66_000), said(0), 0.0, 1.1)
+    assert matters(said(), None, math.nan, 1.1)
+    assert matters(said(), said(latitude_deg=None), math.nan, 1.1)
