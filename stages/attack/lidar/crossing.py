@@ -44,7 +44,7 @@ class Tactics:
     decoys alone; the focal loss of what is sure is flat, that of what should not be there is steep.
     """
 
-    margin_m: float = 0.3
+    margin_m: float = 1.0
     landing_m: float = 0.001
     momentum: float = 0.5
     eager: float = 0.5

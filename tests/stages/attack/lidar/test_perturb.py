@@ -148,9 +148,10 @@ def test_random_start_fills_the_ball(scene, make_cloud):
 
 
 def test_detector_without_occupancies_gets_pgd_and_says_so(scene):
-    result = Perturb(eps_cm=40, steps=3)(scene[0], scene[1], plain(scene[2]), rng())
+    attack = Perturb(eps_cm=40, steps=3)
+    result = attack(scene[0], scene[1], plain(scene[2]), rng())
     assert "occupancy_loss" in result.note
-    near = points_in_boxes(xyz(scene[0]), scene[1].geometry, 0.5)[0]
+    near = points_in_boxes(xyz(scene[0]), scene[1].geometry, attack.tactics.margin_m)[0]
     assert np.isin(result.labels.point, near).all()
 
 
@@ -322,3 +323,15 @@ def test_a_ghost_is_conjured_from_points_about(make_cloud, make_boxes, make_dete
     result = Perturb(eps_cm=5, ghost="car:5:5")(cloud, make_boxes(), detector, rng())
     assert len(detector.detect(result.cloud)) == 1
     assert result.loss_after < result.loss_before
+
+
+def test_every_other_gradient_is_that_of_a_lie(scene, monkeypatch):
+    taught, ask = [], LinearVoxelDetector.occupancy_loss
+
+    def watched(self, points, boxes, labels, ghosts=None):
+        taught.append(len(boxes))
+        return ask(self, points, boxes, labels, ghosts)
+
+    monkeypatch.setattr(LinearVoxelDetector, "occupancy_loss", watched)
+    Perturb(eps_cm=10, steps=4)(*scene, rng())
+    assert taught == [1, 0, 1, 0]
