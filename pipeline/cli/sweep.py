@@ -72,6 +72,7 @@ def sweep(
     recipes, with frames of their own, may be added to the same output later.
     """
     from advpipe.pipeline.bag.locate import newest_dataset, resolve_bag
+    from advpipe.stages.evaluate.report.numbers import number
     from advpipe.stages.evaluate.sweep.budgets import choose_budgets
     from advpipe.stages.evaluate.sweep.document import print_document, write_document
     from advpipe.stages.evaluate.sweep.settings import sweep_settings
@@ -92,21 +93,25 @@ def sweep(
         _check(bench, store, [(recipe, budget) for recipe in asked for budget in budgets], check, seed)
         return
     store.open(settings, asked, overwrite)
+    is_new = dict.fromkeys(asked, False)
     for recipe in asked:
         for budget in budgets:
             if store.load(recipe, budget.name) is not None:
                 print(f"{recipe}-{budget.name}: kept")
                 continue
             store.save(cell := bench.run(budget, recipe, settings))
+            is_new[recipe] = True
             print(
-                f"{cell.name}: mAP ratio {cell.row['map_ratio_percent']:.2f} % (the paper: "
+                f"{cell.name}: mAP ratio {number(cell.row['map_ratio_percent'], 2)} % (the paper: "
                 f"{budget.paper_map_ratio_percent:.2f} %), {len(cell.frames)} frames, "
                 f"attack {cell.attack_s:.0f} s, evaluation {cell.evaluate_s:.0f} s",
                 flush=True,
             )
     done = store.cells()
     shown = recipes_of(done, asked)
-    pictures = [picture for recipe in shown for picture in _panels(bench, done, recipe)]
+    pictures = [
+        picture for recipe in shown for picture in _panels(bench, store, recipe, is_new.get(recipe, False))
+    ]
     write_document(target, done, shown, _command(clean, table, settings, shown), pictures)
     print_document(done, shown)
     print(f"report: {target / 'report.html'}")
@@ -155,30 +160,21 @@ class _Bench:
 
     def run(self, budget: Budget, recipe: str, settings: Settings) -> Cell:
         """A cell, from the attack to the figures."""
-        from advpipe.pipeline.bag.frames import FrameSlice
-        from advpipe.stages.evaluate.run import evaluate
-        from advpipe.stages.evaluate.sweep.cell import cell_of
+        from advpipe.stages.evaluate.sweep.scored import scored_cell
 
         bag = self.out / "bags" / f"{recipe}-{budget.name}"
-        scored = bag.with_name(f"{bag.name}.report")
         begin_s = time.perf_counter()
         self.attack(budget, recipe, settings, bag)
-        attacked_s = time.perf_counter()
-        report = evaluate(
+        cell = scored_cell(
             self.clean,
-            [bag],
-            scored,
+            bag,
+            budget.name,
+            recipe,
+            settings,
             detector=self.detector,
-            seed=settings.seed,
-            baseline_tries=settings.baseline_tries,
-            frames=FrameSlice.parse(settings.frames),
-            overwrite=True,
-            lidar_topic=settings.lidar_topic,
+            attack_s=time.perf_counter() - begin_s,
             workers=self.workers,
         )
-        seconds = attacked_s - begin_s, time.perf_counter() - attacked_s
-        cell = cell_of(budget.name, recipe, settings, report, scored, *seconds)
-        self.tidy(scored)
         if not self.keep_bags:
             self.tidy(bag)
         return cell
@@ -212,32 +208,31 @@ def _check(bench: _Bench, store: Store, places: Sequence[tuple[str, Budget]], co
         raise AdvpipeError(f"computed again, {', '.join(wrong)} differ from what {store.folder} holds")
 
 
-def _panels(bench: _Bench, cells: Sequence[Cell], recipe: str) -> list[Picture]:
-    """The four-panel figure of a recipe, where its three cells were run on the same frames."""
+def _panels(bench: _Bench, store: Store, recipe: str, is_new: bool) -> list[Picture]:
+    """The four-panel figure of a recipe whose three cells were run; drawn again if any cell is new."""
     from advpipe.stages.evaluate.report.pictures import to_png
     from advpipe.stages.evaluate.report.section import OVERVIEW, Picture
     from advpipe.stages.evaluate.sweep.budgets import budget_named
     from advpipe.stages.evaluate.sweep.panels import PANELS, RULE, draw_panels, load_scenes, median_frame
 
-    by_name = {cell.budget: cell for cell in cells if cell.recipe == recipe}
+    by_name = {cell.budget: cell for cell in store.cells() if cell.recipe == recipe}
     chosen = [by_name[name] for name in PANELS if name in by_name]
     if len(chosen) < len(PANELS):
         return []
     frame = median_frame(chosen)
-    folder = bench.out / "bags"
-    bags = [folder / f"frame-{cell.name}" for cell in chosen]
-    for cell, one in zip(chosen, bags, strict=True):
-        settings = replace(cell.settings, frames=str(frame))
-        bench.attack(budget_named(cell.budget), recipe, settings, one)
-    scenes = load_scenes(bench.clean, bags, bench.detector, frame, chosen)
-    for one in bags:
-        bench.tidy(one)
-    titles = [
-        f"{cell.budget.replace('-', ' ')} {budget_named(cell.budget).title.split()[1]}" for cell in chosen
-    ]
-    figure = draw_panels(scenes, titles, f"Recipe {recipe}, frame {frame}")
     caption = f"Recipe {recipe}, frame {frame} of the clean bag: {RULE}. Truth in blue, predictions in red."
-    return [Picture(OVERVIEW, "", f"panels-{recipe}.png", caption, to_png(figure))]
+    path = store.panels(recipe)
+    if not is_new and path.is_file():
+        return [Picture(OVERVIEW, "", path.name, caption, path.read_bytes())]
+    bags = [bench.out / "bags" / f"frame-{cell.name}" for cell in chosen]
+    for cell, bag in zip(chosen, bags, strict=True):
+        bench.attack(budget_named(cell.budget), recipe, replace(cell.settings, frames=str(frame)), bag)
+    scenes = load_scenes(bench.clean, bags, bench.detector, frame, chosen)
+    for bag in bags:
+        bench.tidy(bag)
+    titles = [f"{budget.attack} {budget.title}" for budget in map(budget_named, PANELS)]
+    figure = draw_panels(scenes, titles, f"Recipe {recipe}, frame {frame}")
+    return [Picture(OVERVIEW, "", path.name, caption, to_png(figure))]
 
 
 def _command(clean: Path, table: str, settings: Settings, recipes: Sequence[str]) -> str:

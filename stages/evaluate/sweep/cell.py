@@ -5,13 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
-import pyarrow.parquet as pq
-
 from advpipe.stages.evaluate.detection.figures import Row
-from advpipe.stages.evaluate.report.report import Report
 
 
 @dataclass(frozen=True)
@@ -39,8 +35,9 @@ class Cell:
 
     budget: a name of `budgets`. row: of the evaluation's report. bag_sha256: of the adversarial bag.
     frames, found_objects, lost_objects: of each frame that was scored, its index in the clean bag, how many
-    objects the detector finds in the clean cloud, and how many of those the attack hides. attack_s,
-    evaluate_s: time taken by the run that finished it, wall clock.
+    objects the detector finds in the clean cloud, and how many of those the attack hides.
+    map_ratio_draws: of the bootstrap, in percent; cells of the same frames and seed are drawn together.
+    attack_s, evaluate_s: time taken by the run that finished it, wall clock.
     """
 
     budget: str
@@ -51,6 +48,7 @@ class Cell:
     frames: tuple[int, ...]
     found_objects: tuple[int, ...]
     lost_objects: tuple[int, ...]
+    map_ratio_draws: tuple[float | None, ...]
     attack_s: float
     evaluate_s: float
 
@@ -71,31 +69,12 @@ class Cell:
         """Raises ValueError, KeyError or TypeError for what is no cell."""
         stored = json.loads(text)
         settings = Settings(**stored.pop("settings"))
-        for key in ("frames", "found_objects", "lost_objects"):
+        for key in ("frames", "found_objects", "lost_objects", "map_ratio_draws"):
             stored[key] = tuple(stored[key])
-        return Cell(settings=settings, row=_row(stored.pop("row")), **stored)
+        return Cell(settings=settings, row=with_intervals(stored.pop("row")), **stored)
 
 
-def cell_of(
-    budget: str,
-    recipe: str,
-    settings: Settings,
-    report: Report,
-    folder: Path,
-    attack_s: float,
-    evaluate_s: float,
-) -> Cell:
-    """The cell of an evaluation of one adversarial bag, whose report lies in `folder`."""
-    document = json.loads(report.to_json())
-    (row,), (bag,) = document["rows"], document["provenance"]["compared"]
-    names = ["frame", "found_objects_clean", "lost_objects_adv"]
-    table = pq.read_table(str(folder / "frames.parquet"), columns=names).to_pydict()
-    frames, found, lost = (tuple(table[name]) for name in names)
-    seconds = round(attack_s, 1), round(evaluate_s, 1)
-    return Cell(budget, recipe, settings, _row(row), str(bag["sha256"]), frames, found, lost, *seconds)
-
-
-def _row(stored: Mapping[str, object]) -> Row:
+def with_intervals(stored: Mapping[str, object]) -> Row:
     """The row with its intervals as tuples, as reports have them; JSON knows lists only."""
     return {
         key: tuple(value) if key.endswith("_ci95") and isinstance(value, list) else value

@@ -37,7 +37,7 @@ def draw_curves(cells: Sequence[Cell], attack: str) -> Figure:
         for (title, colour, style), points in lines.items():
             _draw_line(axes, [point for point in points if point.x[place] > 0], place, title, colour, style)
         axes.set_xscale("log")
-        axes.set_ylim(bottom=0)
+        axes.set_ylim(0, max(105.0, axes.get_ylim()[1]))
         axes.set_xlabel(label, color=SOFT)
         if place == 0:
             axes.set_ylabel("mAP ratio in %", color=SOFT)

@@ -18,6 +18,7 @@ from advpipe.stages.evaluate.sweep.tables import (
     ON_THE_TERMINAL,
     baselines_table,
     records,
+    steps_table,
     table_one,
     table_two,
 )
@@ -89,7 +90,7 @@ def _html(cells: Sequence[Cell], recipes: Sequence[str], command: str, pictures:
     return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
         lead=SAME_DATA,
         tables=[table_one(cells, recipes), *(table_two(cells, recipes, attack) for attack in AXES)],
-        baselines=baselines_table(cells),
+        details=[baselines_table(cells), steps_table(cells)],
         pictures=pictures,
         formulas={key: FORMULAS[key] for key in _SHOWN},
         command=command,
@@ -108,9 +109,8 @@ def print_document(cells: Sequence[Cell], recipes: Sequence[str]) -> None:
     console.print(_rich(_transposed(table_one(cells, recipes))))
     for attack in AXES:
         table = table_two(cells, recipes, attack)
-        heads = tuple(table.heads[place] for place in ON_THE_TERMINAL)
         lines = tuple(tuple(line[place] for place in ON_THE_TERMINAL) for line in table.lines)
-        console.print(_rich(Table(table.title, heads, lines)))
+        console.print(_rich(Table(table.title, tuple(ON_THE_TERMINAL.values()), lines)))
 
 
 def _transposed(table: Table) -> Table:
@@ -123,7 +123,9 @@ def _rich(table: Table) -> Any:
     from rich import box
     from rich.table import Table as RichTable
 
-    shown = RichTable(title=table.title, title_justify="left", box=box.SIMPLE_HEAD, show_edge=False)
+    shown = RichTable(
+        title=table.title, title_justify="left", box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0)
+    )
     for place, head in enumerate(table.heads):
         shown.add_column(head, justify="right" if place else "left")
     for line in table.lines:

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.stages.evaluate.sweep.budgets import TABLES
 from advpipe.stages.evaluate.sweep.cell import Cell, Settings
 
 CELLS = "cells"
@@ -20,8 +21,10 @@ class Store:
     folder: Path
 
     def cells(self) -> list[Cell]:
-        """All that are finished, by their names; raises AdvpipeError for a file that is none."""
-        return [_read(path) for path in sorted((self.folder / CELLS).glob("*.json"))]
+        """All that are finished, by recipe, in the table's order; AdvpipeError for a file that is none."""
+        order = [budget.name for budget in TABLES["paper"]]
+        found = [_read(path) for path in (self.folder / CELLS).glob("*.json")]
+        return sorted(found, key=lambda cell: (cell.recipe, order.index(cell.budget)))
 
     def load(self, recipe: str, budget: str) -> Cell | None:
         """The cell, unless it is not finished."""
@@ -35,6 +38,10 @@ class Store:
         partial = path.with_suffix(".partial")
         partial.write_text(cell.to_json(), encoding="utf-8")
         os.replace(partial, path)
+
+    def panels(self, recipe: str) -> Path:
+        """Where the picture of a recipe's four panels lies, if it was drawn."""
+        return self.folder / "figures" / f"panels-{recipe}.png"
 
     def open(self, settings: Settings, recipes: Sequence[str], overwrite: bool) -> None:
         """Make sure that cells of these settings may lie here; with `overwrite` others are removed.
@@ -60,6 +67,7 @@ class Store:
                     "another --out, or pass --overwrite to remove what does not fit"
                 )
             self._path(cell.recipe, cell.budget).unlink()
+            self.panels(cell.recipe).unlink(missing_ok=True)
         (self.folder / CELLS).mkdir(parents=True, exist_ok=True)
 
     def _path(self, recipe: str, budget: str) -> Path:
@@ -82,7 +90,10 @@ def _short(value: object) -> str:
 
 def _read(path: Path) -> Cell:
     try:
-        return Cell.from_json(path.read_text(encoding="utf-8"))
+        cell = Cell.from_json(path.read_text(encoding="utf-8"))
+        if path.stem != cell.name or cell.budget not in {budget.name for budget in TABLES["paper"]}:
+            raise ValueError(f"holds {cell.name}")
+        return cell
     except (ValueError, KeyError, TypeError, AttributeError):
         raise AdvpipeError(
             f"{path} is damaged or no cell of a sweep; remove it to compute it again"

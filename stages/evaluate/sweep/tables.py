@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import cast
 
+import numpy as np
+
+from advpipe.pipeline.metrics.bootstrap import percentile_interval
 from advpipe.stages.evaluate.detection.baseline import baseline_title
 from advpipe.stages.evaluate.detection.figures import Row
-from advpipe.stages.evaluate.report.numbers import NOTHING, interval, number, with_interval
+from advpipe.stages.evaluate.report.numbers import NOTHING, interval, number, short_name, with_interval
 from advpipe.stages.evaluate.report.ratios import strongest_baseline
 from advpipe.stages.evaluate.report.section import Table
 from advpipe.stages.evaluate.report.table import changed_points
@@ -21,8 +25,11 @@ HEADS = (
     "ours minus it", "95 %", "beats random", "max shift m", "points", "frames", "seconds",
 )  # fmt: skip
 
-ON_THE_TERMINAL = (0, 1, 2, 3, 4, 5, 7, 9, 13)
-"""The places in `HEADS` of what fits there."""
+ON_THE_TERMINAL = {
+    0: "attack", 1: "paper %", 2: "CD m²", 3: "ours %", 4: "95 %", 5: "CD m²", 7: "random %", 10: "beats",
+    13: "frames",
+}  # fmt: skip
+"""The places in `HEADS` of what fits into 80 characters, and shorter heads."""
 
 ANSWER = {True: "yes", False: "no", None: NOTHING}
 
@@ -47,8 +54,9 @@ def table_one(cells: Sequence[Cell], recipes: Sequence[str]) -> Table:
         ]
     for recipe in recipes:
         here = [found.get((recipe, name)) for name in TABLE_ONE]
-        seen = next((cell.settings.detector for cell in here if cell), "")
-        lines.append([f"{seen}, recipe {recipe}".removeprefix(", ")])
+        seen = next((cell for cell in here if cell), None)
+        about = f"{short_name(seen.settings.detector)}, {len(seen.frames)} frames, " if seen else ""
+        lines.append([f"{about}recipe {recipe}"])
         lines.append(["  strongest random baseline"])
         for cell in here:
             if cell is None:
@@ -125,6 +133,36 @@ def baselines_table(cells: Sequence[Cell]) -> Table:
         for word in cast("list[str]", cell.row["baselines"])
     ]
     return Table("Against the same budget spent at random", heads, tuple(lines))
+
+
+def steps_table(cells: Sequence[Cell]) -> Table:
+    """From each budget that was run to the next: what it does to the mAP ratio, drawn together."""
+    heads = ("recipe", "from", "to", "change in mAP ratio", "95 %", "rises beyond it")
+    lines = []
+    for recipe in recipes_of(cells):
+        mine = {cell.budget: cell for cell in cells if cell.recipe == recipe}
+        for attack in AXES:
+            run = [mine[each.name] for each in TABLES["paper"] if each.attack == attack and each.name in mine]
+            for before, after in pairwise(run):
+                points, bounds = step(before, after)
+                rises = None if bounds is None else bounds[0] > 0
+                change = (number(points, 2), interval(bounds), ANSWER[rises])
+                lines.append((recipe, before.budget, after.budget, *change))
+    return Table("From budget to budget", heads, tuple(lines))
+
+
+def step(before: Cell, after: Cell) -> tuple[float | None, tuple[float, float] | None]:
+    """Points of mAP ratio that `after` has more than `before`, and the paired 95 % interval; None without.
+
+    Only cells of the same frames and seed were drawn together.
+    """
+    low, high = before.row["map_ratio_percent"], after.row["map_ratio_percent"]
+    points = high - low if isinstance(low, float) and isinstance(high, float) else None
+    paired = (before.frames, before.settings.seed) == (after.frames, after.settings.seed)
+    if not paired or not before.map_ratio_draws or not after.map_ratio_draws:
+        return points, None
+    draws = [np.array(cell.map_ratio_draws, dtype=np.float64) for cell in (before, after)]
+    return points, percentile_interval(draws[1] - draws[0])
 
 
 def below_paper(budget: Budget, cell: Cell) -> bool | None:

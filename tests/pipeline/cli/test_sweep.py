@@ -1,0 +1,171 @@
+"""`advpipe sweep` from the attack to the tables, on a drive whose answers are clear beforehand."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from pathlib import Path
+
+import pytest
+from matplotlib.image import imread
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from sweep_drive import DETECTOR, write_drive
+
+from advpipe.pipeline.bag.locate import resolve_bag
+from advpipe.pipeline.cli.sweep import sweep
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.stages.evaluate.run import evaluate
+from advpipe.stages.evaluate.sweep.store import Store
+from advpipe.stages.evaluate.sweep.tables import NOT_RUN
+
+# 1 % of 600 points are six, so that one of the car's seven is left; 1.5 % are nine.
+DETACH = ["detach-1,detach-1.5"]
+TABLE_ONE = ["perturb-10", "detach-1", "attach-0.5"]
+
+
+def run(clean: Path, out: Path, cells: list[str], **options: object) -> None:
+    known = {"detector": DETECTOR, "frames": "::2", "baseline_tries": 1, "workers": 1} | options
+    sweep(clean, cells=cells, out=out, **known)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_drive(tmp_path_factory.mktemp("drive") / "clean")
+
+
+@pytest.fixture(scope="module")
+def swept(clean: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("sweep") / "out"
+    run(clean, out, DETACH, keep_bags=True)
+    return out
+
+
+def test_one_point_decides(swept: Path) -> None:
+    rows = {cell.budget: cell.row for cell in Store(swept).cells()}
+    assert [rows[name]["map_ratio_percent"] for name in ("detach-1", "detach-1.5")] == [100.0, 0.0]
+    assert [rows[name]["points_removed"] for name in ("detach-1", "detach-1.5")] == [6 * 6, 6 * 9]
+    (draws,) = {cell.map_ratio_draws for cell in Store(swept).cells() if cell.budget == "detach-1.5"}
+    assert set(draws) == {0.0}
+
+
+def test_rows_are_those_of_the_evaluation(swept: Path, clean: Path, tmp_path: Path) -> None:
+    """The bag that was kept, scored by `advpipe evaluate`."""
+    bag = resolve_bag(swept / "bags" / "best-detach-1.5")
+    report = evaluate(clean, [bag], tmp_path / "report", detector=DETECTOR, workers=1)
+    (row,) = json.loads((tmp_path / "report" / "report.json").read_text())["rows"]
+    (cell,) = [cell for cell in Store(swept).cells() if cell.budget == "detach-1.5"]
+    stored = json.loads(cell.to_json())
+    assert stored["row"] == row
+    assert stored["bag_sha256"] == report.provenance["compared"][0]["sha256"]  # type: ignore[index]
+
+
+def test_tables_hold_the_figures_of_the_cells(swept: Path) -> None:
+    report = json.loads((swept / "report.json").read_text())
+    assert len(report["cells"]) == 18
+    by_name = {each["cell"]: each for each in report["cells"]}
+    assert by_name["detach-1.5"]["row"]["map_ratio_percent"] == 0.0
+    assert by_name["detach-1.5"]["paper_map_ratio_percent"] == 88.75
+    assert by_name["perturb-10"] == {
+        "cell": "perturb-10",
+        "recipe": "best",
+        "attack": "perturb",
+        "parameters": {"eps_cm": 10.0},
+        "paper_map_ratio_percent": 73.2,
+        "paper_chamfer_distance_m2": 0.01533,
+        "status": NOT_RUN,
+    }
+    (about,) = report["provenance"]
+    assert about["frame_list"] == [0, 2, 4, 6, 8, 10]
+    assert set(about["bags_sha256"]) == {"detach-1", "detach-1.5"}
+    page = (swept / "report.html").read_text()
+    assert page.count(NOT_RUN) == 16 + 2 * 2  # of Table II and, two columns each, of Table I
+    assert "<td>1.5 %, best</td><td>88.75</td><td>0.13397</td><td>0.00</td>" in page
+    assert 'src="data:image/png;base64,' in page
+    assert not any(word in page for word in ('src="http', 'href="', str(swept)))
+
+
+def test_what_is_done_is_kept(swept: Path, clean: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    figures = {path.name: path.stat().st_mtime_ns for path in (swept / "figures").iterdir()}
+    assert set(figures) == {"perturb.png", "detach.png", "attach.png"}
+    files = {path: path.stat().st_mtime_ns for path in (swept / "cells").iterdir()}
+    lost = swept / "cells" / "best-detach-1.json"
+    before = json.loads(lost.read_text())
+    bags = {path: path.stat().st_mtime_ns for path in (swept / "bags").rglob("*")}
+    lost.unlink()  # as if killed after the attack, before the figures were there
+    run(clean, swept, DETACH, keep_bags=True)
+    assert "best-detach-1.5: kept" in capsys.readouterr().out
+    changed = [path for path, stamp in files.items() if path.stat().st_mtime_ns != stamp]
+    assert changed == [lost]
+    assert {path: path.stat().st_mtime_ns for path in (swept / "bags").rglob("*")} == bags
+    after = json.loads(lost.read_text())
+    for key in ("attack_s", "evaluate_s"):
+        before.pop(key), after.pop(key)
+    assert after == before
+
+
+def test_check_computes_again_and_compares(
+    swept: Path, clean: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(clean, swept, DETACH, check=2, frames=None)
+    out = capsys.readouterr().out
+    assert out.splitlines() == ["best-detach-1: the same", "best-detach-1.5: the same"]
+    assert not (swept / "check").exists()
+    forged = tmp_path / "out" / "cells" / "best-detach-1.json"
+    forged.parent.mkdir(parents=True)
+    text = (swept / "cells" / forged.name).read_text()
+    forged.write_text(text.replace('"points_removed": 36', '"points_removed": 37'))
+    with pytest.raises(AdvpipeError, match="best-detach-1 differ from what"):
+        run(clean, tmp_path / "out", ["detach-1"], check=1)
+    assert "row.points_removed 37, again 36" in capsys.readouterr().out
+
+
+def test_four_panels_of_another_recipe(swept: Path, clean: Path) -> None:
+    """Of frames of its own, in the same folder; no bag is left behind."""
+    run(clean, swept, TABLE_ONE, recipes="random", frames="::3")
+    picture = imread(swept / "figures" / "panels-random.png")
+    assert picture.shape[0] > 1000
+    assert not (swept / "figures" / "panels-best.png").exists()
+    assert sorted(path.name for path in (swept / "bags").iterdir()) == ["best-detach-1", "best-detach-1.5"]
+    frames = {cell.recipe: cell.frames for cell in Store(swept).cells()}
+    assert frames == {"best": (0, 2, 4, 6, 8, 10), "random": (0, 3, 6, 9)}
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        ({"cells": ["detach-2"]}, "unknown cell 'detach-2'; known: perturb-0.5, perturb-1, "),
+        ({"table": "thesis"}, "unknown table 'thesis'; known: paper"),
+        ({"recipes": "worst"}, "unknown recipe 'worst'"),
+        ({"detector": "large"}, "large"),
+        ({"frames": "90:"}, "choose none of the bag's 12 frames"),
+        ({"frames": "::3"}, r"holds best-detach-1 of another sweep \(frames 0::2, not 0::3\)"),
+        ({"seed": 4}, r"of another sweep \(seed 0, not 4\)"),
+        ({"check": 1, "cells": ["attach-1"]}, "holds none of these cells; run the sweep first"),
+    ],
+)
+def test_mistakes_are_one_line(swept: Path, clean: Path, options: dict[str, object], line: str) -> None:
+    before = sorted(os.walk(swept))
+    with pytest.raises(AdvpipeError, match=line) as caught:
+        run(clean, swept, **({"cells": DETACH} | options))  # type: ignore[arg-type]
+    assert "\n" not in str(caught.value)
+    assert sorted(os.walk(swept)) == before
+
+
+def test_a_damaged_cell_is_named(swept: Path, clean: Path, tmp_path: Path) -> None:
+    whole = swept / "cells" / "best-detach-1.json"
+    broken = tmp_path / "out" / "cells" / whole.name
+    broken.parent.mkdir(parents=True)
+    for text in (whole.read_text()[:200], "[]", whole.read_text().replace("detach-1", "detach-9")):
+        broken.write_text(text)
+        with pytest.raises(AdvpipeError, match=r"best-detach-1\.json is damaged or no cell of a sweep"):
+            run(clean, tmp_path / "out", ["detach-1"])
+
+
+def test_a_strange_folder_is_left_alone(clean: Path, tmp_path: Path) -> None:
+    (tmp_path / "diary.txt").write_text("dear diary")
+    with pytest.raises(AdvpipeError, match=r"holds diary\.txt but no cells/, so it is no sweep"):
+        run(clean, tmp_path, DETACH)
+    assert [path.name for path in tmp_path.iterdir()] == ["diary.txt"]

@@ -1,0 +1,134 @@
+"""Tables and the choice of a frame, of cells written by hand."""
+
+import pytest
+
+from advpipe.stages.evaluate.sweep.budgets import TABLES, budget_named
+from advpipe.stages.evaluate.sweep.cell import Cell, Settings
+from advpipe.stages.evaluate.sweep.compare import differences
+from advpipe.stages.evaluate.sweep.curves import PAPER, curve_points
+from advpipe.stages.evaluate.sweep.panels import median_frame
+from advpipe.stages.evaluate.sweep.tables import (
+    NOT_RUN,
+    baselines_table,
+    below_paper,
+    recipes_of,
+    records,
+    step,
+    steps_table,
+    table_one,
+    table_two,
+)
+
+SETTINGS = Settings("a" * 64, "small", "b" * 64, "0::2", 0, 5, None, "0.1.0")
+
+
+def cell(
+    budget, ratio, recipe="best", distance=0.001, draws=(), lost=(0, 0, 0), found=(3, 3, 3), random=90.0
+):
+    baselines = [] if random is None else ["baseline"]
+    row = {
+        "map_ratio_percent": ratio,
+        "map_ratio_ci95": (ratio - 1, ratio + 1),
+        "chamfer_distance_m2": distance,
+        "baselines": baselines,
+        "baseline_map_ratio_percent": random,
+        "baseline_map_ratio_ci95": None,
+        "baseline_chamfer_distance_m2": 2 * distance,
+        "map_ratio_minus_baseline": None if random is None else ratio - random,
+        "map_ratio_minus_baseline_ci95": (-60.0, -40.0),
+        "beats_baseline": True,
+        "beats_random": None if random is None else True,
+        "max_displacement_m": 0.0999,
+        "max_added_m": 0.0,
+        "points_clean": 1000,
+        "points_removed": 0,
+        "points_added": 0,
+        "points_moved": 50,
+        "frames": 3,
+    }
+    return Cell(budget, recipe, SETTINGS, row, "c" * 64, (0, 2, 4), found, lost, draws, 100.0, 20.0)
+
+
+def test_a_line_has_the_figures_of_its_cell():
+    table = table_two([cell("perturb-10", 40.5)], ["best", "paper"], "perturb")
+    assert len(table.lines) == 12
+    (line,) = [line for line in table.lines if line[0] == "10 cm, best"]
+    figures = ("73.20", "0.01533", "40.50", "39.5…41.5", "0.00100", "yes", "90.00", "-49.50", "-60.0…-40.0")
+    assert line[1:] == (*figures, "yes", "0.0999", "~5.00 %", "3", "120")
+    assert [line[3] for line in table.lines].count(NOT_RUN) == 11
+
+
+def test_table_one_says_what_was_not_run():
+    table = table_one([cell("detach-1", 50.0)], ["best"])
+    paper, ours, random = table.lines
+    assert paper[1:] == ("0.01533", "73.20", "0.07035", "91.77", "0.00126", "78.46")
+    assert ours == (
+        "small, 3 frames, recipe best",
+        NOT_RUN,
+        NOT_RUN,
+        "0.00100",
+        "50.00 (49.00…51.00)",
+        *[NOT_RUN] * 2,
+    )
+    assert random[3:5] == ("0.00200", "90.00")
+
+
+def test_below_the_paper_needs_both_figures():
+    budget = budget_named("perturb-10")
+    assert below_paper(budget, cell("perturb-10", 73.19, distance=0.01533))
+    assert not below_paper(budget, cell("perturb-10", 73.20))
+    assert not below_paper(budget, cell("perturb-10", 40.0, distance=0.01534))
+
+
+def test_records_and_curves_hold_every_budget():
+    cells = [cell("attach-0.5", 30.0), cell("attach-0.1", 80.0), cell("attach-1", 20.0, "paper", random=None)]
+    assert recipes_of(cells, ["robust"]) == ["robust", "best", "paper"]
+    listed = records(cells, ["best"])
+    assert [each["cell"] for each in listed] == [budget.name for budget in TABLES["paper"]]
+    assert [each["cell"] for each in listed if each["status"] != NOT_RUN] == ["attach-0.1", "attach-0.5"]
+    lines = {title: points for (title, _, _), points in curve_points(cells, "attach").items()}
+    assert set(lines) == {
+        PAPER,
+        "ours, recipe best",
+        "strongest random baseline of best",
+        "ours, recipe paper",
+    }
+    assert [(point.x, point.y) for point in lines["ours, recipe best"]] == [
+        ((0.1, 0.001), 80.0),
+        ((0.5, 0.001), 30.0),
+    ]
+    assert len(lines[PAPER]) == 6
+    assert len(baselines_table(cells).lines) == 2
+
+
+def test_a_rise_is_one_beyond_the_paired_interval():
+    before, after = (
+        cell("detach-0.5", 50.0, draws=(48.0, 52.0, None)),
+        cell("detach-1", 51.0, draws=(49.0, 53.0, 1.0)),
+    )
+    points, bounds = step(before, after)
+    assert points == 1.0
+    assert bounds == (1.0, 1.0)  # each interval is 4 wide: only the pairs show the rise
+    assert [line[-1] for line in steps_table([before, after]).lines] == ["yes"]
+    assert step(before, cell("detach-1", 51.0)) == (1.0, None)
+
+
+@pytest.mark.parametrize(
+    ("lost", "found", "frame"),
+    [
+        (((1, 0, 4), (0, 0, 4), (1, 1, 0)), (5, 5, 5), 0),  # totals 2, 1, 8
+        (((1, 0, 4), (0, 0, 4), (1, 1, 0)), (0, 5, 5), 2),  # of 1 and 8, the lower
+        (((1, 1, 1),), (5, 5, 5), 0),
+        (((0, 0, 0),), (0, 0, 0), 0),
+    ],
+)
+def test_median_frame(lost, found, frame):
+    assert median_frame([cell("detach-1", 50.0, lost=each, found=found) for each in lost]) == frame
+
+
+def test_a_cell_comes_back_from_its_file():
+    made = cell("detach-1", 50.0, draws=(48.0, None))
+    again = Cell.from_json(made.to_json())
+    assert again == made
+    assert differences(made, again) == []
+    assert differences(made, cell("detach-1", 51.0, draws=(48.0, None)))[0].startswith("row.map_ratio_")
