@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain, groupby
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import V2X_STATIONS, VehicleTopics
+from advpipe.pipeline.bag.topics import V2X_STATIONS, RawMessage, VehicleTopics
 from advpipe.pipeline.bag.v2x import RadioPlace, stations_of_message
 from advpipe.pipeline.geometry.transforms import Float64
 
@@ -79,7 +80,10 @@ def moments(reader: BagReader, listener: str, expiry_s: float) -> Iterator[Momen
     last_seen_ns: dict[int, int] = {}
     radios: tuple[RadioPlace, ...] = ()
     at_ns = -1
-    for raw in reader.raw_messages([V2X_STATIONS.name, topic]):
+    in_time = reader.raw_messages([V2X_STATIONS.name, topic])
+    # Of one instant, either may come first.
+    same = (sorted(each, key=_stations_first) for _, each in groupby(in_time, lambda raw: raw.log_time_ns))
+    for raw in chain.from_iterable(same):
         message = reader.decode(raw)
         if raw.topic.name == V2X_STATIONS.name:
             radios, at_ns = stations_of_message(message), raw.log_time_ns
@@ -92,6 +96,10 @@ def moments(reader: BagReader, listener: str, expiry_s: float) -> Iterator[Momen
         present = frozenset(s for s, seen_ns in last_seen_ns.items() if at_ns - seen_ns <= keep_ns)
         entries = tuple(_known(entry, at_ns) for entry in message.objects)
         yield Moment(at_ns, own, entries, tuple(r for r in radios if r is not own), present)
+
+
+def _stations_first(raw: RawMessage) -> bool:
+    return raw.topic.name != V2X_STATIONS.name
 
 
 def ldm_error(found: Iterator[Moment] | list[Moment]) -> LdmError:

@@ -54,33 +54,23 @@ def read_receptions(reader: BagReader, listeners: Collection[int] | None = None)
     Raises AdvpipeError for a bag without V2X, or whose receptions are not those of its messages.
     """
     drive = V2xDrive(reader)
-    instrumented = dict(drive.listeners)
+    if listeners is not None:
+        drive.listeners = {station: drive.stations[station] for station in sorted(listeners)}
     received: dict[str, list[tuple[Received, RadioPlace | None]]] = {}
     own: dict[str, list[tuple[int, RadioPlace]]] = {}
     before: dict[int, RadioPlace] = {}
-    if listeners is not None:
-        drive.listeners = {}
-    air = None
+    air = drive.air()
     for step in drive.steps():
-        if listeners is not None:
-            drive.listeners.update(
-                (r.station_id, r.vehicle) for r in step.radios if r.station_id in listeners
-            )
-        if air is None:
-            if listeners is not None:
-                drive.listeners = {station: f"station-{station}" for station in sorted(listeners)}
-            air = drive.air()
         radios = {radio.station_id: radio for radio in step.radios}
         for station, name in drive.listeners.items():
             if station in radios:
                 own.setdefault(name, []).append((step.begin_ns, radios[station]))
         for one in drive.send(air, step, step.sent).received:
             sender = one.sent.station_id
-            place = radios.get(sender) or before.get(sender)
-            received.setdefault(one.listener, []).append((one, place))
+            received.setdefault(one.listener, []).append((one, radios.get(sender) or before.get(sender)))
         before = radios
     if listeners is None:
-        _check_arrivals(reader, instrumented, received)
+        _check_arrivals(reader, drive.listeners, received)
     origin = drive.origin
     geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
     roads = roads_of_bag(reader) or NO_ROADS

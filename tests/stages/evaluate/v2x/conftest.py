@@ -17,17 +17,17 @@ COARSE = ("sensors.lidars.lidar.channels=2", "sensors.lidars.lidar.points_per_se
 
 @pytest.fixture(scope="session")
 def smoke(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The clean bag of a small drive of 6 s."""
+    """The clean bag of a small drive of 4 s."""
     out = tmp_path_factory.mktemp("v2x-evaluated") / "smoke"
-    simulate(load_scenario("smoke", [*COARSE, "simulation.duration_s=6", "v2x.penetration=1"]), out)
+    simulate(load_scenario("smoke", [*COARSE, "simulation.duration_s=4", "v2x.penetration=1"]), out)
     return out / "clean"
 
 
 @pytest.fixture(scope="session")
 def offset(smoke: Path) -> Path:
-    """The same with constant position offsets of a fifth of the fleet after 3 s."""
+    """The same with constant position offsets of a fifth of the fleet after 2 s."""
     out = smoke.parent / "cam-position-offset"
-    spec = AttackSpec(type="cam-position-offset", schedule=Schedule(from_s=3.0))
+    spec = AttackSpec(type="cam-position-offset", schedule=Schedule(from_s=2.0))
     attack(smoke, out, AttackRequest((spec,)))
     return out
 
@@ -36,6 +36,7 @@ def offset(smoke: Path) -> Path:
 def boulevard(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The clean bag of the default drive of 20 s, other traffic than the thresholds were tuned on."""
     out = tmp_path_factory.mktemp("v2x-evaluated") / "boulevard"
-    settings = [*COARSE, "simulation.duration_s=20", "simulation.seed=5"]
+    bare = ("traffic.pedestrians=0", "traffic.parked_per_km=0", "environment.buildings=0")
+    settings = [*COARSE, *bare, "simulation.duration_s=20", "simulation.seed=5"]
     simulate(load_scenario("boulevard", settings), out)
     return out / "clean"
