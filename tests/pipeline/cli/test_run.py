@@ -14,8 +14,8 @@ SCENARIO = """
 name: tiny
 simulation: {seed: 1, duration_s: 1, warmup_s: 1}
 map: {sumo_net: boulevard.net.xml}
-traffic: {vehicles: 20, pedestrians: 5}
-sensors: {lidars: {lidar: {channels: 16, points_per_second: 20000}}}
+traffic: {vehicles: 60, pedestrians: 5, parked_per_km: 60}
+sensors: {lidars: {lidar: {channels: 32, points_per_second: 144000}}}
 recording: {markers: false}
 attacks:
   fewer_points: {type: detach, recipe: random, parameters: {ratio: 0.1}, frames: "::5"}
@@ -56,7 +56,7 @@ def test_all_stages_and_again(scenario: Path, capsys: pytest.CaptureFixture[str]
 
     # Another attack under an old name: the drive and the other bag are kept, the rest is asked about.
     scenario.write_text(SCENARIO.replace("ratio: 0.1", "ratio: 0.2"), encoding="utf-8")
-    with pytest.raises(AdvpipeError, match="^out/fewer_points exists already, not overwriting"):
+    with pytest.raises(AdvpipeError, match="fewer_points exists already, not overwriting"):
         run(str(scenario), made)
     assert stamps(made) == before
     capsys.readouterr()
