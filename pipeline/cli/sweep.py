@@ -112,7 +112,7 @@ def sweep(
     pictures = [
         picture for recipe in shown for picture in _panels(bench, store, recipe, is_new.get(recipe, False))
     ]
-    write_document(target, done, shown, _command(clean, table, settings, shown), pictures)
+    write_document(target, done, shown, _commands(clean, table, done), pictures)
     print_document(done, shown)
     print(f"report: {target / 'report.html'}")
 
@@ -235,10 +235,12 @@ def _panels(bench: _Bench, store: Store, recipe: str, is_new: bool) -> list[Pict
     return [Picture(OVERVIEW, "", path.name, caption, to_png(figure))]
 
 
-def _command(clean: Path, table: str, settings: Settings, recipes: Sequence[str]) -> str:
-    """What to type for the same; the frames are those of the last run."""
-    return (
-        f"advpipe sweep {clean.parent.name}/{clean.name} --table {table} --recipes {','.join(recipes)} "
-        f"--frames {settings.frames} --detector {settings.detector} --seed {settings.seed} "
-        f"--baseline-tries {settings.baseline_tries}"
+def _commands(clean: Path, table: str, cells: Sequence[Cell]) -> str:
+    """What to type for the same cells: a line for each recipe, which may have frames of its own."""
+    of_recipe = {cell.recipe: cell.settings for cell in cells}
+    return "\n".join(
+        f"advpipe sweep {clean.parent.name}/{clean.name} --table {table} --recipe {recipe} "
+        f"--frames {one.frames} --detector {one.detector} --seed {one.seed} "
+        f"--baseline-tries {one.baseline_tries}"
+        for recipe, one in of_recipe.items()
     )

@@ -131,6 +131,11 @@ def test_four_panels_of_another_recipe(swept: Path, clean: Path) -> None:
     assert sorted(path.name for path in (swept / "bags").iterdir()) == ["best-detach-1", "best-detach-1.5"]
     frames = {cell.recipe: cell.frames for cell in Store(swept).cells()}
     assert frames == {"best": (0, 2, 4, 6, 8, 10), "random": (0, 3, 6, 9)}
+    commands = json.loads((swept / "report.json").read_text())["command"].splitlines()
+    assert [line.split("--recipe ")[1][:20] for line in commands] == [
+        "best --frames 0::2 -",
+        "random --frames 0::3",
+    ]
 
 
 @pytest.mark.parametrize(
