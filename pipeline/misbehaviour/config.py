@@ -28,7 +28,7 @@ CHECKS: Mapping[str, Check] = MappingProxyType(
     {
         "format": Check("fields", 0.5, None, "fields left out or out of range, no CAM", "TS 102 894-2"),
         "identity": Check("1", 0.5, None, "the receiver's own id, or a type that changes", "EN 302 637-2"),
-        "range": Check("m", 1000.0, 1.5, "distance from the receiver", "F2MD range"),
+        "range": Check("m", 2000.0, 1.5, "distance from the receiver", "F2MD range"),
         "speed": Check("m/s", 60.0, 1.2, "speed", "F2MD speed"),
         "position": Check("m", 1.5, 1.5, "distance from the nearest lane", "F2MD position"),
         "wrong_way": Check("rad", 0.63, 1.2, "angle to the direction of every lane near", "F2MD, VASP"),
@@ -42,7 +42,7 @@ CHECKS: Mapping[str, Check] = MappingProxyType(
         "impulse": Check("sigma", 4.2, 1.1, "the same over the last seconds", "F2MD, over a window"),
         "dynamics": Check("m/s2", 6.0, 1.2, "acceleration told, or speed's change over time", "NextGen"),
         "size": Check("m", 0.15, None, "change of length or width, told in 0.1 m", "VASP dimension"),
-        "overlap": Check("1", 0.3, 1.2, "share of the smaller box that another covers", "F2MD intersection"),
+        "overlap": Check("1", 0.4, 1.2, "share of the smaller box that another covers", "F2MD intersection"),
         "appearance": Check("m", 150.0, 1.1, "how far within earshot a new station is", "F2MD appearance"),
         "kalman": Check("1", 143.0, 1.2, "innovation squared over its variance, 4 values", "F2MD Kalman"),
         "branch": Check("1", 0.5, None, "goes on from a message that was flagged", "ours"),

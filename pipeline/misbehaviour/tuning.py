@@ -81,7 +81,7 @@ def clean_thresholds(streams: Iterable[Stream], exceeded: float, base: DetectorC
 
 LEAST = {
     "position": 1.5,
-    "overlap": 0.3,
+    "overlap": 0.4,
     "wrong_way": 0.6,
     "freshness": 0.2,
     "appearance": 150.0,
@@ -92,7 +92,7 @@ LEAST = {
     "impulse": 3.5,
     "position_speed": 3.5,
     "speed": 20.0,
-    "range": 300.0,
+    "range": 1000.0,
     "dynamics": 5.0,
     "kalman": 20.0,
 }

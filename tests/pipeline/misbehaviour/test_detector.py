@@ -14,7 +14,16 @@ from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
 from advpipe.pipeline.misbehaviour.detector import judge_all
 
 Make = Callable[..., Claim]
-CONFIG = DetectorConfig()
+SIGMAS = ("position_speed", "drift", "heading", "turn", "acceleration", "impulse")
+CONFIG = DetectorConfig(
+    thresholds={
+        **{name: check.threshold for name, check in CHECKS.items()},
+        **dict.fromkeys(SIGMAS, 6.0),
+        **{"kalman": 40.0, "dynamics": 10.0, "speed": 30.0, "range": 900.0, "overlap": 0.5},
+        **{"position": 3.0, "wrong_way": 1.6, "freshness": 0.3, "appearance": math.inf},
+    }
+)
+"""Whatever the shipped thresholds are tuned to."""
 
 
 def drive(make: Make, start_s: float = 0.0, stop_s: float = 8.0, **values: float) -> list[Claim]:

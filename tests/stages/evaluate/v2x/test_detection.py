@@ -51,8 +51,8 @@ def test_offsets_are_found_out(smoke: Path, offset: Path) -> None:
     found = detect(read_receptions(BagReader(offset)), labels)
     assert found.attack == "cam-position-offset"
     assert 0 < found.lies < found.messages
-    assert found.ours.recall > 0.9
-    assert found.ours.precision > 0.8
+    assert found.ours.recall > 0.7
+    assert found.ours.precision > 0.7
     assert found.by_attack["cam-position-offset"] == pytest.approx(found.ours.recall)
     assert found.ours.latency_s < 1.0
     assert sum(found.objections.values()) >= found.ours.true_positives
