@@ -112,9 +112,14 @@ class Arm:
         """Every class by every criterion; by each of `criteria`, in every stratum too."""
         for (criterion, name), ranked in self.ranked.items():
             yield _precision(name, criterion, "", WHOLE, ranked, self.draws[criterion, name])
-        for name in dict.fromkeys(name for _, name in self.ranked):
-            measures = Measures.of(frames, word, name)
-            known = {by for by, values in measures.truths.items() if np.isfinite(values).any()}
+        of_class = {name: Measures.of(frames, word, name) for _, name in self.ranked}
+        known = {  # of any class: one without objects has strata too, all empty
+            by
+            for measures in of_class.values()
+            for by, values in measures.truths.items()
+            if np.isfinite(values).any()
+        }
+        for name, measures in of_class.items():
             for criterion in criteria:
                 for stratum in (each for each in STRATA if each.by in known):
                     part = RankedMatches.of(measures.cut(self.tables[criterion, name], stratum))
