@@ -31,20 +31,17 @@ from advpipe.pipeline.metrics.chamfer import chamfer_distance
 from advpipe.pipeline.metrics.matching import FrameMatches, match_overlaps
 from advpipe.pipeline.seeding import named_generator
 from advpipe.stages.attack.lidar.base import LidarResult
-from advpipe.stages.attack.lidar.perturb import Perturb
+from advpipe.stages.attack.lidar.perturb import RECIPES, Perturb
 from advpipe.stages.attack.lidar.targets import find_targets
-
-STEPS = 24
-"""Gradients of each line whose name does not say otherwise."""
 
 Attempt = Callable[[float], Perturb]
 
 
-def best(**tactics: float) -> Attempt:
+def best(steps: int = 0, **tactics: float) -> Attempt:
     """The recipe `best` with other tactics, by the reach in cm."""
 
     def made(eps_cm: float) -> Perturb:
-        attack = Perturb(eps_cm=eps_cm, steps=STEPS)
+        attack = Perturb(eps_cm=eps_cm, steps=steps)
         attack.tactics = replace(attack.tactics, **tactics)  # type: ignore[arg-type]
         return attack
 
@@ -70,8 +67,8 @@ LINES: Mapping[str, Attempt] = {
     "no momentum": best(momentum=0.0),
     "momentum .8": best(momentum=0.8),
     "crosses .2": best(eager=0.2, calm=0.2),
+    "crosses .5": best(eager=0.5, calm=0.5),
     "crosses .9": best(eager=0.9, calm=0.9),
-    "crosses .9 to .2": best(eager=0.9, calm=0.2),
     "cycles of 6": best(rounds_a_cycle=6),
     "cycles of 4": best(rounds_a_cycle=4),
     "no cycles": best(rounds_a_cycle=1000),
@@ -79,8 +76,8 @@ LINES: Mapping[str, Attempt] = {
     "within 30 cm": best(margin_m=0.3),
     "within 3 m": best(margin_m=3.0),
     "2 cm past": best(landing_m=0.02),
-    "twice the steps": recipe("best", steps=2 * STEPS),
-    "half the steps": recipe("best", steps=STEPS // 2),
+    "twice the steps": best(steps=2 * RECIPES["best"]),
+    "half the steps": best(steps=RECIPES["best"] // 2),
 }
 
 

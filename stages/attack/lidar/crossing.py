@@ -47,8 +47,8 @@ class Tactics:
     margin_m: float = 1.0
     landing_m: float = 0.001
     momentum: float = 0.5
-    eager: float = 0.5
-    calm: float = 0.5
+    eager: float = 0.9
+    calm: float = 0.2
     rounds_a_cycle: int = 12
     jitter_m: float = 0.0
     groups: bool = True
