@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from advpipe.pipeline.bag.frames import ALL_FRAMES, FrameSlice, has_ground_truth
@@ -11,6 +12,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.partial import FolderKind, staged_folder
+from advpipe.stages.evaluate.cooperative.section import sections as cooperative
 from advpipe.stages.evaluate.detection.comparison import Comparison, bag_name, touches_clouds
 from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.detection.looking import Looking
@@ -38,8 +40,10 @@ REPORT = FolderKind(
     ("report.json",),
 )
 
-FAMILIES: tuple[Family, ...] = (localisation, v2x)
-"""What the families of attacks add besides detection; each gives no section where it has nothing to say."""
+
+def families(detector: str) -> tuple[Family, ...]:
+    """What the families of attacks add besides detection: no section where they have nothing to say."""
+    return (localisation, v2x, partial(cooperative, detector=detector))
 
 
 def evaluate(
@@ -101,7 +105,7 @@ def evaluate(
                 remarks = transfer_remark(each)
                 summaries.append(summarise(each, known_classes(model), bootstrap_draws, seed, remarks))
         sections = [*attacked_sections(summaries)]
-        for family in FAMILIES:
+        for family in families(options.detectors[0]):
             sections += family(clean, adversarial, seed)
         comparisons = [summary.comparison for summary in of_first_detector(summaries)]
         detectors = [

@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+from advpipe.pipeline.cli import COMMANDS
+
 HEAVY = ("torch", "open3d", "libsumo", "numpy", "rosbags", "matplotlib", "pydantic", "scipy")
 
 
@@ -35,9 +37,7 @@ def test_help_loads_nothing_heavy() -> None:
     assert int(length) > 300
 
 
-@pytest.mark.parametrize(
-    "command", ["simulate", "attack", "evaluate", "train", "inspect", "plot", "recover", "schema"]
-)
+@pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_explains_itself(command: str) -> None:
     done = advpipe(command, "--help")
     assert done.returncode == 0
