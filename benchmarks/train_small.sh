@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Makes the drives that the `small` checkpoint learns from, and trains it from nothing. On two quiet cores some
-# 7 minutes of simulation and two hours of training; 20 GB below build/small.
+# 7 minutes of simulation and an hour and a half of training; 20 GB below build/small.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 bin=.venv/bin
@@ -84,5 +84,5 @@ generated wide4trucks 113 grid 3 280 4 "$vehicles=220" "$people=120" "$parked=10
 trained_on=("${drives[@]}")
 generated valid 901 random 5 190 2 "$vehicles=220" "$people=250" "$parked=20" simulation.duration_s=150
 
-"$bin/advpipe" train "${trained_on[@]}" --out "$work/run" --steps 9000 --seed 0 --bf16 --validate "$work/valid"
+"$bin/advpipe" train "${trained_on[@]}" --out "$work/run" --steps 7500 --seed 0 --bf16 --validate "$work/valid"
 echo "checkpoint: $work/run/detector.safetensors"
