@@ -12,6 +12,8 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.stages.attack.lidar.selection import NoGradientError
+
 Int64 = npt.NDArray[np.int64]
 Float64 = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
@@ -43,7 +45,8 @@ class Game(Protocol):
 
 def climb(game: Game, budget: int, rounds: int) -> tuple[Int64, Int64]:
     """The items, at most `budget`, that do the most harm found in so many rounds; and the others that were
-    tried, in the order in which they would go on."""
+    tried, in the order in which they would go on. Raises NoGradientError where not even the first round
+    has a gradient to follow."""
     depth = np.minimum(game.most, budget)
     harm = game.harm(np.zeros(0, np.int64))
     ladders = [Ladder(value) for value in harm]
@@ -56,7 +59,12 @@ def climb(game: Game, budget: int, rounds: int) -> tuple[Int64, Int64]:
             wanted = depth if round_ == 1 else np.zeros_like(depth)
         if not wanted.any():
             continue
-        proposals = game.propose(_all(ladders), wanted, depth - taken)
+        try:
+            proposals = game.propose(_all(ladders), wanted, depth - taken)
+        except NoGradientError:
+            if not any(ladder.items for ladder in ladders):
+                raise
+            break  # what was found so far stays
         if not any(map(len, proposals)):
             break
         for ladder, items in zip(ladders, proposals, strict=True):

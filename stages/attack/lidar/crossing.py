@@ -149,8 +149,8 @@ class Crossing:
         if self.rules.constraints.intensity:
             self._shine(sign * to_points[self.movable, 3].cpu().double().numpy())
         worth = np.nan_to_num(gradient.cpu().numpy().astype(np.float64), posinf=0.0, neginf=0.0)
-        if not worth.any() and lie:
-            return  # a detector whose loss says nothing of what should not be there
+        if not worth.any() and (lie or self.asked.any()):
+            return  # the loss says nothing of what should not be there, or nothing more: what was kept stays
         if not worth.any():
             raise NoGradientError
         worth *= sign / np.abs(worth).mean()  # the scales of losses differ

@@ -41,7 +41,7 @@ def descend(
     The loss is L = -sign * L_det + weight * sum of squared displacements. It starts from U(-reach, reach) in
     each coordinate, projected into the ball; each step goes reach / 30 against the gradient, normalised
     for each point, and is projected again. With a keeper, its best iterate, and only points of its
-    objects move; else the last one. Raises NoGradientError where the loss depends on no point.
+    objects move; else the last one. Raises NoGradientError where the loss depends on no point from the start.
     """
     start = torch.from_numpy(points)
     allowed = np.ones(len(points), bool) if keeper is None else keeper.owner >= 0
@@ -51,7 +51,12 @@ def descend(
         if number == 0:  # who moves is known after the first gradient only where they are limited
             allowed &= _most_salient(points, goal, detector, rules)
             offset = _permitted(project(drawn, reach_m), rules, allowed)
-        gradient = loss_gradient(start, offset, goal, detector)
+        try:
+            gradient = loss_gradient(start, offset, goal, detector)
+        except NoGradientError:
+            if number == 0:
+                raise
+            break  # nothing more to follow
         total = -goal.sign * gradient + 2 * weight * offset
         length = total.norm(dim=1, keepdim=True)
         unit = total / length.clamp(min=1e-30)
