@@ -82,7 +82,7 @@ class Crossing:
             points[self.movable, :3],
             self.grid,
             reach_m,
-            tactics.landing_m,
+            min(tactics.landing_m, reach_m / 2),  # a short reach lands nearer, rather than nowhere
             constraints.along_ray,
             rules.hidden if constraints.keep_occlusion_order else None,
         )

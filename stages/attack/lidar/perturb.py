@@ -43,10 +43,10 @@ class Perturb:
 
     recipe: "best" crosses the voxel faces that the detector's answer hangs on and keeps for each object what
         hurt it most (`crossing`); for a detector without occupancies it is PGD near objects that keeps
-        the best. "robust" lands 2 cm past the faces and counts on 1 cm of jitter. "paper" is the PGD
-        of the paper (section III-A, Eq. 1 and 2) on all points. By chance: "random" moves all points by eps
-        in a random direction, "random-near" those near objects, and "random-best" tries `steps` times
-        there, with the selection of "best".
+        the best. "robust" lands 2 cm past the faces (eps / 2 at most) and counts on 1 cm of jitter. "paper"
+        is the PGD of the paper (section III-A, Eq. 1 and 2) on all points. By chance: "random" moves all
+        points by eps in a random direction, "random-near" those near objects, and "random-best" tries
+        `steps` times there, with the selection of "best".
     steps: gradients or tries; 0 for the recipe's own number (the paper: 40).
     weight: lambda of the paper's dual loss, in loss units a square metre; only for "paper".
     along_ray, keep_occlusion_order, near_objects_m, objects, ghost, max_points, intensity: see

@@ -335,3 +335,11 @@ def test_every_other_gradient_is_that_of_a_lie(scene, monkeypatch):
     monkeypatch.setattr(LinearVoxelDetector, "occupancy_loss", watched)
     Perturb(eps_cm=10, steps=4)(*scene, rng())
     assert taught == [1, 0, 1, 0]
+
+
+def test_robust_moves_points_where_the_reach_is_shorter_than_its_landing(scene):
+    attack = Perturb(eps_cm=2, recipe="robust")
+    attack.tactics = type(attack.tactics)(landing_m=attack.tactics.landing_m, jitter_m=0.01, keep=False)
+    result = attack(*scene, rng())
+    assert len(result.labels) > 0
+    assert result.loss_after > result.loss_before
