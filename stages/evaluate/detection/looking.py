@@ -177,6 +177,7 @@ def _look(
     box_points = count_points(xyz(cloud), detections.boxes)
     if change is None:
         return CloudResult(detections, matches, box_points, len(cloud), np.zeros(len(truth.boxes), bool))
+    is_changed = bool(len(change.removed) or len(change.added) or len(change.moved))
     recounted = truth.counted_on(cloud)
     is_alike = np.array_equal(recounted.is_evaluated, truth.is_evaluated)
     return CloudResult(
@@ -190,5 +191,6 @@ def _look(
         points_added=len(change.added),
         points_moved=len(change.moved),
         displacement=Displacement.of(clean, cloud, change),
-        chamfer_distance_m2=chamfer_distance(finite_xyz(clean), finite_xyz(cloud)),
+        # Of a cloud that is as it was, there is no distance to ask for; it may have no points at all.
+        chamfer_distance_m2=chamfer_distance(finite_xyz(clean), finite_xyz(cloud)) if is_changed else 0.0,
     )

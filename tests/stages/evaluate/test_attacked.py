@@ -6,10 +6,11 @@ from functools import partial
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from place_drive import DETECTOR, FRAMES, hide_first_car, rows
+from place_drive import DETECTOR, FRAMES, clean_cloud, hide_first_car, rows, write_bag
 
 from advpipe.pipeline.bag.cloud import xyz
 from advpipe.pipeline.bag.frames import FrameSlice
+from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.geometry.boxes import count_points
 from advpipe.stages.evaluate.run import evaluate as evaluate_anywhere
 from advpipe.stages.evaluate.run import print_report
@@ -280,3 +281,13 @@ def test_places_hold_what_the_tests_count(clean):
 
     for index in range(3):
         assert count_points(xyz(clean_cloud(index)), PLACES)[:4].tolist() == [60, 50, 40, 30]
+
+
+def test_a_frame_without_points_is_none_to_lose(tmp_path):
+    """No echo came back: no attack can touch it, and it is no reason to score no other frame."""
+    clouds = {index: clean_cloud(index)[: 0 if index == 1 else None] for index in range(FRAMES)}
+    clean = write_bag(tmp_path / "clean", {"kind": "clean"}, clouds)
+    about = {"kind": "attack", "attack": "detach", "recipe": "best", "parent_sha256": parent_sha256(clean)}
+    evaluate(clean, [write_bag(tmp_path / "attacked", about, clouds)], tmp_path / "report")
+    (row,) = rows(tmp_path / "report")
+    assert (row["frames"], row["map_ratio_percent"], row["chamfer_distance_m2"]) == (FRAMES, 100.0, 0.0)
