@@ -241,6 +241,6 @@ def _commands(clean: Path, table: str, cells: Sequence[Cell]) -> str:
     return "\n".join(
         f"advpipe sweep {clean.parent.name}/{clean.name} --table {table} --recipe {recipe} "
         f"--frames {one.frames} --detector {one.detector} --seed {one.seed} "
-        f"--baseline-tries {one.baseline_tries}"
+        f"--baseline-tries {one.baseline_tries}" + (f" --lidar {one.lidar_topic}" if one.lidar_topic else "")
         for recipe, one in of_recipe.items()
     )

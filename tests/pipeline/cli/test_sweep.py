@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from sweep_drive import DETECTOR, write_drive
 
 from advpipe.pipeline.bag.locate import resolve_bag
-from advpipe.pipeline.cli.sweep import sweep
+from advpipe.pipeline.cli.sweep import _commands, sweep
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.evaluate.run import evaluate
 from advpipe.stages.evaluate.sweep.store import Store
@@ -136,6 +137,12 @@ def test_four_panels_of_another_recipe(swept: Path, clean: Path) -> None:
         "best --frames 0::2 -",
         "random --frames 0::3",
     ]
+
+
+def test_the_command_names_the_clouds(swept: Path, clean: Path) -> None:
+    (cell, *_) = Store(swept).cells()
+    chosen = replace(cell, settings=replace(cell.settings, lidar_topic="/ego/lidar/points"))
+    assert _commands(clean, "paper", [chosen]).endswith("--baseline-tries 1 --lidar /ego/lidar/points")
 
 
 @pytest.mark.parametrize(
