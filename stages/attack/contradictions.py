@@ -11,7 +11,7 @@ from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import AttackSpec
 
 ALL = frozenset({"position", "speed", "heading", "acceleration", "dimensions", "station id"})
-_STOP = frozenset({"position", "speed", "acceleration"})
+_STOP = frozenset({"position", "speed", "heading", "acceleration"})
 
 SETS: dict[str, frozenset[str]] = {
     "cam-position-constant": frozenset({"position"}),

@@ -86,7 +86,9 @@ def moments(reader: BagReader, listener: str, expiry_s: float) -> Iterator[Momen
     for raw in chain.from_iterable(same):
         message = reader.decode(raw)
         if raw.topic.name == V2X_STATIONS.name:
-            radios, at_ns = stations_of_message(message), raw.log_time_ns
+            # An attacker's roadside unit has a radio and no size: no vehicle that a map should hold.
+            radios = tuple(radio for radio in stations_of_message(message) if any(radio.size_m))
+            at_ns = raw.log_time_ns
             last_seen_ns.update((radio.station_id, at_ns) for radio in radios)
             continue
         own = next((radio for radio in radios if radio.vehicle == listener), None)

@@ -15,6 +15,7 @@ from advpipe.pipeline.bag.v2x_drive import V2xDrive
 from advpipe.pipeline.bag.v2x_statistics import read_statistics
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
+from advpipe.stages.evaluate.detection.comparison import bag_name
 from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.report.numbers import number
 from advpipe.stages.evaluate.report.pictures import to_png
@@ -84,7 +85,7 @@ def sections(
     lied = [bag for bag in adversarial if has_v2x(bag) and read_labels(bag)]
     if not lied or not has_v2x(clean):
         return ()
-    drives = [read_drive(clean, "clean", config), *(read_drive(bag, bag.name, config) for bag in lied)]
+    drives = [read_drive(clean, "clean", config), *(read_drive(bag, bag_name(bag), config) for bag in lied)]
     return (section(drives[0], drives[1:], config or DetectorConfig()),)
 
 
@@ -108,13 +109,13 @@ def read_drive(bag: Path, name: str, config: DetectorConfig | None = None) -> Dr
 
 def section(clean: Drive, attacked: Sequence[Drive], config: DetectorConfig) -> Section:
     """Tables, pictures and records of drives that have been read."""
-    ours = [drive.detection.ours.f1 for drive in attacked]
-    theirs = [drive.detection.baseline.f1 for drive in attacked]
+    told = [drive.detection for drive in attacked if drive.detection.lies]
+    ours, theirs = [each.ours.f1 for each in told], [each.baseline.f1 for each in told]
     rate = clean.detection.ours.false_positive_rate
     lead = (
-        f"Mean F1 over {len(attacked)} bags {number(_mean(ours), 3)}, of the baseline built from CaTCH's "
-        f"checks {number(_mean(theirs), 3)}; of {clean.detection.messages:,} honest messages of the clean "
-        f"drive {number(100 * rate, 2)} % are flagged, by the baseline "
+        f"Mean F1 over {len(told)} bags with lies {number(_mean(ours), 3)}, of the baseline built from "
+        f"CaTCH's checks {number(_mean(theirs), 3)}; of {clean.detection.messages:,} honest messages of the "
+        f"clean drive {number(100 * rate, 2)} % are flagged, by the baseline "
         f"{number(100 * clean.detection.baseline.false_positive_rate, 2)} %."
     )
     return Section(

@@ -115,3 +115,8 @@ def test_contradictions_speak_of_attacks_that_there_are():
 
 def test_an_attack_of_ones_own_is_told_apart_by_its_file():
     assert len(source_sha256("my_own:Mine")) == 64
+
+
+def test_stopped_vehicles_stand_in_one_direction():
+    """`cam-eventual-stop` freezes the heading, so another lie about it contradicts."""
+    assert "heading" in contradictions.SETS["cam-eventual-stop"] & contradictions.SETS["cam-heading-rotating"]

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.v2x import RadioPlace
 from advpipe.pipeline.geometry.transforms import se3_from_yaw
-from advpipe.stages.evaluate.v2x.ldm_error import Known, Moment, ldm_error
+from advpipe.pipeline.scenario.attacks import Attackers, AttackSpec, RoadsideUnit
+from advpipe.stages.attack.request import AttackRequest
+from advpipe.stages.attack.run import attack
+from advpipe.stages.evaluate.v2x.ldm_error import Known, Moment, ldm_error, moments
 
 
 def radio(station_id: int, x_m: float, speed_mps: float = 0.0) -> RadioPlace:
@@ -58,3 +63,15 @@ def test_out_of_range_is_displaced() -> None:
     far = entry(2, math.inf)
     error = ldm_error([Moment(0, radio(1, 0.0), (far,), (radio(2, 10.0),), frozenset({1, 2}))])
     assert error.displaced.tolist() == [1.0]
+
+
+def test_a_roadside_unit_is_no_vehicle_and_what_it_claims_to_be_a_ghost(smoke: Path, tmp_path: Path) -> None:
+    before = list(moments(BagReader(smoke), "ego", 1.1))
+    place = before[-1].own.map_SE3_base[:2, 3].tolist()
+    unit = Attackers(roadside_unit=RoadsideUnit(x_m=place[0] + 10, y_m=place[1]))
+    spec = AttackSpec(type="cam-dos-random", parameters={"rate_hz": 5.0}, attackers=unit)
+    attack(smoke, tmp_path / "out", AttackRequest((spec,)))
+    after = list(moments(BagReader(tmp_path / "out"), "ego", 1.1))
+    assert [len(moment.others) for moment in after] == [len(moment.others) for moment in before]
+    assert ldm_error(before).ghosts.max() == 0
+    assert ldm_error(after).ghosts.max() == 1  # one station id, wherever it claims to be

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from advpipe.pipeline.misbehaviour.config import DetectorConfig
+from advpipe.pipeline.misbehaviour.scores import Scores
 from advpipe.stages.evaluate.report.section import SECTION, Section
-from advpipe.stages.evaluate.v2x.section import sections
+from advpipe.stages.evaluate.v2x.section import read_drive, section, sections
 
 
 @pytest.fixture(scope="module")
@@ -50,3 +53,12 @@ def test_pictures_are_the_same_again(found: Section, smoke: Path, offset: Path) 
 def test_nothing_to_say_without_attacks_on_messages(smoke: Path) -> None:
     assert sections(smoke, [], 0) == ()
     assert sections(smoke, [smoke], 0) == ()
+
+
+def test_bags_without_lies_do_not_count_in_the_mean(smoke: Path, offset: Path) -> None:
+    """Messages left out are no lies to find: 3 honest ones flagged would make F1 0."""
+    clean, lied = read_drive(smoke, "clean"), read_drive(offset, "offset")
+    none = replace(lied.detection, lies=0, ours=Scores(0, 3, 10, 0), baseline=Scores(0, 3, 10, 0))
+    lead = section(clean, [lied, replace(lied, name="drop", detection=none)], DetectorConfig()).lead
+    assert lead == section(clean, [lied], DetectorConfig()).lead
+    assert lead.startswith("Mean F1 over 1 bags with lies ")
