@@ -27,6 +27,8 @@ CATCH_CHECKS = (
     *("position_speed", "heading", "intersection"),
 )
 """The eight that were used in the evaluation; sudden appearance was left out there as well."""
+MOST_INTERSECTION_S = 3.0
+"""Boxes as old count for nothing with any `max_intersection_s` that is tried."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,6 +79,7 @@ def catch_messages(claims: Sequence[Claim], receivers: Sequence[Receiver]) -> Ca
             continue
         before[row] = newest.get(claim.station_id, -1)
         overlap[row], other_s[row] = _overlap(claim, claims, newest)
+        newest.pop(claim.station_id, None)  # the one heard last comes last
         newest[claim.station_id] = row
     columns["overlap"], columns["other_s"] = overlap, other_s
     arrival_s = np.array([claim.arrival_ns for claim in claims], np.int64)
@@ -209,8 +212,10 @@ def _overlap(claim: Claim, claims: Sequence[Claim], newest: dict[int, int]) -> t
     if own is None:
         return 0.0, 0.0
     worst, age_s = 0.0, 0.0
-    for station, row in newest.items():
+    for station, row in reversed(newest.items()):
         other = claims[row]
+        if (claim.arrival_ns - other.arrival_ns) / 1e9 >= MOST_INTERSECTION_S:
+            break
         if station == claim.station_id or abs(other.x_m - claim.x_m) + abs(other.y_m - claim.y_m) > 30:
             continue
         box = checks.box(other, other.generation_ns)

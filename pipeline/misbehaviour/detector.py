@@ -55,6 +55,7 @@ class Detector:
         self._limits = [config.thresholds.get(name, math.inf) for name in CHECKS]
         self._stations: dict[int, _Station] = {}
         self._first_ns: int | None = None
+        self._swept_ns = 0
 
     def judge(self, claim: Claim, receiver: Receiver) -> tuple[list[float], bool]:
         """Statistics in the order of `CHECKS`, and whether the message is flagged."""
@@ -64,6 +65,7 @@ class Detector:
         values["format"] = float(claim.invalid)
         if claim.station_id < 0 or not math.isfinite(claim.x_m):
             return list(values.values()), self._is_bad(list(values.values()))
+        self._sweep(claim)
         station = self._stations.setdefault(claim.station_id, _Station())
         self._forget(station, claim)
         track, goes_on_from_lie = self._track(station, claim)
@@ -86,6 +88,14 @@ class Detector:
 
     def _is_bad(self, statistics: Sequence[float]) -> bool:
         return any(value > limit for value, limit in zip(statistics, self._limits, strict=True))
+
+    def _sweep(self, claim: Claim) -> None:
+        """Forgets, now and then, the stations that fell silent: floods have thousands of names."""
+        if claim.arrival_ns - self._swept_ns > self._config.memory_s * 1e9:
+            self._swept_ns = claim.arrival_ns
+            for station in self._stations.values():
+                self._forget(station, claim)
+            self._stations = {n: one for n, one in self._stations.items() if one.believed or one.suspect}
 
     def _forget(self, station: _Station, claim: Claim) -> None:
         memory_ns = self._config.memory_s * 1e9

@@ -90,3 +90,10 @@ def test_flags_what_is_below_one_half(make: Make, ego: Receiver) -> None:
     claims = [make(0.0), make(0.4), make(0.8, x_m=80.0), Claim(-1, 0, 0, invalid=8)]
     flags = catch_flags(catch_messages(claims, [ego] * 4), PARAMETERS)
     assert flags.tolist() == [False, False, True, True]
+
+
+def test_an_old_box_hides_no_new_one(make: Make, ego: Receiver) -> None:
+    """Wholly on a box of 4 s ago, which counts for nothing, and for 60 % on one of 0.1 s ago."""
+    stream = [make(0.0, 8, x_m=40.0), make(3.9, 9, x_m=41.6), make(4.0, 7, x_m=40.0)]
+    expected = 1.01 - 0.6 * (1 - 0.1 / 2)
+    assert factor("intersection", stream, ego, max_intersection_s=2.0) == pytest.approx(expected)

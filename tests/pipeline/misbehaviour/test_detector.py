@@ -11,7 +11,7 @@ import pytest
 
 from advpipe.pipeline.misbehaviour.claim import Claim, Receiver
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
-from advpipe.pipeline.misbehaviour.detector import judge_all
+from advpipe.pipeline.misbehaviour.detector import Detector, judge_all
 
 Make = Callable[..., Claim]
 SIGMAS = ("position_speed", "drift", "heading", "turn", "acceleration", "impulse")
@@ -165,3 +165,12 @@ def test_a_minute_of_a_hundred_stations_is_quick_and_the_same_again(make: Make, 
 def test_unknown_checks_are_refused() -> None:
     with pytest.raises(ValueError, match="no check is named hunch; known: format"):
         DetectorConfig(thresholds={"hunch": 1.0})
+
+
+def test_a_flood_of_names_is_forgotten(make: Make, ego: Receiver) -> None:
+    """100 s of a new station each 0.1 s: none is kept for more than twice `memory_s`."""
+    detector, most = Detector(CONFIG), 0
+    for nth in range(1000):
+        detector.judge(make(0.1 * nth, 1000 + nth), ego)
+        most = max(most, len(detector._stations))
+    assert most <= 2 * CONFIG.memory_s * 10 + 2
