@@ -220,6 +220,8 @@ def _panels(bench: _Bench, store: Store, recipe: str, is_new: bool) -> list[Pict
     if len(chosen) < len(PANELS):
         return []
     frame = median_frame(chosen)
+    if frame is None:
+        return []
     caption = f"Recipe {recipe}, frame {frame} of the clean bag: {RULE}. Truth in blue, predictions in red."
     path = store.panels(recipe)
     if not is_new and path.is_file():

@@ -30,9 +30,8 @@ def cloud_attacker(
         spec = attacks[cloud.attack]
         only = FrameSlice(cloud.frame, cloud.frame + 1)
         (frame,) = read_frames(clean, only, lidar_topic=cloud.topic)
-        rng = named_generator(
-            seed, "attack", spec.type, resolved_recipe(spec), cloud.frame, *filter(None, [spec.seed_name])
-        )
+        named = filter(None, [spec.victim, spec.lidar, spec.seed_name])  # two LiDARs draw apart
+        rng = named_generator(seed, "attack", spec.type, resolved_recipe(spec), cloud.frame, *named)
         with fixed_torch_threads():
             result = attackers[cloud.attack](frame.cloud, frame.boxes, detectors[spec.detector], rng)
         _refuse_wrong(spec.type, frame.cloud, result)

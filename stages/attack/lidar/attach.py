@@ -21,6 +21,7 @@ from advpipe.stages.attack.lidar.base import LidarResult, PointLabels, unchanged
 from advpipe.stages.attack.lidar.climb import climb
 from advpipe.stages.attack.lidar.constraints import Constraints, Rules
 from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners
+from advpipe.stages.attack.lidar.gradient import gradient_of
 from advpipe.stages.attack.lidar.harm import Harm
 from advpipe.stages.attack.lidar.selection import NoGradientError
 from advpipe.stages.attack.lidar.targets import detection_loss
@@ -202,8 +203,7 @@ def _with_intensity(clean: Float32, places: Places, goal: Goal, judge: Harm, det
         return goal.sign * detector.loss(points, goal.taught.boxes, goal.taught.labels), points
 
     loss, points = loss_of(places.points)
-    (gradient,) = torch.autograd.grad(loss, points)
-    slope = gradient[len(clean) :, 3].cpu().numpy()
+    slope = gradient_of(loss, points)[len(clean) :, 3].cpu().numpy()
     changed = places.points.copy()
     changed[:, 3] = np.where(slope > 0, 1.0, np.where(slope < 0, 0.0, changed[:, 3]))
     before, after = (

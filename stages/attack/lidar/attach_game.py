@@ -11,6 +11,7 @@ import torch
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
 from advpipe.stages.attack.lidar.attach_places import Places
 from advpipe.stages.attack.lidar.goal import Goal
+from advpipe.stages.attack.lidar.gradient import gradient_of
 from advpipe.stages.attack.lidar.harm import Harm
 from advpipe.stages.attack.lidar.selection import NoGradientError
 
@@ -99,7 +100,7 @@ class AttachGame:
         """The gradient to the occupancy of each place's voxel."""
         taught, ghosts = self.goal.taught, torch.from_numpy(self.places.points[pool])
         loss, occupancy, row = detector.occupancy_loss(points, taught.boxes, taught.labels, ghosts)
-        (gradient,) = torch.autograd.grad(loss, occupancy)
+        gradient = gradient_of(loss, occupancy)
         of_row = np.nan_to_num(self.goal.sign * gradient.double().cpu().numpy(), posinf=0.0, neginf=0.0)
         mine = row.cpu().numpy()[len(points) :]
         return np.where(mine >= 0, of_row[mine], 0.0)
@@ -107,7 +108,7 @@ class AttachGame:
     def _of_copies(self, points: torch.Tensor, pool: Int64) -> Float64:
         """By the loss alone: a copy of the place's clean point, moved there, to first order."""
         leaf, taught = points.requires_grad_(), self.goal.taught
-        (gradient,) = torch.autograd.grad(self.detector.loss(leaf, taught.boxes, taught.labels), leaf)
+        gradient = gradient_of(self.detector.loss(leaf, taught.boxes, taught.labels), leaf)
         slope = np.nan_to_num(gradient[:, :3].double().cpu().numpy(), posinf=0.0, neginf=0.0)
         source = self.places.source[pool]
         way_m = self.places.points[pool, :3].astype(np.float64) - self.clean[source, :3]

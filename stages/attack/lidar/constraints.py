@@ -54,7 +54,7 @@ class Constraints:
         the ray of a point of the clean cloud.
     keep_occlusion_order: no touched point comes to stand behind a surface that hides it (`Rules.hidden`).
     near_objects_m: only points within this distance of a ground-truth box, 0 for those inside.
-    objects: attack these boxes alone: hide them. By id, or by place in the ground truth ("0", ...).
+    objects: attack these boxes alone: hide them. By id; by place ("0", ...) where the truth has no ids.
     ghost: instead of hiding what is there, make the detector find this.
     max_points: at most so many points of a cloud are touched.
     intensity: intensities are attacked too; otherwise they stay as measured.
@@ -108,10 +108,8 @@ class Constraints:
             return self.ghost.boxes(points)
         if not self.objects:
             return boxes
-        by_place = [str(i) for i in range(len(boxes))]
-        ids = boxes.ids or ("",) * len(boxes)
-        wanted = set(self.objects)
-        return boxes[np.array([bool({i, p} & wanted) for i, p in zip(ids, by_place, strict=True)], bool)]
+        names = boxes.ids if any(boxes.ids) else [str(place) for place in range(len(boxes))]
+        return boxes[np.array([name in self.objects for name in names], bool)]
 
     def on(self, points: Float32, boxes: Boxes) -> Rules:
         """What they mean for one clean cloud, its points (N, 3) all finite, with its ground truth."""

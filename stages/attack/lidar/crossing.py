@@ -18,6 +18,7 @@ from advpipe.pipeline.detector.protocol import VoxelDetector
 from advpipe.stages.attack.lidar.constraints import Rules
 from advpipe.stages.attack.lidar.crossings import Crossings, find_crossings
 from advpipe.stages.attack.lidar.goal import Goal, owners
+from advpipe.stages.attack.lidar.gradient import gradient_of, gradients_of
 from advpipe.stages.attack.lidar.keeper import Keeper
 from advpipe.stages.attack.lidar.selection import NoGradientError
 
@@ -145,9 +146,11 @@ class Crossing:
         loss, occupancy, rows = self.detector.occupancy_loss(
             leaf, taught.boxes, taught.labels, torch.from_numpy(ghosts)
         )
-        gradient, to_points = torch.autograd.grad(loss, [occupancy, leaf])
         if self.rules.constraints.intensity:
+            gradient, to_points = gradients_of(loss, occupancy, leaf)
             self._shine(sign * to_points[self.movable, 3].cpu().double().numpy())
+        else:
+            gradient = gradient_of(loss, occupancy)
         worth = np.nan_to_num(gradient.cpu().numpy().astype(np.float64), posinf=0.0, neginf=0.0)
         if not worth.any() and (lie or self.asked.any()):
             return  # the loss says nothing of what should not be there, or nothing more: what was kept stays

@@ -10,6 +10,7 @@ import torch
 
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
 from advpipe.stages.attack.lidar.goal import Goal
+from advpipe.stages.attack.lidar.gradient import gradient_of
 from advpipe.stages.attack.lidar.harm import Harm
 from advpipe.stages.attack.lidar.selection import NoGradientError
 
@@ -70,7 +71,7 @@ class DetachGame:
         if not isinstance(self.detector, VoxelDetector):
             return self._gains_of_points(points, self.owner[left]), np.arange(len(left))
         loss, occupancy, voxel = self.detector.occupancy_loss(points, taught.boxes, taught.labels)
-        (gradient,) = torch.autograd.grad(loss, occupancy)
+        gradient = gradient_of(loss, occupancy)
         of_voxel = np.nan_to_num(-self.goal.sign * gradient.double().cpu().numpy(), posinf=0.0, neginf=0.0)
         row = voxel.cpu().numpy()
         count = np.bincount(row[row >= 0], minlength=len(of_voxel))
@@ -84,7 +85,7 @@ class DetachGame:
         nothing, to first order (Zheng et al. 2019, "PointCloud Saliency Maps", section 3.2)."""
         leaf, taught = points.requires_grad_(), self.goal.taught
         loss = self.detector.loss(leaf, taught.boxes, taught.labels)
-        (gradient,) = torch.autograd.grad(loss, leaf)
+        gradient = gradient_of(loss, leaf)
         slope = np.nan_to_num(gradient[:, :3].double().cpu().numpy(), posinf=0.0, neginf=0.0)
         if not slope.any():
             raise NoGradientError

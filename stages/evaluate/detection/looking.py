@@ -35,7 +35,7 @@ from advpipe.stages.evaluate.detection.pairing import attacked_frames, chosen_in
 from advpipe.stages.evaluate.detection.random_change import Budget
 from advpipe.stages.evaluate.detection.scoring import Eye, Truth, ground_truth, match, worth
 
-RANDOM_RECIPE = "random"
+RANDOM_RECIPES = ("random", "random-near", "random-best")
 """A bag of this recipe is a random baseline itself and is given none."""
 
 
@@ -130,7 +130,7 @@ class Looking:
         truth, look = alone.truth, partial(_look, eye, alone.truth, before.cloud)
         change = cloud_difference(before.cloud, after.cloud)
         random = {}
-        if self.baseline and provenance.get("recipe") != RANDOM_RECIPE:
+        if self.baseline and provenance.get("recipe") not in RANDOM_RECIPES:
             clouds = random_baselines(
                 before.cloud,
                 truth.boxes.geometry[truth.is_evaluated],

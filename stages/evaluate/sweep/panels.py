@@ -30,8 +30,11 @@ PANELS = ("perturb-10", "attach-0.5", "detach-1")
 """After the clean cloud, in the paper's order; the budgets of its Table I."""
 
 
-def median_frame(cells: Sequence[Cell]) -> int:
-    """The frame that `RULE` chooses, by its index in the clean bag; of cells with the same frames."""
+def median_frame(cells: Sequence[Cell]) -> int | None:
+    """The frame that `RULE` chooses, by its index in the clean bag; of cells with the same frames.
+
+    None where nothing is found in any frame.
+    """
     totals = [sum(lost) for lost in zip(*(cell.lost_objects for cell in cells), strict=True)]
     order = sorted(
         (total, frame)
@@ -39,7 +42,7 @@ def median_frame(cells: Sequence[Cell]) -> int:
         if found
     )
     if not order:
-        return cells[0].frames[0]
+        return None
     median = order[(len(order) - 1) // 2][0]
     return next(frame for total, frame in order if total == median)
 

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -40,11 +42,15 @@ def test_near_objects_counts_from_the_faces(make_boxes, margin_m, near):
     assert np.flatnonzero(allowed).tolist() == near
 
 
-def test_objects_by_id_and_by_place(make_boxes):
+def test_objects_by_id_or_where_there_are_none_by_place(make_boxes):
     boxes = make_boxes([0.0, 0, 0, 2, 2, 2, 0], [10.0, 0, 0, 2, 2, 2, 0], [20.0, 0, 0, 2, 2, 2, 0])
     points = np.float32([[0, 0, 0], [10, 0, 0], [20, 0, 0]])
     chosen = Constraints(objects=("car1", "2")).attacked(boxes, points)
-    assert chosen.ids == ("car1", "car2")
+    assert chosen.ids == ("car1",)
+    numbered = replace(boxes, ids=("7", "0", "1"))
+    assert Constraints(objects=("1",)).attacked(numbered, points).ids == ("1",)
+    nameless = replace(boxes, ids=("",) * len(boxes))
+    assert Constraints(objects=("1", "2")).attacked(nameless, points).geometry[:, 0].tolist() == [10, 20]
     assert rules(points, boxes, objects=("car1",)).allowed.tolist() == [False, True, False]
     assert len(Constraints(objects=("elsewhere",)).attacked(boxes, points)) == 0
 

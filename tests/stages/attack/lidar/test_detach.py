@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -163,8 +165,8 @@ def test_budget_goes_to_the_object_that_falls_to_the_fewest_points(make_cloud, m
 
 def test_only_chosen_objects_are_attacked(make_cloud, make_boxes):
     cloud, boxes, detector = two_cars(make_cloud, make_boxes)
-    for name in ("car1", "1"):
-        result = Detach(ratio=0.35, rounds=5, objects=(name,))(cloud, boxes, detector, rng())
+    for name, named in (("car1", boxes), ("1", replace(boxes, ids=("",) * len(boxes)))):
+        result = Detach(ratio=0.35, rounds=5, objects=(name,))(cloud, named, detector, rng())
         assert len(result.labels) == 7
         assert set(result.labels.point.tolist()) <= set(range(5, 15))
         (left,) = detector.detect(result.cloud).boxes

@@ -306,7 +306,7 @@ def test_one_object_is_hidden_and_the_others_left_alone(make_cloud, make_boxes):
     points = [[x + 0.5, y, 0.6] for x in range(3) for y in (0.6, 7.6) for _ in range(2)]
     boxes, detector = make_boxes(*cars), Contrasting(np.ones((10, 10, 10)), cars)
     cloud = make_cloud(points)
-    for name, hidden in (("car1", 1), ("0", 0)):
+    for name, hidden in (("car1", 1), ("car0", 0)):
         result = Perturb(eps_cm=60, objects=(name,))(cloud, boxes, detector, rng())
         assert detector.detect(result.cloud).boxes.tolist() == [cars[1 - hidden]]
         assert np.isin(result.labels.point, points_in_boxes(points, boxes.geometry)[hidden]).all()

@@ -119,7 +119,7 @@ def test_a_rise_is_one_beyond_the_paired_interval():
         (((1, 0, 4), (0, 0, 4), (1, 1, 0)), (5, 5, 5), 0),  # totals 2, 1, 8
         (((1, 0, 4), (0, 0, 4), (1, 1, 0)), (0, 5, 5), 2),  # of 1 and 8, the lower
         (((1, 1, 1),), (5, 5, 5), 0),
-        (((0, 0, 0),), (0, 0, 0), 0),
+        (((0, 0, 0),), (0, 0, 0), None),
     ],
 )
 def test_median_frame(lost, found, frame):
