@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from advpipe.pipeline.localisation.estimate import Estimate
-from advpipe.pipeline.v2x.codes import AccelerationControl, DriveDirection, StationType, TrailerPresence
+from advpipe.pipeline.v2x.codes import AccelerationControl, DriveDirection, TrailerPresence
 from advpipe.pipeline.v2x.reference_point import ReferencePoint
 from advpipe.pipeline.v2x.station_state import StationState
 
@@ -20,7 +20,7 @@ class Identity(NamedTuple):
     """What a station is, whatever it believes of its place."""
 
     station_id: int
-    station_type: StationType
+    station_type: int
     length_m: float
     width_m: float
     trailer: TrailerPresence

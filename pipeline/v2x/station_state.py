@@ -9,7 +9,6 @@ from advpipe.pipeline.v2x.codes import (
     CurvatureCalculationMode,
     DriveDirection,
     ExteriorLights,
-    StationType,
     TrailerPresence,
     VehicleRole,
 )
@@ -28,7 +27,7 @@ class StationState:
     """
 
     station_id: int
-    station_type: StationType
+    station_type: int
     time_ns: int
     latitude_deg: float
     longitude_deg: float

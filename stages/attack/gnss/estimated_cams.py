@@ -14,7 +14,6 @@ from advpipe.pipeline.v2x.air import Sent
 from advpipe.pipeline.v2x.cam import Cam, cam_of_state
 from advpipe.pipeline.v2x.cam_error import CamError
 from advpipe.pipeline.v2x.cam_tree import decode_cam, encode_cam
-from advpipe.pipeline.v2x.codes import StationType
 from advpipe.pipeline.v2x.generation import CHECK_INTERVAL_NS, first_check_ns, switched_on_ns
 from advpipe.pipeline.v2x.own_state import Identity, accuracy_of_estimate, own_state
 from advpipe.pipeline.v2x.path_history import PathHistory
@@ -96,7 +95,7 @@ class EstimatedCams:
         except CamError:  # bytes that are no CAM tell no place
             return one
         length_m, width_m, _ = radio.size_m
-        who = Identity(radio.station_id, StationType(told.station_type), length_m, width_m, told.trailer)
+        who = Identity(radio.station_id, told.station_type, length_m, width_m, told.trailer)
         state = own_state(
             who,
             time_ns,

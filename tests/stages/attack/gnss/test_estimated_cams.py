@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,8 +12,10 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.pipeline.v2x.cam_tree import decode_cam
+from advpipe.pipeline.v2x.codec import decode, encode
 from advpipe.pipeline.v2x.ellipsoid import east_north_m
 from advpipe.stages.attack.gnss.change import spoof
+from advpipe.stages.attack.v2x.cams import retold
 
 
 def edited(reader: BagReader, **spec) -> list[tuple]:
@@ -107,3 +110,17 @@ def test_others_are_deceived(drive):
     spec = {"type": "gnss-relocate", "parameters": {"least_m": 100, "most_m": 100}, "victim": "ego"}
     made = spoof(drive, [attack_spec({**spec, "schedule": {"from_s": 4}})], 7)
     assert np.linalg.norm(believed(made.editors()) - believed(())) > 60
+
+
+def test_a_station_type_that_no_standard_names_stays(drive):
+    """Of a bag in which the victim lies about other fields already."""
+    (editor,) = spoof(drive, [attack_spec({"type": "gnss-drift", "victim": "ego"})], 7).editors()
+    seen = 0
+    for step in V2xDrive(drive).steps():
+        odd = [
+            replace(one, payload=encode(retold(decode(one.payload), station_type=200))) for one in step.sent
+        ]
+        for new in editor.edit(step, odd):
+            seen += 1
+            assert decode_cam(new.payload).station_type == 200
+    assert seen > 10
