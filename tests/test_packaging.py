@@ -73,6 +73,14 @@ def test_the_pipeline_imports_no_stage() -> None:
             assert not [name for name in imported(path) if name.startswith("advpipe.stages")], path
 
 
+def test_nothing_imports_the_command_line() -> None:
+    """`pipeline/cli/` stands above the stages: it knows them, and nothing below knows it."""
+    for folder in ("pipeline", "stages"):
+        for path in (ROOT / folder).rglob("*.py"):
+            if path.parent.name != "cli":
+                assert not [name for name in imported(path) if name.startswith("advpipe.pipeline.cli")], path
+
+
 def test_no_stage_imports_another() -> None:
     for path in (ROOT / "stages").rglob("*.py"):
         own = path.relative_to(ROOT / "stages").parts[0]

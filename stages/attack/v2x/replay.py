@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -63,9 +64,9 @@ class _Echo(V2xAttack):
             tree = retold(tree, generation_delta_time_ms=told(own, "generation_delta_time_ms"))
         return replace(one, payload=cams.close(later(tree, self._ahead_ns)))
 
+    @abstractmethod
     def _choose(self, one: Sent, rng: np.random.Generator) -> Sent | None:
         """The message that is replayed in place of `one`."""
-        raise NotImplementedError
 
     def _rng(self, attacker: int) -> np.random.Generator:
         if attacker not in self._rngs:
