@@ -69,8 +69,13 @@ def points_near(cloud: Cloud, boxes: Boxes | None, margin_m: float = NEAR_M) -> 
     """Which points of a cloud (N,) lie in the boxes, grown by a margin; all where no boxes are given."""
     if boxes is None:
         return np.ones(len(cloud), bool)
+    return points_near_boxes(cloud, boxes.geometry, margin_m)
+
+
+def points_near_boxes(cloud: Cloud, boxes: Float64, margin_m: float = NEAR_M) -> npt.NDArray[np.bool_]:
+    """Which points of a cloud (N,) lie in the boxes (M, 7), grown by a margin."""
     near = np.zeros(len(cloud), bool)
-    for inside in points_in_boxes(xyz(cloud), boxes.geometry, margin_m):
+    for inside in points_in_boxes(xyz(cloud), boxes, margin_m):
         near[inside] = True
     return near
 

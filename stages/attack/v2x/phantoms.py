@@ -13,17 +13,14 @@ from advpipe.pipeline.bag.v2x import RadioPlace
 from advpipe.pipeline.bag.v2x_drive import V2xStep
 from advpipe.pipeline.geometry.transforms import Float64, transform_points, wrap_angle, yaw_of
 from advpipe.pipeline.v2x.air import Sent
-from advpipe.pipeline.v2x.codes import AccelerationControl, DriveDirection, StationType
+from advpipe.pipeline.v2x.codes import StationType, TrailerPresence
 from advpipe.pipeline.v2x.generation import CHECK_INTERVAL_NS, CamGenerator, GenerationRules, first_check_ns
+from advpipe.pipeline.v2x.own_state import Accuracy, Identity, own_state
 from advpipe.pipeline.v2x.reference_point import ReferencePoint, reference_points
 from advpipe.pipeline.v2x.station_state import StationState
 from advpipe.stages.attack.v2x.bounds import number
 from advpipe.stages.attack.v2x.editor import AttackContext
 from advpipe.stages.attack.v2x.gate import Gate
-
-_STANDING_MPS = 0.05
-_BRAKING_MPS2, _PEDAL_MPS2 = -0.5, 0.1
-"""Whose foot is where, as simulated stations tell it."""
 
 Key = tuple[int, ...]
 
@@ -106,29 +103,24 @@ class Phantoms:
         return self._stations[key]
 
     def _state(self, time_ns: int, station_id: int, motion: Motion, place: ReferencePoint) -> StationState:
-        speed_mps, yaw_rate_radps = motion.speed_mps, motion.yaw_rate_radps
         believed = self._context.v2x.others
         variance_m2 = believed.position_stddev_m**2
-        return StationState(
-            station_id=station_id,
-            station_type=StationType.PASSENGER_CAR,
-            time_ns=time_ns + self._ahead_ns,
-            latitude_deg=place.latitude_deg,
-            longitude_deg=place.longitude_deg,
-            altitude_m=place.altitude_m,
-            heading_rad=place.heading_rad,
-            speed_mps=abs(speed_mps),
-            drive_direction=DriveDirection.FORWARD if speed_mps >= 0 else DriveDirection.BACKWARD,
-            length_m=self.length_m,
-            width_m=self._width_m,
-            longitudinal_acceleration_mps2=motion.acceleration_mps2,
-            lateral_acceleration_mps2=speed_mps * yaw_rate_radps,
-            yaw_rate_radps=yaw_rate_radps,
-            curvature_per_m=yaw_rate_radps / speed_mps if abs(speed_mps) > _STANDING_MPS else 0.0,
-            east_north_covariance_m2=(variance_m2, 0.0, variance_m2),
-            heading_std_rad=math.radians(believed.heading_stddev_deg),
-            speed_std_mps=believed.speed_stddev_mps,
-            acceleration_control=_pedals(motion.acceleration_mps2),
+        return own_state(
+            Identity(
+                station_id, StationType.PASSENGER_CAR, self.length_m, self._width_m, TrailerPresence.NONE
+            ),
+            time_ns + self._ahead_ns,
+            place,
+            Accuracy(
+                (variance_m2, 0.0, variance_m2),
+                altitude_m=None,
+                heading_rad=math.radians(believed.heading_stddev_deg),
+                speed_mps=believed.speed_stddev_mps,
+                yaw_rate_radps=None,
+            ),
+            speed_mps=motion.speed_mps,
+            acceleration_mps2=motion.acceleration_mps2,
+            yaw_rate_radps=motion.yaw_rate_radps,
         )
 
 
@@ -184,9 +176,3 @@ class Braking(NamedTuple):
     @property
     def _stop_s(self) -> float:
         return max(self.speed_mps - self.final_mps, 0.0) / self.deceleration_mps2
-
-
-def _pedals(acceleration_mps2: float) -> AccelerationControl:
-    if acceleration_mps2 < _BRAKING_MPS2:
-        return AccelerationControl.BRAKE_PEDAL
-    return AccelerationControl.GAS_PEDAL if acceleration_mps2 > _PEDAL_MPS2 else AccelerationControl.NONE

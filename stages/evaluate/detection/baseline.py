@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.bag.cloud import Cloud, xyz
+from advpipe.pipeline.baselines import points_near_boxes
 from advpipe.pipeline.seeding import named_generator
-from advpipe.stages.evaluate.detection.random_change import Budget, Change, RandomChange, near_objects
+from advpipe.stages.evaluate.detection.random_change import Budget, Change, RandomChange
 
 Float64 = npt.NDArray[np.float64]
 
@@ -79,7 +80,7 @@ def random_baselines(
         if spent is None:
             continue
         rng = named_generator(seed, "evaluate", word, index)
-        pool = near_objects(clean, boxes) if baseline.is_near else np.ones(len(clean), dtype=bool)
+        pool = points_near_boxes(clean, boxes) if baseline.is_near else np.ones(len(clean), dtype=bool)
         random = RandomChange(clean, boxes, spent, pool, rng)
         first = random.draw()
         yield word, random.apply(first)

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.bag.cloud import Cloud, xyz
-from advpipe.pipeline.baselines import move_within
+from advpipe.pipeline.baselines import move_within, random_directions
 from advpipe.pipeline.defences.base import with_xyz
 from advpipe.pipeline.geometry.boxes import points_in_boxes
 from advpipe.stages.evaluate.detection.cloud_difference import CloudDifference
@@ -18,9 +18,6 @@ from advpipe.stages.evaluate.detection.displacement import added_distance_m
 Int64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 Float64 = npt.NDArray[np.float64]
-
-NEAR_M = 0.5
-"""A point is near an object up to this far from its box."""
 
 REGION_M = 2.0
 """A change this far from an object's box may still matter to it."""
@@ -114,9 +111,9 @@ class RandomChange:
         return Change(
             removed,
             moved,
-            directions(len(moved), self._rng) * self._moved_m[:, None],
+            random_directions(len(moved), self._rng) * self._moved_m[:, None],
             sources,
-            directions(len(sources), self._rng) * radius_m[:, None],
+            random_directions(len(sources), self._rng) * radius_m[:, None],
         )
 
     def together(self, tries: list[Change], chosen: Int64) -> Change:
@@ -165,21 +162,6 @@ def regions(points: npt.NDArray[np.float32], boxes: Float64) -> Int64:
         closer = distance < nearest[inside]
         region[inside[closer]], nearest[inside[closer]] = number, distance[closer]
     return region
-
-
-def near_objects(cloud: Cloud, boxes: Float64) -> Bool:
-    """Which points (N,) lie within `NEAR_M` of a box (M, 7)."""
-    near = np.zeros(len(cloud), dtype=bool)
-    for inside in points_in_boxes(xyz(cloud), boxes, NEAR_M):
-        near[inside] = True
-    return near
-
-
-def directions(count: int, rng: np.random.Generator) -> Float64:
-    """Unit vectors (count, 3), uniform over the sphere; a hair short, so that rounding cannot exceed 1."""
-    vectors = rng.standard_normal((count, 3))
-    length: Float64 = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return vectors / length * (1 - 1e-12)
 
 
 def _choose(pool: Bool, rest: Bool, count: int, rng: np.random.Generator) -> Int64:

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.bag.cloud import POINT_DTYPE, xyz
+from advpipe.pipeline.baselines import points_near_boxes
 from advpipe.pipeline.geometry.boxes import points_in_boxes
 from advpipe.stages.evaluate.detection.baseline import baseline_title, random_baselines
 from advpipe.stages.evaluate.detection.cloud_difference import cloud_difference
-from advpipe.stages.evaluate.detection.random_change import Budget, RandomChange, near_objects, regions
+from advpipe.stages.evaluate.detection.random_change import Budget, RandomChange, regions
 
 BOXES = np.array([[-10.0, 0.0, 0.0, 6.0, 6.0, 10.0, 0.0], [10.0, 5.0, 0.0, 6.0, 6.0, 10.0, 0.5]])
 
@@ -62,7 +63,7 @@ def test_removes_as_many_elsewhere(tries):
 
 
 def test_near_objects_first_then_anywhere():
-    near = near_objects(cloud(), BOXES)
+    near = points_near_boxes(cloud(), BOXES)
     assert 10 < near.sum() < 100
     few = cloud_difference(cloud(), clouds_of(removed(8))["baseline_near"]).removed
     assert near[few].all()
