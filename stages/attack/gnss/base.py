@@ -67,12 +67,6 @@ def check(attack: str, name: str, value: object, least: float = 0.0, most: float
         raise AdvpipeError(f"{attack}: {name} is {value!r}; give a number from {least:g} to {most:g}")
 
 
-def one_of(attack: str, name: str, value: object, known: Sequence[str]) -> None:
-    """Raises AdvpipeError for a parameter that is none of the known words."""
-    if value not in known:
-        raise AdvpipeError(f"{attack}: {name} is {value!r}; known: {', '.join(known)}")
-
-
 def level(angle_rad: float) -> Float64:
     """The horizontal unit vector (3,) at an angle from the map's x axis."""
     return np.array([math.cos(angle_rad), math.sin(angle_rad), 0.0])

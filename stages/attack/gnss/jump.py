@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from advpipe.stages.attack.gnss.base import Sight, Spoofer, any_direction, check, one_of
+from advpipe.stages.attack.bounds import one_of
+from advpipe.stages.attack.gnss.base import Sight, Spoofer, any_direction, check
 
 MODES = ("glitch", "step")
 

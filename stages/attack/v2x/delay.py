@@ -9,7 +9,7 @@ from dataclasses import replace
 from advpipe.pipeline.bag.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.pipeline.v2x.codec import CamTree
-from advpipe.stages.attack.v2x.bounds import number, span, whole
+from advpipe.stages.attack.bounds import number, span, whole
 from advpipe.stages.attack.v2x.cams import retold, told
 from advpipe.stages.attack.v2x.ears import later
 from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack

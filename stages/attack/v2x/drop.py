@@ -10,7 +10,7 @@ import numpy as np
 from advpipe.pipeline.bag.v2x_drive import V2xStep
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.v2x.air import Sent
-from advpipe.stages.attack.v2x.bounds import number
+from advpipe.stages.attack.bounds import number
 from advpipe.stages.attack.v2x.cams import told
 from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack
 

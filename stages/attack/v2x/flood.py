@@ -17,7 +17,7 @@ from advpipe.pipeline.v2x.codec import CamTree
 from advpipe.pipeline.v2x.codes import DriveDirection, StationType
 from advpipe.pipeline.v2x.ellipsoid import east_north_m
 from advpipe.pipeline.v2x.timestamps import generation_delta_time_ms
-from advpipe.stages.attack.v2x.bounds import number
+from advpipe.stages.attack.bounds import number
 from advpipe.stages.attack.v2x.cams import retold, told
 from advpipe.stages.attack.v2x.ears import HEARING_M, Ears, later
 from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack

@@ -13,7 +13,7 @@ from advpipe.pipeline.bag.v2x import RadioPlace
 from advpipe.pipeline.bag.v2x_drive import V2xStep
 from advpipe.pipeline.geometry.transforms import Float64, transform_points
 from advpipe.pipeline.v2x.air import Sent
-from advpipe.stages.attack.v2x.bounds import number
+from advpipe.stages.attack.bounds import number
 from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack
 from advpipe.stages.attack.v2x.phantoms import Braking, Key, Motion, Phantoms
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from advpipe.pipeline.bag.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.pipeline.v2x.codec import CamTree
-from advpipe.stages.attack.v2x.bounds import one_of
+from advpipe.stages.attack.bounds import one_of
 from advpipe.stages.attack.v2x.cams import HIGH, with_code
 from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack
 

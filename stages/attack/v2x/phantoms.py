@@ -18,7 +18,7 @@ from advpipe.pipeline.v2x.generation import CHECK_INTERVAL_NS, CamGenerator, Gen
 from advpipe.pipeline.v2x.own_state import Accuracy, Identity, own_state
 from advpipe.pipeline.v2x.reference_point import ReferencePoint, reference_points
 from advpipe.pipeline.v2x.station_state import StationState
-from advpipe.stages.attack.v2x.bounds import number
+from advpipe.stages.attack.bounds import number
 from advpipe.stages.attack.v2x.editor import AttackContext
 from advpipe.stages.attack.v2x.gate import Gate
 

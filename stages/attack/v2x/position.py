@@ -11,7 +11,7 @@ import numpy as np
 from advpipe.pipeline.bag.v2x_drive import V2xStep
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.v2x.air import Sent
-from advpipe.stages.attack.v2x.bounds import number, span
+from advpipe.stages.attack.bounds import number, span
 from advpipe.stages.attack.v2x.draws import Draws
 from advpipe.stages.attack.v2x.editor import AttackContext
 from advpipe.stages.attack.v2x.falsification import FRONT_M, Misplacement, Told

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from advpipe.stages.attack.v2x.bounds import number, span
+from advpipe.stages.attack.bounds import number, span
 from advpipe.stages.attack.v2x.draws import Draws
 from advpipe.stages.attack.v2x.editor import AttackContext
 from advpipe.stages.attack.v2x.falsification import Falsification, Told

@@ -10,7 +10,7 @@ from advpipe.pipeline.bag.v2x_drive import V2xStep
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.v2x.air import Sent
-from advpipe.stages.attack.v2x.bounds import number, one_of, whole
+from advpipe.stages.attack.bounds import number, one_of, whole
 from advpipe.stages.attack.v2x.cams import retold
 from advpipe.stages.attack.v2x.ears import HEARING_M, Ears, later
 from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack

@@ -1,4 +1,4 @@
-"""Parameters of attacks on messages, checked as they come from the command line or a scenario file."""
+"""Parameters of attacks on messages and fixes, checked as they come from the command line or a scenario."""
 
 from __future__ import annotations
 
@@ -10,11 +10,16 @@ from advpipe.pipeline.errors import AdvpipeError
 
 
 def number(attack: str, parameter: str, value: Any, low: float, high: float = math.inf) -> float:
-    """The value; raises AdvpipeError, with the attack's and the parameter's names, outside of [low, high]."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
+    """The value; raises AdvpipeError, with the attack's and the parameter's names, where it is no finite
+    number or outside of [low, high]."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not is_within(value, low, high):
         limits = f"at least {low:g}" if high == math.inf else f"{low:g} to {high:g}"
         raise AdvpipeError(f"{attack}: {parameter} is {value!r}; it takes a number, {limits}")
     return value
+
+
+def is_within(value: float, low: float, high: float) -> bool:
+    return math.isfinite(value) and low <= value <= high
 
 
 def whole(attack: str, parameter: str, value: Any, low: int, high: int) -> int:
