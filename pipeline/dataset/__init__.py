@@ -1,0 +1,1 @@
+"""A data set on disk as others get it: its layout, checksums, signature and archive."""

@@ -1,0 +1,108 @@
+"""SHA256SUMS: a checksum of every file of a folder, in the form that `sha256sum -c` reads."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path, PurePosixPath
+
+from advpipe.pipeline.dataset import layout
+from advpipe.pipeline.errors import AdvpipeError
+
+FILE = "SHA256SUMS"
+SIGNATURE_FILE = "SHA256SUMS.sig"
+UNLISTED = (FILE, SIGNATURE_FILE)
+"""The files that a list cannot hold: itself, and what signs it."""
+
+_LINE = re.compile(r"([0-9a-f]{64})  (.+)")
+_LIMIT_BYTES = 64 << 20
+_BLOCK_BYTES = 1 << 20
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of a file, 64 hexadecimal digits in lower case."""
+    return digests([path])
+
+
+def digests(paths: Iterable[Path]) -> str:
+    """SHA-256 over the bytes of several files, one after the other."""
+    sha256 = hashlib.sha256()
+    for path in paths:
+        with path.open("rb") as stream:
+            while block := stream.read(_BLOCK_BYTES):
+                sha256.update(block)
+    return sha256.hexdigest()
+
+
+def listed(folder: Path) -> list[str]:
+    """The files of a folder that its SHA256SUMS lists: all but itself and its signature."""
+    return [name for name in layout.files(folder) if name not in UNLISTED]
+
+
+def write(folder: Path, known: Mapping[str, str] | None = None) -> Path:
+    """Write the checksums of every file below a folder; returns the list's path.
+
+    known: digests that were computed already, by relative path.
+    """
+    known = known or {}
+    sums = {name: known.get(name) or digest(folder / name) for name in listed(folder)}
+    (folder / FILE).write_bytes(to_text(sums).encode())
+    return folder / FILE
+
+
+def to_text(sums: Mapping[str, str]) -> str:
+    """The list of digests by relative path, sorted by the paths' bytes."""
+    return "".join(f"{sums[name]}  {name}\n" for name in sorted(sums, key=str.encode))
+
+
+def read(folder: Path) -> dict[str, str]:
+    """The digests by relative path that a folder's SHA256SUMS states.
+
+    Raises AdvpipeError, with the number of the line, for anything that `write` would not have written.
+    """
+    return parse(read_bytes(folder), folder / FILE)
+
+
+def read_bytes(folder: Path) -> bytes:
+    """A folder's SHA256SUMS as it lies there; raises AdvpipeError where there is none."""
+    path = folder / FILE
+    if not path.is_file():
+        raise AdvpipeError(f"{path} does not exist; `advpipe share` writes it")
+    if path.stat().st_size > _LIMIT_BYTES:
+        raise AdvpipeError(f"{path} is too large for a list of checksums")
+    return path.read_bytes()
+
+
+def parse(data: bytes, path: Path) -> dict[str, str]:
+    """The digests in a list's bytes; `path` is for errors alone."""
+    sums: dict[str, str] = {}
+    last = b""
+    lines = data.split(b"\n")
+    if lines.pop():
+        raise AdvpipeError(f"{path}:{len(lines) + 1}: the last line does not end; the list was cut off")
+    for number, line in enumerate(lines, start=1):
+        try:
+            match = _LINE.fullmatch(line.decode())
+        except UnicodeDecodeError:
+            raise AdvpipeError(f"{path}:{number}: no UTF-8; the list is damaged") from None
+        if match is None:
+            raise AdvpipeError(f"{path}:{number}: no line of `sha256sum`: 64 hex digits, two spaces, a path")
+        name = match[2]
+        if not is_plain(name) or name in UNLISTED:
+            raise AdvpipeError(f"{path}:{number}: {name!r} is no path of a file in this folder")
+        if name.encode() <= last:
+            raise AdvpipeError(f"{path}:{number}: {name!r} is listed twice or out of order")
+        sums[name], last = match[1], name.encode()
+    return sums
+
+
+def is_plain(name: str) -> bool:
+    """Whether a relative POSIX path stays in its folder and is spelt in one way on every system."""
+    return (
+        name.isprintable()
+        and "\\" not in name
+        and not name.startswith("/")
+        and PurePosixPath(name).as_posix() == name
+        and not {"..", "."} & set(name.split("/"))
+    )

@@ -1,0 +1,100 @@
+"""What a data set's folder holds: a clean bag, adversarial bags, reports, the scenario."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from advpipe.pipeline.bag.files import METADATA_NAME
+from advpipe.pipeline.bag.locate import CLEAN_NAME, adversarial_bags
+from advpipe.pipeline.errors import AdvpipeError
+
+SCENARIO_NAME = "scenario.yaml"
+CARD_NAME = "README.md"
+REPORTS_NAME = "reports"
+REPORT_NAME = "report.json"
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A data set; every path lies in `folder`.
+
+    attacks: the adversarial bags by name. reports: the folders with a report.json. scenario, card: None
+    where there is none. unfinished: what killed or running jobs left, in which nothing is whole.
+    """
+
+    folder: Path
+    clean: Path
+    attacks: tuple[Path, ...]
+    reports: tuple[Path, ...]
+    scenario: Path | None
+    card: Path | None
+    unfinished: tuple[Path, ...]
+
+    @property
+    def bags(self) -> tuple[Path, ...]:
+        """The clean bag and all adversarial ones."""
+        return (self.clean, *self.attacks)
+
+    def refuse_unfinished(self) -> None:
+        """Raises AdvpipeError where a job has not ended."""
+        if self.unfinished:
+            raise AdvpipeError(
+                f"{self.unfinished[0]}: a job has not ended; run it to its end, or remove what it left"
+            )
+
+
+def read_layout(folder: Path) -> Layout:
+    """Raises AdvpipeError for a folder that is no data set."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        what = "is no folder" if folder.exists() else "does not exist"
+        raise AdvpipeError(f"{folder} {what}; give a data set, a folder with {CLEAN_NAME}/")
+    if not (folder / CLEAN_NAME / METADATA_NAME).is_file():
+        raise AdvpipeError(
+            f"{folder} is no data set: it holds no {CLEAN_NAME}/{METADATA_NAME}; `advpipe simulate` makes one"
+        )
+    reports = folder / REPORTS_NAME
+    return Layout(
+        folder,
+        folder / CLEAN_NAME,
+        tuple(adversarial_bags(folder)),
+        tuple(sorted(path.parent for path in reports.glob(f"*/{REPORT_NAME}"))),
+        _if_file(folder / SCENARIO_NAME),
+        _if_file(folder / CARD_NAME),
+        tuple(sorted(path for path in folder.rglob("*") if _is_unfinished(path.name))),
+    )
+
+
+def files(folder: Path) -> list[str]:
+    """Relative POSIX paths of all files below a folder, sorted by their bytes in UTF-8.
+
+    Raises AdvpipeError for a link, a device, and a name that a list of checksums cannot hold.
+    """
+    return sorted(_files(folder, folder), key=lambda name: name.encode())
+
+
+def _files(folder: Path, root: Path) -> Iterator[str]:
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            path = folder / entry.name
+            if not entry.name.isprintable() or "\\" in entry.name:
+                raise AdvpipeError(f"{str(path)!r}: a name of signs that not every system takes; rename it")
+            if entry.is_dir(follow_symlinks=False):
+                yield from _files(path, root)
+            elif entry.is_file(follow_symlinks=False):
+                yield path.relative_to(root).as_posix()
+            else:
+                raise AdvpipeError(f"{path} is a link or no regular file; a data set holds files alone")
+
+
+def _if_file(path: Path) -> Path | None:
+    return path if path.is_file() else None
+
+
+def _is_unfinished(name: str) -> bool:
+    """Names of `partial.py` and of the attack stage's jobs."""
+    is_hidden = name.startswith(".") and (name.endswith(".job") or ".partial-" in name)
+    return is_hidden or name.endswith(".partial")
