@@ -17,6 +17,7 @@ from advpipe.pipeline.cli.schema import schema
 from advpipe.pipeline.cli.simulate import simulate
 from advpipe.pipeline.cli.sweep import sweep
 from advpipe.pipeline.cli.train import import_weights, train
+from advpipe.pipeline.cli.unpack import unpack
 
 app = typer.Typer(
     cls=OneLineErrors,
@@ -36,6 +37,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "run": run,
     "train": train,
     "import-weights": import_weights,
+    "unpack": unpack,
     "inspect": inspect,
     "plot": plot,
     "recover": recover,

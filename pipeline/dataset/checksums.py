@@ -61,12 +61,11 @@ def read(folder: Path) -> dict[str, str]:
 
     Raises AdvpipeError, with the number of the line, for anything that `write` would not have written.
     """
-    return parse(read_bytes(folder), folder / FILE)
+    return parse(read_bytes(folder / FILE), folder / FILE)
 
 
-def read_bytes(folder: Path) -> bytes:
-    """A folder's SHA256SUMS as it lies there; raises AdvpipeError where there is none."""
-    path = folder / FILE
+def read_bytes(path: Path) -> bytes:
+    """A list of checksums as it lies there; raises AdvpipeError where there is none."""
     if not path.is_file():
         raise AdvpipeError(f"{path} does not exist; `advpipe share` writes it")
     if path.stat().st_size > _LIMIT_BYTES:

@@ -76,7 +76,7 @@ def sign(folder: Path, private_key_path: Path) -> Path:
     """Sign a folder's SHA256SUMS; returns the signature's path."""
     key = load_private_key(private_key_path)
     target = folder / FILE
-    target.write_bytes(key.sign(checksums.read_bytes(folder)))
+    target.write_bytes(key.sign(checksums.read_bytes(folder / checksums.FILE)))
     return target
 
 
@@ -98,7 +98,7 @@ def verify(folder: Path, public_key_path: Path | None = None) -> None:
     with path.open("rb") as stream:
         value = stream.read(65)  # a signature has 64 bytes; one more would make it wrong
     try:
-        key.verify(value, checksums.read_bytes(folder))
+        key.verify(value, checksums.read_bytes(folder / checksums.FILE))
     except InvalidSignature:
         raise AdvpipeError(
             f"{path}: not the signature of {checksums.FILE} by {key_path}: "

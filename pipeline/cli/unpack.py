@@ -1,0 +1,24 @@
+"""The command that unpacks a data set that others shared."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def unpack(
+    archive: Annotated[Path, typer.Argument(help="NAME.tar, or any part of it such as NAME.tar.000.")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="Folder to make.", show_default="NAME beside the archive"),
+    ] = None,
+) -> None:
+    """Unpack an archive of `advpipe share`, safely: what is damaged, cut off or hostile leaves nothing.
+
+    Every byte is checked; `advpipe verify` then checks what the data set claims.
+    """
+    from advpipe.pipeline.dataset.archive import unpack as run
+
+    print(run(archive, out))

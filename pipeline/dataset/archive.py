@@ -1,0 +1,228 @@
+"""A data set as one plain .tar, or its parts; the same data set gives the same bytes.
+
+Bags are compressed already. Unpacking believes nothing: each header must be the very one that packing
+writes, names stay inside the folder, sizes fit the archive, the disk and the limits, every file has the
+checksum that SHA256SUMS states, and between and after them lie zeros alone. A bit that is changed anywhere
+is found before the folder gets its name.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from collections.abc import Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+from advpipe.pipeline.dataset import checksums, layout, tar_header
+from advpipe.pipeline.dataset.parts import PartsReader, PartsWriter, existing_parts, sums_path, whole_name
+from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, writing
+from advpipe.pipeline.partial import PartialFolder
+
+_COPY_BYTES = 1 << 20
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The most that unpacking takes, whatever an archive declares."""
+
+    files: int = 100_000
+    bytes: int = 1 << 44
+
+
+def contents(folder: Path) -> dict[str, Path]:
+    """All files of a folder by relative path: what `pack` takes."""
+    return {name: folder / name for name in layout.files(folder)}
+
+
+def pack(
+    files: Mapping[str, Path],
+    archive: Path,
+    split_size_bytes: int | None = None,
+    *,
+    overwrite: bool = False,
+) -> list[Path]:
+    """Pack files, SHA256SUMS among them, under the archive's stem; returns what was made.
+
+    files: by relative path in the data set; they may lie anywhere. archive: NAME.tar, beside which
+    NAME.tar.sha256 appears; with `split_size_bytes`, NAME.tar.000 and so on in its place. Raises
+    AdvpipeError for a file that is not what SHA256SUMS says, and for an output that exists.
+    """
+    if archive.suffix != ".tar":
+        raise AdvpipeError(f"{archive}: an archive's name ends in .tar")
+    if split_size_bytes is not None and split_size_bytes < tar_header.RECORD_BYTES:
+        raise AdvpipeError(f"parts of {split_size_bytes} bytes are too small; choose 1 MB or more")
+    sums = checksums.parse(checksums.read_bytes(files[checksums.FILE]), files[checksums.FILE])
+    old = _refuse_existing(archive, overwrite)
+    partial = PartialFolder(archive)
+    try:
+        with writing(archive):
+            _write(files, sums, PartsWriter(partial.path / archive.name, split_size_bytes), archive.stem)
+            made = sorted(path for path in partial.path.iterdir() if not path.name.startswith("."))
+            for path in old:
+                path.unlink()
+            for path in made:
+                path.rename(archive.with_name(path.name))
+        partial.discard(is_finished=True)
+    except BaseException:
+        partial.discard()
+        raise
+    return [archive.with_name(path.name) for path in made]
+
+
+def _refuse_existing(archive: Path, overwrite: bool) -> list[Path]:
+    old = [path for path in (archive, *existing_parts(archive), sums_path(archive)) if path.exists()]
+    if old and not overwrite:
+        raise OutputExistsError(old[0])
+    if folders := [path for path in old if not path.is_file()]:
+        raise AdvpipeError(f"{folders[0]} is no file, not replacing it; choose another name")
+    return old
+
+
+def _write(files: Mapping[str, Path], sums: Mapping[str, str], out: PartsWriter, top: str) -> None:
+    for name in sorted(files, key=str.encode):
+        size_bytes = files[name].stat().st_size
+        out.write(tar_header.header(f"{top}/{name}", size_bytes))
+        sha256, left_bytes = hashlib.sha256(), size_bytes
+        with files[name].open("rb") as stream:
+            while left_bytes and (block := stream.read(min(_COPY_BYTES, left_bytes))):
+                sha256.update(block)
+                out.write(block)
+                left_bytes -= len(block)
+        if left_bytes or (name not in checksums.UNLISTED and sha256.hexdigest() != sums.get(name)):
+            raise AdvpipeError(f"{files[name]} changed while it was packed; nothing was written, run again")
+        out.write(bytes(tar_header.padding(size_bytes)))
+    out.write(bytes(_end_bytes(out.count_bytes)))
+    out.finish()
+
+
+def _end_bytes(position_bytes: int) -> int:
+    """The zeros that end an archive: two blocks, filled up to a whole record."""
+    end = 2 * tar_header.BLOCK_BYTES
+    return end + -(position_bytes + end) % tar_header.RECORD_BYTES
+
+
+def unpack(archive: Path, folder: Path | None = None, limits: Limits = Limits()) -> Path:
+    """Unpack an archive that `pack` made; returns the folder, which holds every file as it was shared.
+
+    archive: NAME.tar, or any of its parts. folder: to be made; the default is NAME beside the archive.
+    Raises AdvpipeError for an output that exists and for every archive that is not whole and unchanged:
+    then no folder appears. Memory stays flat.
+    """
+    archive = whole_name(archive)
+    folder = folder or archive.with_suffix("")
+    if folder.exists():
+        raise AdvpipeError(f"{folder} exists already, not overwriting; choose another name with --out")
+    with closing(PartsReader(archive)) as stream:
+        if stream.length_bytes > limits.bytes:
+            raise AdvpipeError(
+                f"{archive} has {stream.length_bytes} bytes, more than the limit {limits.bytes}"
+            )
+        partial = PartialFolder(folder)
+        try:
+            free_bytes = shutil.disk_usage(partial.path).free
+            if stream.length_bytes > free_bytes:
+                raise AdvpipeError(
+                    f"{folder}: {stream.length_bytes} bytes are needed, {free_bytes} are free; make room"
+                )
+            with writing(folder):
+                found = _read(stream, partial.path, limits)
+            _check(found, partial.path, archive)
+            partial.commit(may_replace=lambda _: False)
+        except BaseException:
+            partial.discard()
+            raise
+    return folder
+
+
+def _read(stream: PartsReader, folder: Path, limits: Limits) -> dict[str, str]:
+    """Write every file of an archive below a folder; returns their digests by relative path."""
+    found: dict[str, str] = {}
+    top, last = "", b""
+    while (entry := _next_entry(stream)) is not None:
+        path, size_bytes = entry
+        head, _, name = path.partition("/")
+        if not checksums.is_plain(path) or not name or head != (top or head):
+            raise AdvpipeError(f"{stream.archive}: {path!r} leads out of the data set's folder; not unpacked")
+        if name.encode() <= last:
+            raise AdvpipeError(f"{stream.archive}: {path!r} comes twice or out of order; not unpacked")
+        if len(found) == limits.files:
+            raise AdvpipeError(f"{stream.archive} holds more than {limits.files} files; not unpacked")
+        if size_bytes > stream.length_bytes - stream.position_bytes:
+            raise AdvpipeError(
+                f"{stream.archive}: {path} has {size_bytes} bytes, more than the archive; it is cut off or "
+                "damaged, fetch it again"
+            )
+        top, last = head, name.encode()
+        found[name] = _copy(stream, folder, name, size_bytes)
+        if any(stream.read(tar_header.padding(size_bytes))):
+            raise _damaged(stream)
+    return found
+
+
+def _next_entry(stream: PartsReader) -> tuple[str, int] | None:
+    """Path and size of the next file; None at a whole archive's end."""
+    start_bytes = stream.position_bytes
+    block = stream.read(tar_header.BLOCK_BYTES)
+    if not any(block):
+        rest_bytes = _end_bytes(start_bytes) - len(block)
+        if any(stream.read(rest_bytes)):
+            raise _damaged(stream)
+        stream.finish()
+        if stream.position_bytes != stream.length_bytes:
+            raise AdvpipeError(f"{stream.archive}: something follows the archive's end; fetch it again")
+        return None
+    try:
+        pax_bytes = tar_header.pax_length(block)
+        records = b"" if pax_bytes is None else stream.read(pax_bytes)
+        own = block if pax_bytes is None else stream.read(tar_header.BLOCK_BYTES)
+        path, size_bytes = tar_header.parse(records, own)
+        is_ours = tar_header.header(path, size_bytes) == (own if pax_bytes is None else block + records + own)
+    except ValueError:  # also UnicodeDecodeError
+        is_ours = False
+    if not is_ours:
+        raise _damaged(stream)
+    return path, size_bytes
+
+
+def _damaged(stream: PartsReader) -> AdvpipeError:
+    return AdvpipeError(
+        f"{stream.archive}: what lies before byte {stream.position_bytes} is not as `advpipe share` writes "
+        "it: damaged, or packed by another tool (unpack it with that, then run `advpipe verify`)"
+    )
+
+
+def _copy(stream: PartsReader, folder: Path, name: str, size_bytes: int) -> str:
+    target = folder / name
+    sha256 = hashlib.sha256()
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        out = target.open("xb")
+    except (FileExistsError, NotADirectoryError):
+        raise AdvpipeError(
+            f"{stream.archive}: {name} comes twice on this file system; not unpacked"
+        ) from None
+    with out:
+        left_bytes = size_bytes
+        while left_bytes:
+            block = stream.read(min(_COPY_BYTES, left_bytes))
+            sha256.update(block)
+            out.write(block)
+            left_bytes -= len(block)
+    return sha256.hexdigest()
+
+
+def _check(found: Mapping[str, str], folder: Path, archive: Path) -> None:
+    """Every file is listed, as it is; `.lock` is the partial folder's own."""
+    if checksums.FILE not in found:
+        raise AdvpipeError(f"{archive} holds no {checksums.FILE}: no data set that `advpipe share` packed")
+    sums = checksums.parse(checksums.read_bytes(folder / checksums.FILE), archive / checksums.FILE)
+    listed = {name: digest for name, digest in found.items() if name not in checksums.UNLISTED}
+    for name in sorted({*sums, *listed}):
+        if name not in listed:
+            raise AdvpipeError(f"{archive}: {name} is missing, though {checksums.FILE} lists it")
+        if sums.get(name) != listed[name]:
+            raise AdvpipeError(
+                f"{archive}: {name} is not the file that {checksums.FILE} lists; fetch it again"
+            )
