@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Overwrite
+from advpipe.pipeline.cli.shared import Device, Overwrite
 
 if TYPE_CHECKING:
     from advpipe.stages.train.run import TrainSummary
@@ -23,6 +23,7 @@ def train(
     learning_rate: Annotated[float, typer.Option(help="Peak rate, after the warm-up.")] = 3e-3,
     validate: Annotated[Path | None, typer.Option("--validate", help="A held-out bag to score.")] = None,
     bf16: Annotated[bool, typer.Option("--bf16", help="Half the time where the processor has it.")] = False,
+    device: Device = "cpu",
     seed: Annotated[int, typer.Option(min=0, help="Seed of weights, order and augmentation.")] = 0,
     overwrite: Overwrite = False,
 ) -> None:
@@ -43,6 +44,7 @@ def train(
         learning_rate=learning_rate,
         validation=resolve_bag(validate) if validate else None,
         bf16=bf16,
+        device=device,
         seed=seed,
     )
     with writing(out):

@@ -51,7 +51,10 @@ class Detections:
 
 @runtime_checkable
 class Detector(Protocol):
-    """A 3D detector on LiDAR clouds."""
+    """A 3D detector on LiDAR clouds.
+
+    Tensors come to it on the CPU, whatever it computes on, and a gradient has to reach them there.
+    """
 
     @property
     def classes(self) -> tuple[str, ...]:

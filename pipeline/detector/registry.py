@@ -9,25 +9,33 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from advpipe.pipeline.detector.device import CPU, open_device
 from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.errors import AdvpipeError
 
+if TYPE_CHECKING:
+    import torch
 
-def load_detector(name_or_path: str) -> Detector:
+
+def load_detector(name_or_path: str, device: str = CPU) -> Detector:
     """The detector `small`, the one in `FILE.safetensors`, or an instance of `module:Class`.
 
-    A class is called without arguments and has to implement `Detector`.
+    device: where it computes, as `open_device` takes it; clouds and tensors are given to it on the CPU
+    whatever it is. A class is called without arguments, or with `device` (a torch.device) if its constructor
+    takes that; it has to implement `Detector`.
     """
     from advpipe.pipeline.detector.second.checkpoint import SHIPPED, load_checkpoint
 
+    place = open_device(device)
     if name_or_path in SHIPPED:
-        return load_checkpoint(SHIPPED[name_or_path])
+        return load_checkpoint(SHIPPED[name_or_path], place)
     if name_or_path.endswith(".safetensors"):
-        return load_checkpoint(Path(name_or_path))
+        return load_checkpoint(Path(name_or_path), place)
     module, colon, attribute = name_or_path.partition(":")
     if colon:
-        return _load_class(module, attribute)
+        return _load_class(module, attribute, place)
     known = ", ".join(SHIPPED)
     raise AdvpipeError(
         f"unknown detector {name_or_path!r}; known: {known}, a path to FILE.safetensors, or module:Class"
@@ -56,22 +64,30 @@ def _source_file(name: str) -> Path | None:
     return Path(source) if source else None
 
 
-def _find_class(module: str, attribute: str) -> Callable[[], object]:
+def _find_class(module: str, attribute: str) -> Callable[..., object]:
     # A program that was installed does not look into the working directory, where the user's file lies.
     if os.getcwd() not in sys.path:
         sys.path.insert(0, os.getcwd())
     try:
-        found: Callable[[], object] = getattr(importlib.import_module(module), attribute)
+        found: Callable[..., object] = getattr(importlib.import_module(module), attribute)
     except (ImportError, AttributeError, ValueError) as error:
         raise AdvpipeError(f"cannot load detector {module}:{attribute}: {error}") from None
     return found
 
 
-def _load_class(module: str, attribute: str) -> Detector:
+def _load_class(module: str, attribute: str, device: torch.device) -> Detector:
+    found = _find_class(module, attribute)
     try:
-        made = _find_class(module, attribute)()
+        made = found(device=device) if _takes_device(found) else found()
     except (ImportError, AttributeError, TypeError, ValueError) as error:
         raise AdvpipeError(f"cannot load detector {module}:{attribute}: {error}") from None
     if not isinstance(made, Detector):
         raise AdvpipeError(f"{module}:{attribute} is no detector: it needs classes, range_m, detect and loss")
     return made
+
+
+def _takes_device(found: Callable[..., object]) -> bool:
+    try:
+        return "device" in inspect.signature(found).parameters
+    except (TypeError, ValueError):  # made in another language, without a signature
+        return False

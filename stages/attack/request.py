@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from advpipe.pipeline.bag.frames import FrameSlice
+from advpipe.pipeline.detector.device import CPU, device_record, open_device
 from advpipe.pipeline.detector.registry import detector_sha256
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import OWN_KEYS, AttackSpec
@@ -23,10 +24,14 @@ from advpipe.stages.attack.registry import source_sha256
 
 @dataclass(frozen=True)
 class AttackRequest:
-    """One or several attacks on one bag; several are one coordinated attack."""
+    """One or several attacks on one bag; several are one coordinated attack.
+
+    device: where the detectors of those on clouds compute, as `open_device` takes it.
+    """
 
     attacks: tuple[AttackSpec, ...]
     seed: int = 0
+    device: str = CPU
 
     @property
     def lidar(self) -> tuple[AttackSpec, ...]:
@@ -47,9 +52,10 @@ class AttackRequest:
         return FrameSlice.parse(slices.pop())
 
     def check(self) -> None:
-        """Raises AdvpipeError for an attack or a parameter that is bad in itself, whatever the bag."""
+        """Raises AdvpipeError for an attack, a parameter or a device that is bad whatever the bag."""
         if not self.attacks:
             raise AdvpipeError("no attack is given; name one")
+        open_device(self.device)
         self.frames.indices(1_000_000_000)
         for spec in self.attacks:
             if spec.family == "lidar":
@@ -59,7 +65,7 @@ class AttackRequest:
 
     def resolved(self) -> list[dict[str, Any]]:
         """The attacks with every default filled in, and the checksums of what they work with."""
-        return [_resolved(spec) for spec in self.attacks]
+        return [_resolved(spec, self.device) for spec in self.attacks]
 
     def headline(self) -> dict[str, Any]:
         """Attack, recipe and parameters in short: of several attacks, the figures of the one on clouds."""
@@ -95,7 +101,7 @@ def _short(value: object) -> str:
     return f"{value:g}" if isinstance(value, (int, float)) and not isinstance(value, bool) else str(value)
 
 
-def _resolved(spec: AttackSpec) -> dict[str, Any]:
+def _resolved(spec: AttackSpec, device: str) -> dict[str, Any]:
     foreign = {key for family, keys in OWN_KEYS.items() if family != spec.family for key in keys}
     plain = spec.model_dump(mode="json", exclude=foreign)
     plain["parameters"] = json.loads(json.dumps(resolved_parameters(spec)))
@@ -107,4 +113,4 @@ def _resolved(spec: AttackSpec) -> dict[str, Any]:
         "detector_sha256": detector_sha256(spec.detector),
         "attack_sha256": source_sha256(spec.type),
     }
-    return {**plain, **checksums}
+    return {**plain, **checksums, **device_record(device)}

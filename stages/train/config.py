@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.second.presets import preset_named
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS
@@ -41,7 +42,8 @@ class TrainConfig:
     bags: clean bags (dataset folders, rosbag2 folders or .mcap files). out: the run's folder.
     epochs: passes over the frames; steps, when given, overrides it. checkpoint_every: steps.
     start: a checkpoint of the same preset whose weights the run starts from.
-    workers: processes, by default one a core; the result does not depend on it.
+    workers: processes, by default one a core; the result does not depend on it. device: as `open_device`
+    takes it; on a GPU one process does it all.
     validation: a bag of another drive, for the average precision; at the end on all of its frames that
     validation_frames names, and every `validate_every` steps on about 40 of them, equally spaced.
     """
@@ -59,6 +61,7 @@ class TrainConfig:
     clip_norm: float = 10.0
     seed: int = 0
     workers: int | None = None
+    device: str = CPU
     bf16: bool = False
     min_points: int = MIN_POINTS
     checkpoint_every: int = 200

@@ -24,6 +24,9 @@ class Example:
     labels: Tensor
     ignored: Tensor
 
+    def to(self, device: torch.device) -> Example:
+        return Example(*(tensor.to(device) for tensor in vars(self).values()))
+
 
 class Examples:
     """Every frame once an epoch, in an order of the epoch's own, augmented by its place in the run."""

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from advpipe.pipeline.detector.device import device_record
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
 from advpipe.stages.train.config import TrainConfig
 
@@ -58,6 +59,8 @@ class RunFolder:
         """
         # The number of processes changes no result, so a run may go on with another.
         about = {**asdict(config), "workers": None, "origin": dict(origin)}
+        del about["device"]
+        about |= device_record(config.device)
         wanted = json.dumps(about, default=str, indent=2, sort_keys=True) + "\n"
         if self.path.exists() and not self.path.is_dir():
             raise AdvpipeError(f"{self.path} is a file; name a folder for the training run")

@@ -18,6 +18,7 @@ import torch
 from advpipe.pipeline.bag.frames import Frame, FrameSlice, count_frames, has_ground_truth, read_frames
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.provenance import parent_sha256
+from advpipe.pipeline.detector.device import device_record, open_device
 from advpipe.pipeline.detector.registry import detector_sha256
 from advpipe.pipeline.detector.second.checkpoint import load_checkpoint, save_checkpoint
 from advpipe.pipeline.detector.second.model import Second, SecondNet
@@ -57,11 +58,11 @@ def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
     The files of the run's folder: `RunFolder`. The checkpoint is the same whether or not the run was
     interrupted, and for any number of worker processes.
     """
-    folder = RunFolder(config.out)
+    folder, device = RunFolder(config.out), open_device(config.device)
     bags = [labelled_bag(bag) for bag in config.bags]
     drive = validation_drive(config)
     torch.manual_seed(config.seed)
-    net = new_net(config)
+    net = new_net(config).to(device)
     digests = {bag: parent_sha256(bag) for bag in bags}
     origin = origin_of(config, digests)
     folder.open(config, origin, overwrite)
@@ -80,7 +81,7 @@ def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
         save_checkpoint(
             net, folder.latest, {**provenance, "steps": f"{steps_done} of {steps}"}, overwrite=True
         )
-        return load_checkpoint(folder.latest)
+        return load_checkpoint(folder.latest, device)
 
     status = Status()
     with (
@@ -175,6 +176,7 @@ def provenance_of(config: TrainConfig, origin: dict[str, str], frames: int, step
         "seed": str(config.seed),
         "augmentation": json.dumps(asdict(config.augmentation)),
         "torch": torch.__version__,
+        **device_record(config.device),
     }
 
 

@@ -45,7 +45,7 @@ class TrainState:
     def restore(self, path: Path) -> None:
         """Go on from a saved state."""
         try:
-            state = torch.load(path, weights_only=True)
+            state = torch.load(path, map_location="cpu", weights_only=True)
             self.net.load_state_dict(state["net"])
             self.optimiser.load_state_dict(state["optimiser"])
             self.step = int(state["step"])

@@ -2,7 +2,8 @@
 
 A cloud is small for a network with many short layers, so two processes of one thread are faster than
 one process of two, and far less hurt by other work on the machine. Each cloud has its own batch norm
-statistics; therefore the result does not depend on the number of processes.
+statistics; therefore the result does not depend on the number of processes. A GPU is given the clouds by one
+process, one after another: its context would not survive a fork.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from typing import Any, Protocol
 import torch
 from torch import Tensor, multiprocessing, nn
 
+from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.second.loss import losses
 from advpipe.pipeline.detector.second.model import SecondNet
 from advpipe.pipeline.detector.second.voxels import voxelise
@@ -38,7 +40,8 @@ class Replica:
 
     def __init__(self, net: SecondNet, examples: Examples) -> None:
         self.source, self.examples = net, examples
-        self.net = SecondNet(net.preset).to(memory_format=torch.channels_last).train()  # type: ignore[call-overload]
+        self.device = next(net.parameters()).device
+        self.net = SecondNet(net.preset).to(self.device, memory_format=torch.channels_last).train()  # type: ignore[call-overload]
         for mine, shared in zip(self.net.parameters(), net.parameters(), strict=True):
             mine.data = shared.data
         self.grid = self.net.anchor_grid()
@@ -48,7 +51,7 @@ class Replica:
         for mine, shared in zip(averages(self.net), averages(self.source), strict=True):
             mine.copy_(shared)
         self.net.zero_grad()
-        example = self.examples[place]
+        example = self.examples[place].to(self.device)
         voxels = voxelise([example.points], self.net.preset)
         target = self.grid.assign(example.boxes, example.labels, example.ignored)
         parts = losses(self.net(voxels, bf16=self.examples.config.bf16), [target], self.grid)
@@ -82,10 +85,9 @@ def take(row: Tensor, net: SecondNet) -> Tensor:
 @contextmanager
 def gradients(net: SecondNet, examples: Examples, workers: int) -> Iterator[Gradients]:
     """The gradients of `net` on its examples, computed by so many processes; one works in this one."""
-    batch = examples.config.batch_size
-    rows = torch.zeros(batch, row_length(net))
-    rows.share_memory_()  # type: ignore[no-untyped-call]
-    if workers <= 1:
+    batch, device = examples.config.batch_size, next(net.parameters()).device
+    rows = torch.zeros(batch, row_length(net), device=device)
+    if workers <= 1 or device.type != CPU:
         replica, threads = Replica(net, examples), torch.get_num_threads()
 
         def here(step: int) -> Tensor:
@@ -100,6 +102,7 @@ def gradients(net: SecondNet, examples: Examples, workers: int) -> Iterator[Grad
             torch.set_num_threads(threads)
         return
 
+    rows.share_memory_()  # type: ignore[no-untyped-call]
     net.share_memory()
     # Forking is quick and needs no guard in a caller's script; elsewhere it is not safe.
     context: Any = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")

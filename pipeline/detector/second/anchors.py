@@ -44,12 +44,10 @@ class AnchorGrid:
         self.shapes = torch.tensor(shapes, device=device)
         self.labels = torch.tensor(labels, device=device)
         yaws = len(preset.yaws_rad)
-        self.positive_iou = torch.tensor([a.positive_iou for a in preset.anchors for _ in range(yaws)]).to(
-            device
-        )
-        self.negative_iou = torch.tensor([a.negative_iou for a in preset.anchors for _ in range(yaws)]).to(
-            device
-        )
+        positive = [anchor.positive_iou for anchor in preset.anchors for _ in range(yaws)]
+        negative = [anchor.negative_iou for anchor in preset.anchors for _ in range(yaws)]
+        self.positive_iou = torch.tensor(positive, device=device)
+        self.negative_iou = torch.tensor(negative, device=device)
 
     @property
     def per_cell(self) -> int:

@@ -47,8 +47,8 @@ def save_checkpoint(
     os.replace(beside, path)
 
 
-def load_checkpoint(path: Path) -> Second:
-    """The detector in a checkpoint file, its weights in single precision."""
+def load_checkpoint(path: Path, device: torch.device | None = None) -> Second:
+    """The detector in a checkpoint file, its weights in single precision, on the device (the CPU)."""
     if not path.is_file():
         raise AdvpipeError(f"no detector checkpoint at {path}; train one with `advpipe train`")
     try:
@@ -77,4 +77,4 @@ def load_checkpoint(path: Path) -> Second:
     if ours != {k: v.shape for k, v in tensors.items()}:
         raise AdvpipeError(f"the weights in {path} do not fit preset {name!r} of this version; train again")
     net.load_state_dict(tensors, strict=False)
-    return Second(net, provenance)
+    return Second(net.to(device), provenance)

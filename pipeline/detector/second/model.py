@@ -53,13 +53,21 @@ class SecondNet(nn.Module):
 
 
 class Second:
-    """A trained SECOND as a `VoxelDetector`: frozen weights, frozen batch norm."""
+    """A trained SECOND as a `VoxelDetector`: frozen weights, frozen batch norm.
+
+    It computes where its network is. Tensors may come from anywhere, and those that it returns are where the
+    points came from.
+    """
 
     def __init__(self, net: SecondNet, provenance: dict[str, str] | None = None) -> None:
         self.net = net.eval().requires_grad_(False)
         self.preset: Preset = net.preset
         self.provenance = provenance or {}
         self._grid = net.anchor_grid()
+
+    @property
+    def device(self) -> torch.device:
+        return self._grid.x.device
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -78,13 +86,12 @@ class Second:
 
     def detect(self, cloud: npt.NDArray[np.void]) -> Detections:
         """The objects in a cloud (N,), at most `preset.max_detections`; points not finite are not read."""
-        points = torch.from_numpy(xyzi(cloud)).to(self._grid.x.device)
-        return self.detect_batch([points])[0]
+        return self.detect_batch([torch.from_numpy(xyzi(cloud))])[0]
 
     @torch.no_grad()
     def detect_batch(self, clouds: Sequence[Tensor]) -> list[Detections]:
         """The objects in each of the clouds (N_i, 4)."""
-        voxels = voxelise(clouds, self.preset)
+        voxels = voxelise([cloud.to(self.device) for cloud in clouds], self.preset)
         predictions = self.net(voxels)
         empty = torch.bincount(voxels.sites.bzyx()[0], minlength=len(clouds)) == 0
         none = Detections(np.zeros((0, 7)), np.zeros(0), np.zeros(0, np.int64))
@@ -96,7 +103,7 @@ class Second:
         The gradient reaches the points through their voxel's mean; which voxel a point falls into
         carries none. Without a readable point the loss is that of an empty map, its gradient zero.
         """
-        return self._loss(self._voxels(points), boxes, labels, None)
+        return self._loss(self._voxels(points), boxes, labels, None).to(points.device)
 
     def occupancy_loss(
         self, points: Tensor, boxes: Tensor, labels: Tensor, ghosts: Tensor | None = None
@@ -107,8 +114,9 @@ class Second:
         ghost's voxel at one it is `loss` with the ghosts there among the points.
         """
         voxels = self._voxels(points, ghosts)
-        occupancy = voxels.holds_points.to(voxels.features.dtype).requires_grad_()
-        return self._loss(voxels, boxes, labels, occupancy), occupancy, voxels.point_to_voxel
+        occupancy = voxels.holds_points.to(points.device, voxels.features.dtype).requires_grad_()
+        loss = self._loss(voxels, boxes, labels, occupancy.to(self.device))
+        return loss.to(points.device), occupancy, voxels.point_to_voxel.to(points.device)
 
     def _voxels(self, points: Tensor, ghosts: Tensor | None = None) -> Voxels:
         given = points if ghosts is None else torch.cat([points, ghosts])
@@ -116,8 +124,8 @@ class Second:
             raise AdvpipeError(
                 "the cloud holds points that are not finite; remove them before asking for a loss"
             )
-        return voxelise([given], self.preset, ghosts=len(given) - len(points))
+        return voxelise([given.to(self.device)], self.preset, ghosts=len(given) - len(points))
 
     def _loss(self, voxels: Voxels, boxes: Tensor, labels: Tensor, occupancy: Tensor | None) -> Tensor:
-        target = self._grid.assign(boxes, labels)
+        target = self._grid.assign(boxes.to(self.device), labels.to(self.device))
         return losses(self.net(voxels, occupancy), [target], self._grid).total

@@ -1,0 +1,57 @@
+"""The processor that a detector computes on, by the name that --device takes."""
+
+from __future__ import annotations
+
+import os
+import re
+import warnings
+from typing import TYPE_CHECKING
+
+from advpipe.pipeline.errors import AdvpipeError
+
+if TYPE_CHECKING:
+    import torch
+
+CPU = "cpu"
+_KNOWN = re.compile(r"cpu|cuda(?::(\d+))?")
+
+
+def open_device(name: str) -> torch.device:
+    """The device `cpu`, `cuda` (the first GPU) or `cuda:N`, ready to compute.
+
+    On CUDA, PyTorch is told, for this process, to add in a fixed order wherever it can and to keep to single
+    precision (no TF32), so that one machine gives the same result each time, and nearly the CPU's.
+
+    Raises AdvpipeError for any other name, and for a GPU that PyTorch does not find.
+    """
+    import torch
+
+    known = _KNOWN.fullmatch(name)
+    if known is None:
+        raise AdvpipeError(f"unknown device {name!r}; known: cpu, cuda, cuda:N (N counts GPUs from 0)")
+    if name == CPU:
+        return torch.device(CPU)
+    count, index = torch.cuda.device_count() if torch.cuda.is_available() else 0, int(known[1] or 0)
+    if not count:
+        build = torch.__version__
+        raise AdvpipeError(
+            f"device {name}: PyTorch {build} finds no CUDA GPU; use --device cpu, or install PyTorch's CUDA "
+            "build and NVIDIA's driver"
+        )
+    if index >= count:
+        raise AdvpipeError(f"device {name}: the last of {count} CUDA GPUs is cuda:{count - 1}")
+    os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")
+    torch.use_deterministic_algorithms(True, warn_only=True)
+    # The product that it warns of has factors of 0 and 1 only, exact in any order.
+    warnings.filterwarnings("ignore", "scatter_reduce_cuda_prod")
+    torch.backends.cudnn.allow_tf32 = False
+    torch.backends.cuda.matmul.allow_tf32 = False
+    return torch.device("cuda", index)
+
+
+def device_record(name: str) -> dict[str, str]:
+    """What records of results say of the device, since it decides their last bits: nothing of the CPU.
+
+    Which of several GPUs it was is not told.
+    """
+    return {} if name == CPU else {"device": name.partition(":")[0]}
