@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.records import Chunk, DataEnd, Footer
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.opcode import Opcode
+from mcap.records import DataEnd, Footer
+from mcap.writer import MCAP0_MAGIC
 
 from advpipe.pipeline.bag.mcap_file import mcap_errors
+from advpipe.pipeline.bag.mcap_records import HEAD, parse, parse_chunk, read_records, unpack
 
 
 @dataclass(frozen=True)
@@ -42,14 +45,21 @@ class ChecksumCoverage:
 def validate_checksums(path: Path) -> ChecksumCoverage:
     """Read a whole .mcap file; a wrong checksum raises AdvpipeError. (McapFile checks the summary's.)"""
     chunks = covered = data_sections = summaries = 0
+    magic_bytes = len(MCAP0_MAGIC)
     with mcap_errors(path), path.open("rb") as stream:
-        for record in StreamReader(stream, emit_chunks=True, validate_crcs=True).records:
-            if isinstance(record, Chunk):
-                breakup_chunk(record, validate_crc=True)
+        end, crc = stream.seek(0, 2) - magic_bytes, zlib.crc32(MCAP0_MAGIC)
+        for record in read_records(stream, magic_bytes, end):
+            if record.opcode == Opcode.CHUNK:
+                chunk = parse_chunk(record.body)
+                unpack(chunk)
                 chunks += 1
-                covered += record.uncompressed_crc != 0
-            elif isinstance(record, DataEnd):
-                data_sections += record.data_section_crc != 0
-            elif isinstance(record, Footer):
-                summaries += record.summary_crc != 0
+                covered += chunk.uncompressed_crc != 0
+            told = parse(record.opcode, record.body)
+            if isinstance(told, DataEnd):
+                if told.data_section_crc not in (0, crc):
+                    raise ValueError("crc validation failed in DataEnd")
+                data_sections += told.data_section_crc != 0
+            elif isinstance(told, Footer):
+                summaries += told.summary_crc != 0
+            crc = zlib.crc32(record.body, zlib.crc32(HEAD.pack(record.opcode, len(record.body)), crc))
     return ChecksumCoverage(chunks, covered, 1, data_sections, summaries)

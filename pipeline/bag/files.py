@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 import yaml
 
+from advpipe.pipeline.bag import plain_yaml
 from advpipe.pipeline.errors import AdvpipeError
 
 METADATA_NAME = "metadata.yaml"
-_METADATA_LIMIT_BYTES = 64 << 20
 
 
 def mcap_files(path: Path) -> list[Path]:
@@ -32,7 +33,7 @@ def _files_of_directory(directory: Path) -> list[Path]:
             f"{directory} is not a rosbag2 directory, it holds no {METADATA_NAME}; "
             "pass the .mcap file itself, or restore it with `ros2 bag reindex`"
         )
-    information = _information(metadata_path)
+    information = read_information(metadata_path)
     storage = information.get("storage_identifier")
     if storage != "mcap":
         raise AdvpipeError(
@@ -56,11 +57,12 @@ def _files_of_directory(directory: Path) -> list[Path]:
 
 @lru_cache(4)
 def _document(text: str) -> object:
-    return yaml.safe_load(text)
+    return plain_yaml.load(text)
 
 
-def _information(metadata_path: Path) -> dict[str, object]:
-    if metadata_path.stat().st_size > _METADATA_LIMIT_BYTES:
+def read_information(metadata_path: Path) -> dict[str, Any]:
+    """What a metadata.yaml says of its bag; AdvpipeError for a file that is none."""
+    if metadata_path.stat().st_size > plain_yaml.LIMIT_BYTES:
         raise AdvpipeError(f"{metadata_path} is too large for a rosbag2 {METADATA_NAME}")
     try:
         document = _document(metadata_path.read_text(encoding="utf-8"))

@@ -3,28 +3,49 @@
 from __future__ import annotations
 
 import heapq
+import re
 import struct
 import zlib
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 import numpy.typing as npt
 import zstandard
 from mcap.exceptions import McapError
-from mcap.reader import NonSeekingReader, make_reader
-from mcap.records import Channel, MessageIndex, Schema, Statistics
-from mcap.stream_reader import StreamReader
+from mcap.opcode import Opcode
+from mcap.records import Channel, ChunkIndex, Schema, Statistics
 from mcap.summary import Summary
 from mcap.writer import MCAP0_MAGIC
 
+from advpipe.pipeline.bag.mcap_records import (
+    inner_records,
+    parse,
+    parse_chunk,
+    parse_message,
+    parse_message_index,
+    read_records,
+    unpack,
+)
+from advpipe.pipeline.bag.mcap_summary import add_definition, data_records, read_metadata, read_summary
 from advpipe.pipeline.bag.topics import RawMessage, Topic, qos_from_yaml
 from advpipe.pipeline.errors import AdvpipeError
 
 _FOOTER = struct.Struct("<BQQQI")  # opcode, length, summary start, summary offset start, summary CRC
+_BLOCK_BYTES = 1 << 20
+
+WAITING_LIMIT_BYTES = 1 << 30
+"""The most that messages may hold which wait because chunks overlap in time."""
+
 _qos = lru_cache(256)(qos_from_yaml)
+_TYPE_NAME = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*){1,3}", re.ASCII)
+_FIXED_LENGTH = re.compile(rb"\[\s*(\d+)\s*\]")
+FIXED_LENGTH_LIMIT = 1 << 16
+"""The longest array of fixed length in a type: rosbags writes a line of code for each item."""
+
 _SCHEMA_ENCODINGS = ("ros2msg", "ros2idl")
 DAMAGE = (
     McapError,
@@ -67,9 +88,8 @@ class McapFile:
         with mcap_errors(path):
             check_ends(path)
             with path.open("rb") as stream:
-                reader = make_reader(stream, validate_crcs=True)
-                summary = reader.get_summary()
-                self.metadata = {record.name: record.metadata for record in reader.iter_metadata()}
+                summary = read_summary(stream)
+                self.metadata = read_metadata(stream, summary)
             if summary is not None and {index.name for index in summary.metadata_indexes} != set(
                 self.metadata
             ):
@@ -80,6 +100,11 @@ class McapFile:
                 channel.id: ros2_topic(path, channel, self._summary.schemas[channel.schema_id])
                 for channel in self._summary.channels.values()
             }
+            self._schema_of = {
+                channel.id: (schema.data.decode(), schema.encoding)
+                for channel in self._summary.channels.values()
+                for schema in [self._summary.schemas[channel.schema_id]]
+            }
             self.counts = self._counts()
 
     def log_times_ns(self, topic_name: str) -> npt.NDArray[np.int64]:
@@ -88,7 +113,7 @@ class McapFile:
             times = self._indexed_times(topic_name) if self.is_indexed else self._read_times(topic_name)
             if len(times) != self.counts.get(topic_name, 0):
                 raise ValueError(f"the index has {len(times)} messages of {topic_name}")
-            return np.sort(np.array(times, dtype=np.int64))
+            return np.sort(times)
 
     def raw_messages(
         self,
@@ -97,58 +122,118 @@ class McapFile:
         last_ns: int | None = None,
     ) -> Iterator[RawMessage]:
         """Messages in log-time order, `first_ns` and `last_ns` included; only their chunks are unpacked."""
+        names = set(self.counts if topic_names is None else topic_names)
+        ids = {channel_id for channel_id, topic in self.topics.items() if topic.name in names}
         with mcap_errors(self.path), self.path.open("rb") as stream:
-            if self.is_indexed:
-                reader = make_reader(stream, validate_crcs=True)
-                messages = reader.iter_messages(topic_names, starting_at=first_ns, ending_at=last_ns)
+            read = self._in_time_order if self.is_indexed else self._in_file_order
+            yield from read(stream, ids, first_ns or 0, 2**64 if last_ns is None else last_ns)
+
+    def _in_time_order(
+        self, stream: IO[bytes], ids: set[int], first_ns: int, last_ns: int
+    ) -> Iterator[RawMessage]:
+        """Chunks are unpacked when their first message is due; until then, a heap holds their place."""
+        waiting: list[tuple[int, int, int, ChunkIndex | RawMessage]] = [
+            (chunk.message_start_time, chunk.chunk_start_offset, -1, chunk)
+            for chunk in self._summary.chunk_indexes
+            if chunk.message_end_time >= first_ns
+            and chunk.message_start_time <= last_ns
+            and not ids.isdisjoint(chunk.message_index_offsets)
+        ]
+        heapq.heapify(waiting)
+        held_bytes = 0
+        while waiting:
+            _, chunk_start, _, item = heapq.heappop(waiting)
+            if isinstance(item, RawMessage):
+                held_bytes -= len(item.cdr)
+                yield item
+                continue
+            record = next(read_records(stream, chunk_start, chunk_start + item.chunk_length))
+            if record.opcode != Opcode.CHUNK:
+                raise ValueError(f"there is no chunk at {chunk_start}, though an index says so")
+            for offset, raw in self._messages_in(record.body, ids, first_ns, last_ns):
+                heapq.heappush(waiting, (raw.log_time_ns, chunk_start, offset, raw))
+                held_bytes += len(raw.cdr)
+            if held_bytes > WAITING_LIMIT_BYTES:
+                raise ValueError(f"more than {WAITING_LIMIT_BYTES} bytes of messages lie out of order")
+
+    def _in_file_order(
+        self, stream: IO[bytes], ids: set[int], first_ns: int, last_ns: int
+    ) -> Iterator[RawMessage]:
+        newest_ns = 0
+        for record in data_records(stream):
+            if record.opcode == Opcode.CHUNK:
+                inside = self._messages_in(record.body, ids, first_ns, last_ns)
+            elif record.opcode == Opcode.MESSAGE:
+                inside = self._wanted(0, memoryview(record.body), ids, first_ns, last_ns)
             else:
-                reader = NonSeekingReader(stream, validate_crcs=True)
-                messages = reader.iter_messages(
-                    topic_names, log_time_order=False, starting_at=first_ns, ending_at=last_ns
-                )
-            newest_ns = 0
-            for schema, channel, message in messages:
-                if message.log_time < newest_ns:
+                continue
+            for _, raw in inside:
+                if raw.log_time_ns < newest_ns:
                     raise ValueError("without an index, messages must lie in time order")
-                newest_ns = message.log_time
-                yield RawMessage(
-                    topic=self.topics[channel.id],
-                    schema=schema.data.decode() if schema else "",
-                    cdr=message.data,
-                    log_time_ns=message.log_time,
-                    publish_time_ns=message.publish_time,
+                newest_ns = raw.log_time_ns
+                yield raw
+
+    def _messages_in(
+        self, chunk: bytes, ids: set[int], first_ns: int, last_ns: int
+    ) -> Iterator[tuple[int, RawMessage]]:
+        for opcode, offset, body in inner_records(unpack(parse_chunk(chunk))):
+            if opcode == Opcode.MESSAGE:
+                yield from self._wanted(offset, body, ids, first_ns, last_ns)
+
+    def _wanted(
+        self, offset: int, body: memoryview, ids: set[int], first_ns: int, last_ns: int
+    ) -> Iterator[tuple[int, RawMessage]]:
+        message = parse_message(body)
+        if message.channel_id not in self.topics:
+            raise ValueError(f"a message of channel {message.channel_id}, which nothing defines")
+        if message.channel_id in ids and first_ns <= message.log_time_ns <= last_ns:
+            text, encoding = self._schema_of[message.channel_id]
+            yield (
+                offset,
+                RawMessage(
+                    topic=self.topics[message.channel_id],
+                    schema=text,
+                    cdr=bytes(message.data),
+                    log_time_ns=message.log_time_ns,
+                    publish_time_ns=message.publish_time_ns,
                     sequence=message.sequence,
-                    schema_encoding=schema.encoding if schema else "",
-                )
+                    schema_encoding=encoding,
+                ),
+            )
 
-    def _read_times(self, topic_name: str) -> list[int]:
-        return [raw.log_time_ns for raw in self.raw_messages([topic_name])]
+    def _read_times(self, topic_name: str) -> npt.NDArray[np.int64]:
+        times_ns = (raw.log_time_ns for raw in self.raw_messages([topic_name]))
+        return np.fromiter(times_ns, np.int64)
 
-    def _indexed_times(self, topic_name: str) -> list[int]:
+    def _indexed_times(self, topic_name: str) -> npt.NDArray[np.int64]:
         ids = [channel_id for channel_id, topic in self.topics.items() if topic.name == topic_name]
-        times_ns: list[int] = []
+        times_ns = [np.zeros(0, np.int64)]
+        end = self.path.stat().st_size
         with self.path.open("rb") as stream:
             for chunk in self._summary.chunk_indexes:
                 offsets = chunk.message_index_offsets
                 for channel_id in (i for i in ids if i in offsets):
-                    stream.seek(offsets[channel_id])
-                    record = next(StreamReader(stream, skip_magic=True).records)
-                    if not isinstance(record, MessageIndex):
+                    record = next(read_records(stream, offsets[channel_id], end), None)
+                    if record is None or record.opcode != Opcode.MESSAGE_INDEX:
                         raise ValueError("a message index is missing")
-                    times_ns += [log_time_ns for log_time_ns, _ in record.records]
-        return times_ns
+                    times_ns.append(parse_message_index(record.body)[1][:, 0].astype(np.int64))
+        return np.concatenate(times_ns)
 
     def _scan(self) -> Summary:
         """A summary of a file that has none, by reading all of it."""
         summary, counts = Summary(), dict[int, int]()
         with self.path.open("rb") as stream:
-            reader = NonSeekingReader(stream, validate_crcs=True)
-            for schema, channel, message in reader.iter_messages(log_time_order=False):
-                if schema is not None:
-                    summary.schemas[schema.id] = schema
-                summary.channels[channel.id] = channel
-                counts[channel.id] = counts.get(channel.id, 0) + 1
-                del message
+            for record in data_records(stream):
+                inside: Iterable[tuple[int, int, memoryview]] = [(record.opcode, 0, memoryview(record.body))]
+                if record.opcode == Opcode.CHUNK:
+                    inside = inner_records(unpack(parse_chunk(record.body)))
+                for opcode, _, body in inside:
+                    if opcode == Opcode.MESSAGE:
+                        channel_id = parse_message(body).channel_id
+                        counts[channel_id] = counts.get(channel_id, 0) + 1
+                    elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                        add_definition(summary, parse(opcode, body))
+        summary.channels = {key: one for key, one in summary.channels.items() if key in counts}
         summary.statistics = Statistics(0, len(counts), counts, 0, 0, sum(counts.values()), 0, 0, 0)
         return summary
 
@@ -182,8 +267,10 @@ def check_ends(path: Path) -> None:
         if not summary_crc or not summary_start:
             return
         stream.seek(summary_start)
-        length = size - magic_bytes - 4 - summary_start
-        if length < 0 or zlib.crc32(stream.read(length)) != summary_crc:
+        length, crc = size - magic_bytes - 4 - summary_start, 0
+        while length > 0 and (block := stream.read(min(length, _BLOCK_BYTES))):
+            length, crc = length - len(block), zlib.crc32(block, crc)
+        if length or crc != summary_crc:
             raise AdvpipeError(f"{path}: damaged (summary checksum)")
 
 
@@ -196,6 +283,11 @@ def ros2_topic(path: Path, channel: Channel, schema: Schema) -> Topic:
         )
     if schema.encoding not in _SCHEMA_ENCODINGS:
         raise AdvpipeError(f"{path}: {channel.topic} has a schema in {schema.encoding!r}, not ROS 2's")
+    if not _TYPE_NAME.fullmatch(schema.name):  # rosbags makes code of it
+        raise AdvpipeError(f"{path}: {channel.topic} has the type {schema.name!r}, which is no type's name")
+    lengths = _FIXED_LENGTH.findall(schema.data)
+    if any(len(digits) > 9 or int(digits) > FIXED_LENGTH_LIMIT for digits in lengths):
+        raise AdvpipeError(f"{path}: {channel.topic} has a type with an array of {max(lengths, key=len)!r}")
     return Topic(
         name=channel.topic,
         type=schema.name,

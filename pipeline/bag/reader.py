@@ -90,6 +90,13 @@ class BagReader:
                 f"{self.path}: a message of {raw.topic.name} at {raw.log_time_ns} ns is no {raw.topic.type}"
             ) from None
 
+    def type_hash(self, raw: RawMessage) -> str:
+        """The RIHS01 hash (REP-2011) of a message's type as the bag defines it."""
+        try:
+            return self._store_for(raw).hash_rihs01(raw.topic.type)
+        except Exception:  # as above
+            raise AdvpipeError(f"{self.path}: the definition of {raw.topic.type} is damaged") from None
+
     def cloud(self, raw: RawMessage) -> StampedCloud:
         """The points of a message of a PointCloud2 topic (see `cloud_from_cdr`)."""
         try:

@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
-from mcap.reader import make_reader
-from mcap.records import Channel, Chunk, DataEnd, McapRecord, Message, MessageIndex, Metadata, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.opcode import Opcode
+from mcap.records import Channel, Metadata, Schema
 from mcap.summary import Summary
 from mcap.writer import MCAP0_MAGIC
 
 from advpipe.pipeline.bag.mcap_file import DAMAGE, check_ends, ros2_topic
+from advpipe.pipeline.bag.mcap_records import (
+    Record,
+    inner_records,
+    parse,
+    parse_chunk,
+    parse_message,
+    parse_message_index,
+    read_records,
+    unpack,
+)
+from advpipe.pipeline.bag.mcap_summary import read_summary
 from advpipe.pipeline.bag.topics import RawMessage, Topic
 from advpipe.pipeline.errors import AdvpipeError
 
@@ -40,23 +51,21 @@ class Salvage:
         with self.path.open("rb") as stream:
             self._check_start(stream)
             summary = self._summary(stream)
-            for record in (*summary.schemas.values(), *summary.channels.values()):
-                self._define(record)
+            for definition in (*summary.schemas.values(), *summary.channels.values()):
+                self._define(definition)
             chunk_starts = [index.chunk_start_offset for index in summary.chunk_indexes]
             is_damaged = False
             for record in self._records(stream, chunk_starts):
-                if isinstance(record, MessageIndex):
-                    self.lost_messages += len(record.records) if is_damaged else 0
-                elif isinstance(record, Metadata):
-                    self.metadata[record.name] = record.metadata
-                elif isinstance(record, Chunk):
-                    inside = _unpacked(record)
+                if record.opcode == Opcode.MESSAGE_INDEX:
+                    self.lost_messages += _entries(record.body) if is_damaged else 0
+                elif record.opcode == Opcode.CHUNK:
+                    inside = _unpacked(record.body)
                     is_damaged = inside is None
                     self.lost_chunks += is_damaged
-                    self.lost_bytes += len(record.data) if is_damaged else 0
+                    self.lost_bytes += _packed_bytes(record.body) if is_damaged else 0
                     yield from self._read(inside or [])
                 else:
-                    yield from self._read([record])
+                    yield from self._read([(record.opcode, memoryview(record.body))])
 
     def _check_start(self, stream: IO[bytes]) -> None:
         start = stream.read(len(MCAP0_MAGIC))
@@ -69,23 +78,20 @@ class Salvage:
         """The summary where the file still has one: it repeats what a damaged chunk may have defined."""
         try:
             check_ends(self.path)
-            stream.seek(0)
-            return make_reader(stream).get_summary() or Summary()
+            return read_summary(stream) or Summary()
         except (AdvpipeError, *DAMAGE):
             return Summary()
 
-    def _records(self, stream: IO[bytes], chunk_starts: list[int]) -> Iterator[McapRecord]:
+    def _records(self, stream: IO[bytes], chunk_starts: list[int]) -> Iterator[Record]:
         """All whole records; behind a damaged one it goes on at the next chunk that the summary names."""
         size = self.path.stat().st_size
         good = start = len(MCAP0_MAGIC)
         while start < size:
-            stream.seek(start)
-            reader = StreamReader(stream, skip_magic=True, emit_chunks=True, record_size_limit=size)
             try:
-                for record in reader.records:
-                    good = stream.tell()
+                for record in read_records(stream, start, size):
+                    good = record.end
                     yield record
-                    if isinstance(record, DataEnd):
+                    if record.opcode == Opcode.DATA_END:
                         return
             except DAMAGE:
                 pass
@@ -93,35 +99,56 @@ class Salvage:
             self.lost_bytes += start - good
             good = start
 
-    def _read(self, records: list[McapRecord]) -> Iterator[RawMessage]:
-        for record in records:
-            if not isinstance(record, Message):
-                self._define(record)
-            elif record.channel_id not in self._topics:  # defined in a chunk that is lost
+    def _read(self, records: list[tuple[int, memoryview]]) -> Iterator[RawMessage]:
+        for opcode, body in records:
+            if opcode != Opcode.MESSAGE:
+                with suppress(*DAMAGE):
+                    self._define(parse(opcode, body))
+                continue
+            message = parse_message(body)
+            if message.channel_id not in self._topics:  # defined in a chunk that is lost
                 self.lost_messages += 1
-            else:
-                topic, schema = self._topics[record.channel_id]
-                yield RawMessage(
-                    topic=topic,
-                    schema=schema.data.decode(),
-                    cdr=record.data,
-                    log_time_ns=record.log_time,
-                    publish_time_ns=record.publish_time,
-                    sequence=record.sequence,
-                    schema_encoding=schema.encoding,
-                )
+                continue
+            topic, schema = self._topics[message.channel_id]
+            yield RawMessage(
+                topic=topic,
+                schema=schema.data.decode(),
+                cdr=bytes(message.data),
+                log_time_ns=message.log_time_ns,
+                publish_time_ns=message.publish_time_ns,
+                sequence=message.sequence,
+                schema_encoding=schema.encoding,
+            )
 
-    def _define(self, record: McapRecord) -> None:
-        if isinstance(record, Schema):
+    def _define(self, record: object) -> None:
+        if isinstance(record, Metadata):
+            self.metadata[record.name] = record.metadata
+        elif isinstance(record, Schema):
             self._schemas[record.id] = record
         elif isinstance(record, Channel) and record.schema_id in self._schemas:
             schema = self._schemas[record.schema_id]
             self._topics[record.id] = ros2_topic(self.path, record, schema), schema
 
 
-def _unpacked(chunk: Chunk) -> list[McapRecord] | None:
+def _unpacked(body: bytes) -> list[tuple[int, memoryview]] | None:
     """The records of a chunk; None for a damaged one."""
     try:
-        return breakup_chunk(chunk, validate_crc=True)
+        return [(opcode, inside) for opcode, _, inside in inner_records(unpack(parse_chunk(body)))]
     except DAMAGE:
         return None
+
+
+def _entries(body: bytes) -> int:
+    """How many messages an index counts; 0 for a damaged one."""
+    try:
+        return len(parse_message_index(body)[1])
+    except DAMAGE:
+        return 0
+
+
+def _packed_bytes(body: bytes) -> int:
+    """How many bytes of data a chunk holds, as far as it can tell."""
+    try:
+        return len(parse_chunk(body).data)
+    except DAMAGE:
+        return len(body)

@@ -1,0 +1,191 @@
+"""MCAP records read within bounds: no length in a file is believed before it is known to fit."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable, Collection, Iterator
+from io import BytesIO
+from typing import IO, NamedTuple
+
+import lz4.frame  # type: ignore[import-untyped]
+import numpy as np
+import numpy.typing as npt
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+RECORD_LIMIT_BYTES = CHUNK_LIMIT_BYTES = 1 << 29
+"""The most that one record, and one chunk unpacked, may hold: hundreds of clouds."""
+
+WINDOW_LIMIT_BYTES = 1 << 27
+"""The most that unpacking zstd may keep in mind: `zstd --ultra` asks for no more."""
+
+HEAD = struct.Struct("<BQ")  # opcode and length, which the length does not count
+_CHUNK = struct.Struct("<QQQII")  # first and last time, unpacked size and CRC, length of the codec's name
+_LENGTH = struct.Struct("<Q")
+_MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+_INDEX_HEAD_BYTES = 6  # channel, length of the entries
+
+_READERS: dict[int, Callable[[ReadDataStream], McapRecord]] = {
+    Opcode.HEADER: Header.read,
+    Opcode.FOOTER: Footer.read,
+    Opcode.SCHEMA: Schema.read,
+    Opcode.CHANNEL: Channel.read,
+    Opcode.ATTACHMENT: Attachment.read,
+    Opcode.ATTACHMENT_INDEX: AttachmentIndex.read,
+    Opcode.CHUNK_INDEX: ChunkIndex.read,
+    Opcode.STATISTICS: Statistics.read,
+    Opcode.METADATA: Metadata.read,
+    Opcode.METADATA_INDEX: MetadataIndex.read,
+    Opcode.SUMMARY_OFFSET: SummaryOffset.read,
+    Opcode.DATA_END: DataEnd.read,
+}
+
+
+class Record(NamedTuple):
+    """One record of a file: where it starts, and what comes after its opcode and length."""
+
+    opcode: int
+    start: int
+    body: bytes
+
+    @property
+    def end(self) -> int:
+        return self.start + HEAD.size + len(self.body)
+
+    @property
+    def bytes(self) -> bytes:
+        """All of it, as it lies in the file."""
+        return HEAD.pack(self.opcode, len(self.body)) + self.body
+
+
+class InnerMessage(NamedTuple):
+    """A message in an unpacked chunk, whose `data` is a view of it."""
+
+    channel_id: int
+    sequence: int
+    log_time_ns: int
+    publish_time_ns: int
+    data: memoryview
+
+
+def read_records(
+    stream: IO[bytes], start: int, end: int, wanted: Collection[int] | None = None
+) -> Iterator[Record]:
+    """The records between two places of a file, one in memory at a time.
+
+    wanted: opcodes; of others, the bodies are skipped and left empty. Raises ValueError for a record that
+    runs past the end or is larger than `RECORD_LIMIT_BYTES`.
+    """
+    while start < end:
+        stream.seek(start)
+        head = stream.read(HEAD.size)
+        if len(head) < HEAD.size or start + HEAD.size > end:
+            raise ValueError(f"{end - start} bytes at {start} are no record")
+        opcode, length = HEAD.unpack(head)
+        if length > end - start - HEAD.size:
+            raise ValueError(f"the record at {start} declares {length} bytes, which run past the end")
+        body = b""
+        if wanted is None or opcode in wanted:
+            if length > RECORD_LIMIT_BYTES:
+                raise ValueError(f"the record at {start} holds {length} bytes, too many to read")
+            body = stream.read(length)
+            if len(body) != length:
+                raise ValueError(f"the record at {start} is cut off")
+        yield Record(opcode, start, body)
+        start += HEAD.size + length
+
+
+def parse(opcode: int, body: bytes | memoryview) -> McapRecord | None:
+    """A record other than a chunk, a message or its index; None for one that MCAP does not define."""
+    reader = _READERS.get(opcode)
+    return reader(ReadDataStream(BytesIO(body))) if reader else None
+
+
+def parse_chunk(body: bytes) -> Chunk:
+    """A chunk, still packed; its sizes fit the record."""
+    start_ns, end_ns, size, crc, name_length = _CHUNK.unpack_from(body)
+    data_start = _CHUNK.size + name_length + _LENGTH.size
+    if data_start > len(body):
+        raise ValueError("the name of a chunk's compression runs past its end")
+    name = body[_CHUNK.size : _CHUNK.size + name_length].decode()
+    (packed,) = _LENGTH.unpack_from(body, _CHUNK.size + name_length)
+    if packed != len(body) - data_start:
+        raise ValueError(f"a chunk declares {packed} bytes of data, {len(body) - data_start} are there")
+    return Chunk(name, body[data_start:], end_ns, start_ns, crc, size)
+
+
+def parse_message_index(body: bytes) -> tuple[int, npt.NDArray[np.uint64]]:
+    """The channel of a message index, and its entries (K, 2): log time in ns, offset in the chunk."""
+    channel_id, length = struct.unpack_from("<HI", body)
+    if length != len(body) - _INDEX_HEAD_BYTES or length % 16:
+        raise ValueError(f"a message index declares {length} bytes")
+    return channel_id, np.frombuffer(body, "<u8", offset=_INDEX_HEAD_BYTES).reshape(-1, 2)
+
+
+def unpack(chunk: Chunk, check_crc: bool = True) -> bytes:
+    """The records in a chunk: exactly as many bytes as it declares, at most `CHUNK_LIMIT_BYTES`.
+
+    Raises ValueError, or what the codec raises, for anything else and for a wrong checksum.
+    """
+    size = chunk.uncompressed_size
+    if size > CHUNK_LIMIT_BYTES:
+        raise ValueError(f"a chunk declares {size} bytes, more than the {CHUNK_LIMIT_BYTES} that are read")
+    data = _decompressed(chunk, size)
+    if len(data) != size:
+        raise ValueError(f"a chunk declares {size} bytes and holds {'more' if len(data) > size else 'less'}")
+    if check_crc and chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
+        raise ValueError("crc validation failed in Chunk")
+    return data
+
+
+def _decompressed(chunk: Chunk, size: int) -> bytes:
+    """What is packed, or its first `size` + 1 bytes."""
+    if chunk.compression == "":
+        return chunk.data
+    if chunk.compression == "lz4":
+        return bytes(lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1))
+    if chunk.compression != "zstd":
+        raise ValueError(f"a chunk is compressed as {chunk.compression!r}; zstd and lz4 are known")
+    told = zstandard.frame_content_size(chunk.data)  # which the codec would believe, and set memory aside for
+    if told not in (-1, size):
+        raise ValueError(f"a chunk declares {size} bytes, its content {told}")
+    codec = zstandard.ZstdDecompressor(max_window_size=WINDOW_LIMIT_BYTES)
+    return codec.decompress(chunk.data, max_output_size=size)
+
+
+def inner_records(data: bytes) -> Iterator[tuple[int, int, memoryview]]:
+    """Opcode, offset and body of each record in an unpacked chunk."""
+    view, place = memoryview(data), 0
+    while place < len(data):
+        if len(data) - place < HEAD.size:
+            raise ValueError(f"{len(data) - place} bytes at the end of a chunk are no record")
+        opcode, length = HEAD.unpack_from(view, place)
+        body = place + HEAD.size
+        if length > len(data) - body:
+            raise ValueError(f"a record in a chunk declares {length} bytes, {len(data) - body} are left")
+        yield opcode, place, view[body : body + length]
+        place = body + length
+
+
+def parse_message(body: memoryview) -> InnerMessage:
+    """A message's head, and its data."""
+    channel_id, sequence, log_time_ns, publish_time_ns = _MESSAGE.unpack_from(body)
+    return InnerMessage(channel_id, sequence, log_time_ns, publish_time_ns, body[_MESSAGE.size :])

@@ -1,0 +1,35 @@
+"""The command that checks what others shared."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def verify(
+    path: Annotated[
+        Path, typer.Argument(help="Data set, rosbag2 folder, .mcap, or an archive that `share` made.")
+    ],
+    quick: Annotated[bool, typer.Option("--quick", help="Checksums and signature alone.")] = False,
+    key: Annotated[
+        Path | None, typer.Option("--key", help="The signer's public key (PEM).", show_default=False)
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+) -> None:
+    """Check everything that a data set or a bag claims; one line a finding, exit code 1 if there is any."""
+    from advpipe.stages.verify.run import verify as run
+
+    result = run(path, quick=quick, key=key)
+    if as_json:
+        print(result.to_json())
+    else:
+        for finding in result.findings:
+            print(finding)
+        for gap in result.unchecked:
+            print(f"not checked: {gap}")
+        faults = len(result.findings)
+        print(f"{path}: {f'{faults} findings' if faults > 1 else '1 finding' if faults else 'good'}")
+    if not result.is_good:
+        raise typer.Exit(1)

@@ -1,0 +1,1 @@
+"""What `advpipe verify` looks at, one noun a file."""

@@ -1,0 +1,67 @@
+"""The three kinds of checks: of the folder as a whole, of a bag, and of every message of a bag."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from functools import cached_property
+from typing import Any
+
+from advpipe.pipeline.bag.topics import RawMessage
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.stages.verify.result import Result
+from advpipe.stages.verify.subject import Bag, Subject
+
+
+class FolderCheck(ABC):
+    """Looks at all that is verified."""
+
+    def __init__(self, subject: Subject) -> None:
+        self.subject = subject
+
+    @abstractmethod
+    def check(self) -> Iterator[Result]: ...
+
+
+class BagCheck(ABC):
+    """Looks at a bag all of whose messages were read: `walks` are full."""
+
+    def __init__(self, bag: Bag) -> None:
+        self.bag = bag
+
+    @abstractmethod
+    def check(self) -> Iterator[Result]: ...
+
+
+class Seen:
+    """A message on its way past the checks, decoded once for all of them."""
+
+    def __init__(self, bag: Bag, raw: RawMessage) -> None:
+        self.bag, self.raw = bag, raw
+        self.error = ""
+
+    @cached_property
+    def message(self) -> Any:
+        """The message; None for one that is damaged, of which `error` tells."""
+        try:
+            return self.bag.reader.decode(self.raw)
+        except AdvpipeError:
+            self.error = f"the message at {self.raw.log_time_ns} ns is no {self.raw.topic.type}"
+            return None
+
+    @property
+    def header(self) -> Any:
+        """The message's std_msgs/Header; None for a type without one, and for a damaged message."""
+        header = getattr(self.message, "header", None)
+        return header if hasattr(header, "frame_id") else None
+
+    @property
+    def where(self) -> str:
+        return f"{self.bag.place} {self.raw.topic.name}"
+
+
+class MessageCheck(BagCheck):
+    """Also sees every message, in the order of the files; `check` comes last."""
+
+    @abstractmethod
+    def see(self, seen: Seen) -> Iterator[Result]: ...

@@ -1,0 +1,141 @@
+"""Whether the true boxes hold as many LiDAR points as the bag says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from advpipe.pipeline.bag import messages
+from advpipe.pipeline.bag.cloud import xyz
+from advpipe.pipeline.bag.topics import TF_STATIC, RawMessage, VehicleTopics
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.geometry.boxes import CLASSES, Boxes, points_in_boxes
+from advpipe.pipeline.geometry.transforms import Float64, invert, yaw_of
+from advpipe.stages.verify.checks.base import MessageCheck, Seen
+from advpipe.stages.verify.result import Fault, Gap, Result
+from advpipe.stages.verify.subject import Bag
+
+MARGIN_M = 0.001
+"""A point so near to a face may fall on either side of it: single precision, and poses as quaternions."""
+
+_CLOUD_TYPE = VehicleTopics().lidar_points.type
+_USERS, _TRUTH = VehicleTopics("").road_users.name, VehicleTopics("").true_odometry.name
+
+
+@dataclass
+class _Instant:
+    """What one vehicle's sensors and truth say at one stamp."""
+
+    stamp_ns: int
+    clouds: list[RawMessage] = field(default_factory=list)
+    users: Any = None
+    odometry: Any = None
+
+
+class BoxesHoldPoints(MessageCheck):
+    """Of the clouds of a step together, as the simulation counted them. Attacks change points, not boxes.
+
+    With motion distortion, points were counted where they were at the stamp: then a box is as large, and as
+    small, as the vehicle's own motion in one turn may make it.
+    """
+
+    def __init__(self, bag: Bag) -> None:
+        super().__init__(bag)
+        self._mounts: dict[str, tuple[str, Float64]] = {}
+        self._open: dict[str, _Instant] = {}
+        self._is_on = bag.is_own and not bag.is_attack
+        sensors = (bag.scenario or {}).get("sensors") or {}
+        lidars = sensors.get("lidars") or {}
+        self._turns_s = [1 / one["rotation_frequency"] for one in lidars.values() if one["motion_distortion"]]
+        self._is_told = False
+
+    def see(self, seen: Seen) -> Iterator[Result]:
+        if not self._is_on:
+            return
+        raw, name = seen.raw, seen.raw.topic.name
+        if name == TF_STATIC.name and seen.message is not None:
+            for transform in seen.message.transforms:
+                base_SE3_child = messages.se3_from_transform(transform.transform)
+                self._mounts[transform.child_frame_id] = (transform.header.frame_id, base_SE3_child)
+            return
+        vehicle = name.removeprefix("/").partition("/")[0]
+        rest = name.removeprefix(f"/{vehicle}")
+        if raw.topic.type != _CLOUD_TYPE and rest not in (_USERS[1:], _TRUTH[1:]):
+            return
+        instant = self._open.get(vehicle)
+        if instant is not None and instant.stamp_ns != raw.log_time_ns:
+            yield from self._recount(vehicle, instant)
+            instant = None
+        if instant is None:
+            instant = self._open[vehicle] = _Instant(raw.log_time_ns)
+        if raw.topic.type == _CLOUD_TYPE:
+            instant.clouds.append(raw)
+        elif rest == _USERS[1:]:
+            instant.users = seen.message
+        else:
+            instant.odometry = seen.message
+
+    def check(self) -> Iterator[Result]:
+        for vehicle, instant in self._open.items():
+            yield from self._recount(vehicle, instant)
+
+    def _recount(self, vehicle: str, instant: _Instant) -> Iterator[Result]:
+        if instant.users is None or not instant.clouds:
+            return
+        where = f"{self.bag.place} {VehicleTopics(vehicle).road_users.name}"
+        if instant.odometry is None:
+            yield Fault(where, f"no true pose at {instant.stamp_ns} ns")
+            return
+        told = np.array([user.lidar_points for user in instant.users.road_users], np.int64)
+        boxes = _boxes(instant.users.road_users)
+        margin_m = MARGIN_M + self._motion_m(instant.odometry)
+        if margin_m > MARGIN_M and not self._is_told:
+            self._is_told = True
+            yield Gap(where, "points of LiDARs with motion distortion are recounted roughly")
+        least, most = np.zeros(len(told), np.int64), np.zeros(len(told), np.int64)
+        for raw in instant.clouds:
+            try:
+                _, frame_id, cloud = self.bag.reader.cloud(raw)
+            except AdvpipeError as error:
+                yield Fault(f"{self.bag.place} {raw.topic.name}", str(error))
+                return
+            base_frame, base_SE3_lidar = self._mounts.get(frame_id, ("", np.eye(4)))
+            if base_frame != instant.odometry.child_frame_id:
+                yield Fault(where, f"{frame_id} is not tied to {instant.odometry.child_frame_id}")
+                return
+            map_SE3_lidar = messages.se3_from_pose(instant.odometry.pose.pose) @ base_SE3_lidar
+            geometry = boxes.transformed(invert(map_SE3_lidar)).geometry
+            points = xyz(cloud)
+            least += _count(points, geometry, -margin_m)
+            most += _count(points, geometry, margin_m)
+        for index in np.flatnonzero((told < least) | (told > most)).tolist():
+            yield Fault(
+                where,
+                f"{boxes.ids[index]} is said to hold {told[index]} points at {instant.stamp_ns} ns, it holds "
+                f"{least[index]} to {most[index]}",
+            )
+
+    def _motion_m(self, odometry: Any) -> float:
+        """How far the vehicle's own motion in one turn may carry a point 100 m away."""
+        if not self._turns_s:
+            return 0.0
+        linear, angular = odometry.twist.twist.linear, odometry.twist.twist.angular
+        speed_mps = float(np.linalg.norm([linear.x, linear.y, linear.z]))
+        turn_radps = float(np.linalg.norm([angular.x, angular.y, angular.z]))
+        return float(max(self._turns_s) * (speed_mps + 100 * turn_radps))
+
+
+def _boxes(users: Any) -> Boxes:
+    geometry = np.zeros((len(users), 7))
+    for row, user in enumerate(users):
+        pose = messages.se3_from_pose(user.pose)
+        geometry[row] = (*pose[:3, 3], user.size.x, user.size.y, user.size.z, yaw_of(pose))
+    labels = np.array([CLASSES.index(u.class_id) if u.class_id in CLASSES else 0 for u in users], np.int64)
+    return Boxes(geometry, labels, tuple(user.id for user in users), np.zeros((len(users), 3)))
+
+
+def _count(points: Any, geometry: Float64, margin_m: float) -> Any:
+    return np.array([len(inside) for inside in points_in_boxes(points, geometry, margin_m)], np.int64)

@@ -1,0 +1,34 @@
+"""Whether every file is the one that SHA256SUMS lists, and none is missing or unlisted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from advpipe.pipeline.dataset import checksums
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.progress import track
+from advpipe.stages.verify.checks.base import FolderCheck
+from advpipe.stages.verify.result import Fault, Gap, Result
+
+
+class Checksums(FolderCheck):
+    """SHA-256 of every file; without a list, that is said."""
+
+    def check(self) -> Iterator[Result]:
+        root = self.subject.root
+        if not self.subject.has_sums:
+            yield Gap(root.name, f"no {checksums.FILE}: files are checked by what they say about themselves")
+            return
+        try:
+            present = checksums.listed(root)
+            sums = checksums.read(root)
+        except AdvpipeError as error:
+            yield Fault(checksums.FILE, str(error))
+            return
+        for name in sorted(sums.keys() - set(present)):
+            yield Fault(name, "is missing")
+        for name in sorted(set(present) - sums.keys()):
+            yield Fault(name, f"is not listed in {checksums.FILE}")
+        for name in track([name for name in present if name in sums], "hashing"):
+            if self.subject.scan(root / name).sha256 != sums[name]:
+                yield Fault(name, f"has another SHA-256 than {checksums.FILE} lists")

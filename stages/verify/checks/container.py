@@ -1,0 +1,16 @@
+"""Whether .mcap files are sound: records, chunks, indexes and counts agree, and no byte is left over."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from advpipe.stages.verify.checks.base import BagCheck
+from advpipe.stages.verify.result import Fault, Result
+
+
+class Container(BagCheck):
+    """Tells what the walks found."""
+
+    def check(self) -> Iterator[Result]:
+        for walk in self.bag.walks:
+            yield from (Fault(self.bag.subject.place(walk.path), fault) for fault in walk.faults)

@@ -1,0 +1,73 @@
+"""Whether an adversarial bag holds what its attack did not touch, byte for byte as the clean bag does."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import deque
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from advpipe.pipeline.bag.topics import RawMessage
+from advpipe.stages.verify.checks.attacked import Attacked, latched_topics
+from advpipe.stages.verify.checks.base import BagCheck
+from advpipe.stages.verify.result import Fault, Result
+
+
+class _Copy(NamedTuple):
+    """What must be equal of a message and its copy; log_time_ns: 0 of a latched one, which may come later."""
+
+    log_time_ns: int
+    publish_time_ns: int
+    sequence: int
+    digest: bytes
+
+
+class Copies(BagCheck):
+    """Both bags side by side in log-time order; memory holds the messages of one instant."""
+
+    def check(self) -> Iterator[Result]:
+        if not self.bag.is_attack or self.bag.parent is None:
+            return
+        attacked = Attacked(self.bag, self.bag.parent)
+        untouched = sorted(attacked.clean.topics.keys() - attacked.replaced - set(attacked.cloud_topics))
+        strange = attacked.adversarial.topics.keys() - attacked.clean.topics.keys() - attacked.replaced
+        for name in sorted(strange):
+            yield Fault(f"{self.bag.place} {name}", "the clean bag has no such topic")
+        self._latched = latched_topics(attacked.clean)
+        counting = attacked.cloud_topics[:1]
+        clean = attacked.kept(attacked.clean.raw_messages([*untouched, *counting]))
+        expected = (raw for raw in clean if raw.topic.name not in counting)
+        present = [name for name in untouched if name in attacked.adversarial.topics]
+        yield from self._compare(expected, attacked.adversarial.raw_messages(present))
+
+    def _compare(self, expected: Iterator[RawMessage], found: Iterator[RawMessage]) -> Iterator[Result]:
+        waiting: dict[str, deque[_Copy]] = {}
+        following = next(expected, None)
+        for raw in found:
+            while following is not None and following.log_time_ns <= raw.log_time_ns:
+                waiting.setdefault(following.topic.name, deque()).append(self._copy(following))
+                following = next(expected, None)
+            queue = waiting.get(raw.topic.name)
+            copy, where = self._copy(raw), f"{self.bag.place} {raw.topic.name}"
+            if not queue:
+                yield Fault(where, f"the message at {raw.log_time_ns} ns is not in the clean bag")
+            elif queue[0] == copy:
+                queue.popleft()
+            elif copy in queue:
+                missing = queue.index(copy)
+                yield Fault(where, f"{missing} messages of the clean bag are missing at {raw.log_time_ns} ns")
+                for _ in range(missing + 1):
+                    queue.popleft()
+            else:
+                queue.popleft()
+                yield Fault(where, f"the message at {raw.log_time_ns} ns is not that of the clean bag")
+        for message in [following, *expected] if following is not None else []:
+            waiting.setdefault(message.topic.name, deque()).append(self._copy(message))
+        for name, queue in waiting.items():
+            if queue:
+                yield Fault(f"{self.bag.place} {name}", f"{len(queue)} messages of the clean bag are missing")
+
+    def _copy(self, raw: RawMessage) -> _Copy:
+        digest = hashlib.blake2b(raw.cdr, digest_size=16).digest()
+        time_ns = 0 if raw.topic.name in self._latched else raw.log_time_ns
+        return _Copy(time_ns, raw.publish_time_ns, raw.sequence, digest)

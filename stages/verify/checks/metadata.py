@@ -1,0 +1,98 @@
+"""Whether metadata.yaml tells of the messages that are there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from textwrap import indent
+from typing import Any
+
+import yaml
+from rosbags.rosbag2.metadata import parse_qos
+
+from advpipe.pipeline.bag.files import METADATA_NAME, read_information
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.stages.verify.checks.base import BagCheck
+from advpipe.stages.verify.result import Fault, Gap, Result
+from advpipe.stages.verify.walk import Walk
+
+_ERRORS = (LookupError, TypeError, ValueError, AttributeError)
+"""What looking into a document of another shape raises."""
+
+
+class MetadataYaml(BagCheck):
+    """Files, counts, times, types and QoS. In advpipe's own bags, the file repeats a record to the byte."""
+
+    def check(self) -> Iterator[Result]:
+        path = self.bag.path / METADATA_NAME
+        where = self.bag.subject.place(path)
+        if self.bag.path.is_file():
+            yield Gap(where, "a bare .mcap file has none")
+            return
+        try:
+            information = read_information(path)
+        except AdvpipeError as error:
+            yield Fault(where, str(error))
+            return
+        walks = self.bag.walks
+        told = walks[-1].records.get("rosbag2", {}).get("serialized_metadata") if walks else None
+        if self.bag.provenance and told is not None:
+            expected = f"rosbag2_bagfile_information:\n{indent(told, '  ')}"
+            if path.read_bytes() != expected.encode():
+                yield Fault(where, "is not what the bag's own record of it says")
+        try:
+            for fault in _differences(information, walks):
+                yield Fault(where, fault)
+        except _ERRORS:
+            yield Fault(where, "is no rosbag2 metadata of a known version")
+        listed = {walk.path.name for walk in walks}
+        for file in sorted(self.bag.path.glob("*.mcap")):
+            if file.name not in listed:
+                yield Fault(self.bag.subject.place(file), f"is not listed in {METADATA_NAME}")
+
+
+def _differences(information: dict[str, Any], walks: list[Walk]) -> Iterator[str]:
+    if not 4 <= information["version"] <= 9:
+        yield f"has version {information['version']}"
+    yield from _span("", information, walks)
+    names = information["relative_file_paths"]
+    for entry in information.get("files") or []:
+        parts = [walk for walk in walks if walk.path.name == entry["path"]]
+        if entry["path"] not in names or not parts:
+            yield f"tells of a file {entry['path']!r} that it does not list"
+        else:
+            yield from _span(f"of {entry['path']}, ", entry, parts)
+    told = {entry["topic_metadata"]["name"]: entry for entry in information["topics_with_message_count"]}
+    real = {topic.name: topic for walk in walks for topic in walk.topics.values()}
+    for name in sorted(told.keys() ^ real.keys()):
+        if name in real or told[name]["message_count"]:
+            yield f"{name} is {'not listed' if name in real else 'listed, but not in the bag'}"
+    for name in sorted(told.keys() & real.keys()):
+        topic, entry = told[name]["topic_metadata"], told[name]
+        count = sum(_count(walk, name) for walk in walks)
+        if entry["message_count"] != count:
+            yield f"{name}: {entry['message_count']} messages are told, {count} are there"
+        if topic["type"] != real[name].type:
+            yield f"{name}: the type {topic['type']} is told, the bag has {real[name].type}"
+        profiles = topic["offered_qos_profiles"]
+        text = profiles if isinstance(profiles, str) else yaml.safe_dump(profiles)
+        if tuple(parse_qos(text)) != real[name].qos:
+            yield f"{name}: another QoS is told than the bag has"
+
+
+def _count(walk: Walk, name: str) -> int:
+    return sum(count for channel, count in walk.counts.items() if walk.topics[channel].name == name)
+
+
+def _span(prefix: str, told: dict[str, Any], walks: list[Walk]) -> Iterator[str]:
+    """Count and times of some files together."""
+    count = sum(sum(walk.counts.values()) for walk in walks)
+    if told["message_count"] != count:
+        yield f"{prefix}{told['message_count']} messages are told, {count} are there"
+    firsts = [walk.first_ns for walk in walks if walk.first_ns is not None]
+    lasts = [walk.last_ns for walk in walks if walk.last_ns is not None]
+    if not firsts:
+        return
+    if told["starting_time"]["nanoseconds_since_epoch"] != min(firsts):
+        yield f"{prefix}it tells another start than that of the first message, {min(firsts)} ns"
+    if abs(told["duration"]["nanoseconds"] - (max(lasts) - min(firsts))) > 1:  # some recorders count the end
+        yield f"{prefix}it tells another duration than {max(lasts) - min(firsts)} ns"

@@ -1,0 +1,95 @@
+"""Whether topics have the rates that the scenario asks of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import ceil
+from typing import NamedTuple
+
+from pydantic import ValidationError
+
+from advpipe.pipeline.bag.topics import CLOCK, TF, VehicleTopics
+from advpipe.pipeline.scenario.attacks import NS_PER_S
+from advpipe.pipeline.scenario.models import Scenario
+from advpipe.stages.verify.checks.base import MessageCheck, Seen
+from advpipe.stages.verify.result import Fault, Gap, Result
+from advpipe.stages.verify.subject import Bag
+
+TOLERANCE = 0.005
+"""Sums of rounded periods may be a little off."""
+
+RECOVERED_KEY = "recovered"
+
+
+class _Expected(NamedTuple):
+    """A rate, and how many messages that makes; None where nothing tells."""
+
+    rate_hz: float
+    messages: int | None
+
+
+class Rates(MessageCheck):
+    """Of a whole drive that advpipe recorded. Adversarial bags of chosen frames are compared elsewhere."""
+
+    def __init__(self, bag: Bag) -> None:
+        super().__init__(bag)
+        self._first_ns: dict[str, int] = {}
+        self._last_ns: dict[str, int] = {}
+        self._counts: dict[str, int] = {}
+
+    def see(self, seen: Seen) -> Iterator[Result]:
+        name, time_ns = seen.raw.topic.name, seen.raw.log_time_ns
+        self._first_ns.setdefault(name, time_ns)
+        self._last_ns[name] = time_ns
+        self._counts[name] = self._counts.get(name, 0) + 1
+        return iter(())
+
+    def check(self) -> Iterator[Result]:
+        if not self.bag.is_own or self.bag.is_attack:
+            return
+        try:
+            scenario = Scenario.model_validate(self.bag.scenario)
+        except ValidationError:
+            yield Gap(self.bag.place, "rates: its scenario is none of this version of advpipe")
+            return
+        is_whole = RECOVERED_KEY not in self.bag.provenance
+        for name, expected in expected_rates(scenario).items():
+            where, count = f"{self.bag.place} {name}", self._counts.get(name, 0)
+            if is_whole and expected.messages is not None and count != expected.messages:
+                yield Fault(where, f"holds {count} messages; the scenario makes {expected.messages}")
+            elif count > 1:
+                rate_hz = (count - 1) * NS_PER_S / max(self._last_ns[name] - self._first_ns[name], 1)
+                if abs(rate_hz - expected.rate_hz) > TOLERANCE * expected.rate_hz:
+                    yield Fault(
+                        where, f"comes at {rate_hz:.3f} Hz; the scenario asks {expected.rate_hz:g} Hz"
+                    )
+
+
+def expected_rates(scenario: Scenario) -> dict[str, _Expected]:
+    """By topic, those that a scenario alone decides.
+
+    A vehicle that follows a trajectory comes and goes with it: nothing is expected of it.
+    """
+    clock, sensors = scenario.simulation, scenario.sensors
+    step_hz = 1 / clock.step_s
+
+    def every(steps: int) -> _Expected:
+        return _Expected(step_hz / steps, ceil(clock.frames / steps))
+
+    rates = {CLOCK.name: every(1), TF.name: every(1)}
+    for vehicle, options in scenario.vehicles.items():
+        if options.driver == "trajectory":
+            continue
+        topics = VehicleTopics(vehicle)
+        for topic in (topics.odometry, topics.true_odometry):
+            rates[topic.name] = every(1)
+        rates[topics.gnss_fix.name] = _Expected(step_hz / sensors.gnss.steps_per_fix(clock.step_s), None)
+        rates[topics.imu.name] = _Expected(sensors.imu.rate_hz, None)
+        own = {name: lidar for name, lidar in sensors.lidars.items() if lidar.vehicle == vehicle}
+        turns = {name: round(step_hz / lidar.rotation_frequency) for name, lidar in own.items()}
+        for name, steps in turns.items():
+            rates[VehicleTopics(vehicle, name).lidar_points.name] = every(steps)
+        if len(set(turns.values())) == 1:
+            for topic in (topics.objects, topics.road_users):
+                rates[topic.name] = every(next(iter(turns.values())))
+    return rates

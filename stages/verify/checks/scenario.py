@@ -1,0 +1,64 @@
+"""Whether the files beside a bag say what the bag says: scenario.yaml, attack.yaml, /scenario/info."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import yaml
+
+from advpipe.pipeline.bag.plain_yaml import LIMIT_BYTES, load
+from advpipe.pipeline.bag.topics import SCENARIO_INFO
+from advpipe.pipeline.dataset.layout import SCENARIO_NAME
+from advpipe.stages.verify.checks.base import MessageCheck, Seen
+from advpipe.stages.verify.result import Fault, Result
+
+ATTACK_NAME = "attack.yaml"
+_HIDDEN = ("kind", "scenario")  # what attack.yaml leaves out
+_JSON = ("parameters", "attacks", "versions")
+
+
+class ScenarioFiles(MessageCheck):
+    """Word for word, where the program writes them so."""
+
+    def see(self, seen: Seen) -> Iterator[Result]:
+        if seen.raw.topic.name != SCENARIO_INFO.name or self.bag.scenario is None or seen.message is None:
+            return
+        try:
+            told = json.loads(seen.message.data)
+        except (ValueError, RecursionError):
+            told = None
+        if told != self.bag.scenario and told != {}:
+            yield Fault(seen.where, "is not the scenario in the bag's provenance")
+
+    def check(self) -> Iterator[Result]:
+        subject, provenance = self.bag.subject, self.bag.provenance
+        if subject.layout is not None and "scenario" in provenance:
+            path = subject.root / SCENARIO_NAME
+            if not path.is_file():
+                yield Fault(SCENARIO_NAME, "is missing")
+            elif path.stat().st_size > LIMIT_BYTES or path.read_bytes() != provenance["scenario"].encode():
+                yield Fault(SCENARIO_NAME, f"is not the scenario in {self.bag.place}")
+        if self.bag.is_attack and self.bag.path.is_dir():
+            yield from self._attack_file()
+
+    def _attack_file(self) -> Iterator[Result]:
+        path = self.bag.path / ATTACK_NAME
+        where = self.bag.subject.place(path)
+        if not path.is_file():
+            yield Fault(where, "is missing")
+            return
+        try:
+            text = path.read_bytes()[: LIMIT_BYTES + 1].decode()
+            told = load(text)
+        except (yaml.YAMLError, ValueError, RecursionError):
+            yield Fault(where, "is no YAML")
+            return
+        expected: dict[str, Any] = {
+            key: json.loads(value) if key in _JSON else value
+            for key, value in self.bag.provenance.items()
+            if key not in _HIDDEN
+        }
+        if told != expected or yaml.safe_dump(told, sort_keys=True) != text:
+            yield Fault(where, "is not the attack in the bag's provenance")

@@ -1,0 +1,45 @@
+"""The checks by name, in the order in which they run and are told."""
+
+from __future__ import annotations
+
+from advpipe.stages.verify.checks.base import BagCheck, FolderCheck
+from advpipe.stages.verify.checks.boxes import BoxesHoldPoints
+from advpipe.stages.verify.checks.cams import Cams
+from advpipe.stages.verify.checks.checksums import Checksums
+from advpipe.stages.verify.checks.container import Container
+from advpipe.stages.verify.checks.copies import Copies
+from advpipe.stages.verify.checks.crcs import Crcs
+from advpipe.stages.verify.checks.fixes import Fixes
+from advpipe.stages.verify.checks.metadata import MetadataYaml
+from advpipe.stages.verify.checks.points import Points
+from advpipe.stages.verify.checks.provenance import Provenance
+from advpipe.stages.verify.checks.qos import QualityOfService
+from advpipe.stages.verify.checks.rates import Rates
+from advpipe.stages.verify.checks.scenario import ScenarioFiles
+from advpipe.stages.verify.checks.signature import Signature
+from advpipe.stages.verify.checks.time import Time
+from advpipe.stages.verify.checks.transforms import Transforms
+from advpipe.stages.verify.checks.types import Types
+
+CHECKS: dict[str, type[FolderCheck] | type[BagCheck]] = {
+    "checksums": Checksums,
+    "signature": Signature,
+    "crcs": Crcs,
+    "container": Container,
+    "metadata": MetadataYaml,
+    "scenario": ScenarioFiles,
+    "provenance": Provenance,
+    "types": Types,
+    "qos": QualityOfService,
+    "rates": Rates,
+    "time": Time,
+    "transforms": Transforms,
+    "boxes": BoxesHoldPoints,
+    "copies": Copies,
+    "points": Points,
+    "cams": Cams,
+    "fixes": Fixes,
+}
+
+QUICK = ("checksums", "signature", "crcs")
+"""Those that read every byte once and unpack nothing."""

@@ -1,0 +1,86 @@
+"""What verifying finds, and what it cannot tell."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+from typing import NamedTuple
+
+FAULTS_A_PLACE = 5
+"""Of faults of one check at one place, so many are told one by one; the others are counted."""
+
+
+class Fault(NamedTuple):
+    """Something is not as it is claimed to be. where: a relative path, perhaps with more behind it."""
+
+    where: str
+    what: str
+
+
+class Gap(NamedTuple):
+    """Something cannot be checked, and why."""
+
+    where: str
+    what: str
+
+
+Result = Fault | Gap
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A fault, or a gap, with the name of the check that found it; `str` is one line."""
+
+    check: str
+    where: str
+    what: str
+
+    def __str__(self) -> str:
+        return " ".join(f"{self.where}: {self.what} [{self.check}]".split())
+
+
+@dataclass
+class Verification:
+    """findings: what is wrong. unchecked: what could not be told. checks: those that ran.
+
+    In both lists, faults of one check at one place beyond `FAULTS_A_PLACE` are one line with their number.
+    """
+
+    path: str
+    checks: tuple[str, ...]
+    findings: list[Finding] = field(default_factory=list)
+    unchecked: list[Finding] = field(default_factory=list)
+    _counts: Counter[tuple[type, str, str]] = field(default_factory=Counter)
+
+    @property
+    def is_good(self) -> bool:
+        return not self.findings
+
+    def add(self, check: str, results: Iterable[Result]) -> None:
+        """Keep what a check found."""
+        for result in results:
+            place = type(result), check, result.where
+            self._counts[place] += 1
+            if self._counts[place] <= FAULTS_A_PLACE:
+                kept = self.findings if isinstance(result, Fault) else self.unchecked
+                kept.append(Finding(check, *result))
+
+    def close(self) -> None:
+        """Say how many were left out."""
+        for (kind, check, where), count in self._counts.items():
+            if count > FAULTS_A_PLACE:
+                kept = self.findings if kind is Fault else self.unchecked
+                kept.append(Finding(check, where, f"and {count - FAULTS_A_PLACE} more of the kind"))
+        self._counts.clear()
+
+    def to_json(self) -> str:
+        plain = {
+            "path": self.path,
+            "good": self.is_good,
+            "checks": self.checks,
+            "findings": [asdict(finding) for finding in self.findings],
+            "unchecked": [asdict(finding) for finding in self.unchecked],
+        }
+        return json.dumps(plain, indent=2)

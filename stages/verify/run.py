@@ -1,0 +1,107 @@
+"""Checks everything that a data set or a bag claims."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from advpipe.pipeline.dataset import archive
+from advpipe.pipeline.dataset.parts import existing_parts, whole_name
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.progress import track
+from advpipe.stages.verify.checks.base import BagCheck, FolderCheck, MessageCheck, Seen
+from advpipe.stages.verify.checks.signature import Signature
+from advpipe.stages.verify.registry import CHECKS, QUICK
+from advpipe.stages.verify.result import Fault, Gap, Verification
+from advpipe.stages.verify.subject import Bag, Subject, find_subject
+from advpipe.stages.verify.walk import Walk
+
+__all__ = ["verify"]
+
+
+def verify(path: Path, *, quick: bool = False, key: Path | None = None) -> Verification:
+    """What is wrong with a data set, a bag, an .mcap file or an archive; memory stays flat.
+
+    quick: checksums, signature and the checksums in the bags alone. key: the signer's public key (PEM). An
+    archive is unpacked where temporary files go. Raises AdvpipeError for a path that names none of them, and
+    for a key that is none.
+    """
+    if key is not None:
+        from advpipe.pipeline.dataset.signature import load_public_key
+
+        load_public_key(key)
+    names = QUICK if quick else tuple(CHECKS)
+    result = Verification(str(path), names)
+    with _opened(Path(path), result) as subject:
+        if subject is not None:
+            _run(subject, names, key, result)
+    result.close()
+    return result
+
+
+@contextmanager
+def _opened(path: Path, result: Verification) -> Iterator[Subject | None]:
+    """What a path names; of an archive, what it holds. None where that cannot be unpacked: a finding."""
+    whole = whole_name(path)
+    if not (path.is_file() or existing_parts(whole)) or whole.suffix != ".tar":
+        yield find_subject(path)
+        return
+    with tempfile.TemporaryDirectory() as scratch:
+        try:
+            folder = archive.unpack(path, Path(scratch) / whole.stem)
+        except AdvpipeError as error:
+            result.add("archive", [Fault(path.name, str(error))])
+            yield None
+            return
+        yield find_subject(folder)
+
+
+def _run(subject: Subject, names: tuple[str, ...], key: Path | None, result: Verification) -> None:
+    if subject.layout is not None:
+        for left in subject.layout.unfinished:
+            result.add("container", [Fault(subject.place(left), "was left by a job that has not ended")])
+    for name in names:
+        check_class = CHECKS[name]
+        if issubclass(check_class, FolderCheck):
+            check = check_class(subject)
+            if isinstance(check, Signature):
+                check.key = key
+            try:
+                result.add(name, check.check())
+            except (AdvpipeError, OSError) as error:
+                result.add(name, [Fault(subject.root.name, str(error))])
+    if names == QUICK:
+        return
+    if subject.layout is None and not subject.bags:
+        result.add("container", [Gap(subject.root.name, "the clean bag cannot be read: no more is checked")])
+    for bag in subject.bags:
+        _check_bag(bag, names, result)
+
+
+def _check_bag(bag: Bag, names: tuple[str, ...], result: Verification) -> None:
+    """One pass over all messages, and then what only the whole bag tells."""
+    try:
+        files, _ = bag.files, bag.provenance
+        count = sum(info.count for info in bag.reader.topics.values())
+    except AdvpipeError as error:
+        result.add("container", [Fault(bag.place, str(error))])
+        return
+    classes = {name: CHECKS[name] for name in names}
+    checks = {name: made(bag) for name, made in classes.items() if issubclass(made, BagCheck)}
+    watching = [(name, check) for name, check in checks.items() if isinstance(check, MessageCheck)]
+    bag.walks = [Walk(file) for file in files]
+    messages = (raw for walk in bag.walks for raw in walk.messages())
+    for raw in track(messages, f"checking {bag.place}", count):
+        seen = Seen(bag, raw)
+        for name, watcher in watching:
+            result.add(name, watcher.see(seen))
+    for name, check in checks.items():
+        try:
+            result.add(name, check.check())
+        except AdvpipeError as error:
+            result.add(name, [Fault(bag.place, str(error))])
+        except (LookupError, TypeError, ValueError) as error:  # a record of another shape than ours
+            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+            result.add(name, [Fault(bag.place, f"what it says of itself cannot be understood: {reason}")])

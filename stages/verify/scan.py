@@ -1,0 +1,122 @@
+"""One pass over a file's bytes: SHA-256 in one thread, the checksums of MCAP in another."""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+import zlib
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+from mcap.opcode import Opcode
+from mcap.records import DataEnd, Footer, Header
+from mcap.writer import MCAP0_MAGIC
+
+from advpipe.pipeline.bag.mcap_file import DAMAGE
+from advpipe.pipeline.bag.mcap_records import HEAD, parse, read_records
+from advpipe.pipeline.bag.mcap_summary import FOOTER_BYTES
+
+BLOCK_BYTES = 4 << 20
+_MAGIC_BYTES = len(MCAP0_MAGIC)
+_DATA_END_BYTES = HEAD.size + 4
+_CRC_BYTES = 4
+OWN_LIBRARY = "advpipe"
+"""What our writer puts into the header: it leaves no checksum out."""
+
+
+@dataclass(frozen=True)
+class FileScan:
+    """A file's SHA-256, and what is wrong with an .mcap file's checksums.
+
+    covered: whether the checksums of the data section and of the summary cover all of it.
+    """
+
+    sha256: str
+    faults: tuple[str, ...] = ()
+    covered: bool = True
+
+
+@dataclass(frozen=True)
+class _Span:
+    """Bytes of a file and the CRC-32 that they are to have; 0 for none."""
+
+    name: str
+    start: int
+    end: int
+    crc: int
+
+
+def scan(path: Path) -> FileScan:
+    """Reads a file once, block by block. Raises OSError alone."""
+    sha256, spans, fault = hashlib.sha256(), list[_Span](), ""
+    with path.open("rb") as stream, ThreadPoolExecutor(1) as hasher:
+        covered, is_own = True, False
+        if path.suffix == ".mcap":
+            try:
+                spans, is_own = list(_spans(stream)), _is_own(stream)
+                covered = all(span.crc for span in spans)
+            except DAMAGE as error:
+                fault = f"no whole MCAP file: {error}" if str(error) else "no whole MCAP file"
+        stream.seek(0)
+        crcs, place, waiting = [0] * len(spans), 0, None
+        while block := stream.read(BLOCK_BYTES):
+            if waiting is not None:
+                waiting.result()
+            waiting = hasher.submit(sha256.update, block)
+            for index, span in enumerate(spans):
+                part = memoryview(block)[max(span.start - place, 0) : max(span.end - place, 0)]
+                if span.crc and part:
+                    crcs[index] = zlib.crc32(part, crcs[index])
+            place += len(block)
+        if waiting is not None:
+            waiting.result()
+    faults = [fault] if fault else []
+    for span, crc in zip(spans, crcs, strict=True):
+        if span.crc and crc != span.crc:
+            faults.append(f"the checksum of the {span.name} is wrong")
+        elif not span.crc and is_own:
+            faults.append(f"the checksum of the {span.name} is missing, which advpipe always writes")
+    return FileScan(sha256.hexdigest(), tuple(faults), covered)
+
+
+def _spans(stream: IO[bytes]) -> Iterator[_Span]:
+    """What the file's checksums cover: together all of it but themselves and the last magic."""
+    size = stream.seek(0, 2)
+    stream.seek(max(size - _MAGIC_BYTES, 0))
+    if stream.read() != MCAP0_MAGIC or size < 2 * _MAGIC_BYTES + FOOTER_BYTES:
+        raise ValueError("its end is missing")
+    stream.seek(0)
+    if stream.read(_MAGIC_BYTES) != MCAP0_MAGIC:
+        raise ValueError("wrong first bytes")
+    footer_start, end = size - _MAGIC_BYTES - FOOTER_BYTES, size - _MAGIC_BYTES
+    footer = parse(*_record(stream, footer_start, end))
+    if not isinstance(footer, Footer):
+        raise ValueError("its footer is missing")
+    data_end_start = (footer.summary_start or footer_start) - _DATA_END_BYTES
+    if data_end_start < _MAGIC_BYTES:
+        raise ValueError("its footer names a place that is none")
+    data_end = parse(*_record(stream, data_end_start, data_end_start + _DATA_END_BYTES))
+    if not isinstance(data_end, DataEnd):
+        raise ValueError("the data section does not end where the summary begins")
+    yield _Span("data section", 0, data_end_start, data_end.data_section_crc)
+    start = footer.summary_start or footer_start
+    yield _Span("summary", start, end - _CRC_BYTES, footer.summary_crc)
+
+
+def _record(stream: IO[bytes], start: int, end: int) -> tuple[int, bytes]:
+    """The one record between two places."""
+    record = next(read_records(stream, start, end))
+    if record.end != end:
+        raise struct.error(f"the record at {start} has another length than its kind")
+    return record.opcode, record.body
+
+
+def _is_own(stream: IO[bytes]) -> bool:
+    """Whether advpipe wrote the file, as far as its header is to be believed."""
+    end = stream.seek(0, 2)
+    first = next(read_records(stream, _MAGIC_BYTES, end, (Opcode.HEADER,)))
+    header = parse(first.opcode, first.body) if first.body else None
+    return isinstance(header, Header) and header.library == OWN_LIBRARY

@@ -1,0 +1,162 @@
+"""What is verified: a data set, a bag alone, or what an archive holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from advpipe.pipeline.bag.files import METADATA_NAME, mcap_files
+from advpipe.pipeline.bag.locate import CLEAN_NAME
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.dataset import checksums
+from advpipe.pipeline.dataset.layout import Layout, read_layout
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.stages.verify.scan import FileScan, scan
+from advpipe.stages.verify.walk import Walk
+
+
+@dataclass
+class Bag:
+    """A bag under test: its folder or .mcap file, and its name in findings.
+
+    walks: of its files, filled while the messages are read. candidates: bags that may be its parent.
+    """
+
+    path: Path
+    place: str
+    subject: Subject
+    walks: list[Walk] = field(default_factory=list)
+
+    @cached_property
+    def reader(self) -> BagReader:
+        return BagReader(self.path)
+
+    @cached_property
+    def files(self) -> list[Path]:
+        return mcap_files(self.path)
+
+    @cached_property
+    def provenance(self) -> dict[str, str]:
+        return self.reader.provenance
+
+    @property
+    def is_own(self) -> bool:
+        """Whether advpipe recorded the drive: other tools' bags, and attacks on them, promise less."""
+        return "scenario" in self.provenance
+
+    @property
+    def is_attack(self) -> bool:
+        return self.provenance.get("kind") == "attack"
+
+    @cached_property
+    def scenario(self) -> dict[str, Any] | None:
+        """The resolved scenario as plain values; None in another tool's bag, and where it is unreadable."""
+        import yaml
+
+        from advpipe.pipeline.bag.plain_yaml import load
+
+        try:
+            tree = load(self.provenance.get("scenario", ""))
+        except (yaml.YAMLError, ValueError, RecursionError):
+            return None
+        return tree if isinstance(tree, dict) else None
+
+    @cached_property
+    def sha256(self) -> str:
+        """Over its .mcap files, as an attack on it states it."""
+        if len(self.files) == 1:
+            return self.subject.scan(self.files[0]).sha256
+        return checksums.digests(self.files)
+
+    @cached_property
+    def parent(self) -> Bag | None:
+        """The bag that an attack was made from: the one with the right checksum; None if it is not here."""
+        wanted = self.provenance.get("parent_sha256")
+        for bag in self.subject.candidates:
+            if bag.path != self.path and bag.sha256 == wanted:
+                return bag
+        return None
+
+
+@dataclass
+class Subject:
+    """bags: those that are verified. candidates: those that may be parents; of a lone attack, its siblings.
+
+    root: findings name paths in it.
+    """
+
+    root: Path
+    layout: Layout | None
+    bags: list[Bag] = field(default_factory=list)
+    candidates: list[Bag] = field(default_factory=list)
+    _scans: dict[Path, FileScan] = field(default_factory=dict)
+
+    def scan(self, path: Path) -> FileScan:
+        """Its bytes, read once however often this is asked."""
+        if path not in self._scans:
+            self._scans[path] = scan(path)
+        return self._scans[path]
+
+    def place(self, path: Path) -> str:
+        """How findings name a path."""
+        if path == self.root:
+            return path.name
+        return path.relative_to(self.root).as_posix() if path.is_relative_to(self.root) else str(path)
+
+    @property
+    def has_sums(self) -> bool:
+        return (self.root / checksums.FILE).is_file()
+
+
+def find_subject(path: Path) -> Subject:
+    """What a path names. Raises AdvpipeError for what is neither a data set nor a bag."""
+    path = Path(path)
+    if not path.exists():
+        raise AdvpipeError(f"{path} does not exist; give a data set, a bag, an .mcap file or an archive")
+    if _is_unfinished(path):
+        raise AdvpipeError(
+            f"{path} is what an unfinished job left; run the job to its end, or save it with "
+            "`advpipe recover`"
+        )
+    if path.is_dir() and not (path / CLEAN_NAME).is_dir():
+        return _lone(path)
+    if path.is_dir():
+        return _dataset(path)
+    if path.suffix == ".mcap":
+        return _lone(path)
+    raise AdvpipeError(f"{path} is no data set, no bag, no .mcap file and no archive")
+
+
+def _lone(path: Path) -> Subject:
+    if path.is_dir() and not (path / METADATA_NAME).is_file():
+        raise AdvpipeError(
+            f"{path} is no data set (no {CLEAN_NAME}/) and no bag (no {METADATA_NAME}); give one of them"
+        )
+    root = path if path.is_dir() else path.parent
+    subject = Subject(root, None)
+    subject.bags = [Bag(path, path.name, subject)]
+    beside = path.parent / CLEAN_NAME
+    if path.is_dir() and path != beside and (beside / METADATA_NAME).is_file():
+        subject.candidates = [Bag(beside, CLEAN_NAME, subject)]
+    return subject
+
+
+def _dataset(path: Path) -> Subject:
+    if (path / CLEAN_NAME / METADATA_NAME).is_file():
+        layout: Layout | None = read_layout(path)
+    elif (path / checksums.FILE).is_file():
+        layout = None  # the list of checksums tells what is missing
+    else:
+        raise AdvpipeError(f"{path} is no data set: {CLEAN_NAME}/{METADATA_NAME} is missing")
+    subject = Subject(path, layout)
+    if layout is not None:
+        subject.bags = [Bag(bag, subject.place(bag), subject) for bag in layout.bags]
+        subject.candidates = subject.bags
+    return subject
+
+
+def _is_unfinished(path: Path) -> bool:
+    name = path.resolve().name
+    return name.startswith(".") and (".partial-" in name or name.endswith(".job"))

@@ -1,0 +1,239 @@
+"""One .mcap file from its first byte to its last: every record is read, and nothing may lie between them."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    Channel,
+    ChunkIndex,
+    DataEnd,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+)
+from mcap.writer import MCAP0_MAGIC
+
+from advpipe.pipeline.bag.mcap_file import DAMAGE, ros2_topic
+from advpipe.pipeline.bag.mcap_records import (
+    HEAD,
+    Record,
+    inner_records,
+    parse,
+    parse_chunk,
+    parse_message,
+    parse_message_index,
+    read_records,
+    unpack,
+)
+from advpipe.pipeline.bag.topics import RawMessage, Topic
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.stages.verify.claims import check_claims
+
+FIRST_PRIVATE_OPCODE = 0x80
+
+
+@dataclass
+class Walk:
+    """What a file really holds, filled by `messages`; faults: what is wrong with how it holds it.
+
+    counts: messages by channel. first_ns, last_ns: log times, None without messages.
+    """
+
+    path: Path
+    faults: list[str] = field(default_factory=list)
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    topics: dict[int, Topic] = field(default_factory=dict)
+    counts: dict[int, int] = field(default_factory=dict)
+    chunks: list[ChunkIndex] = field(default_factory=list)
+    metadata: list[MetadataIndex] = field(default_factory=list)
+    records: dict[str, dict[str, str]] = field(default_factory=dict)
+    attachments: int = 0
+    first_ns: int | None = None
+    last_ns: int | None = None
+    _places: dict[int, list[tuple[int, int]]] = field(default_factory=dict)
+    _texts: dict[int, str] = field(default_factory=dict)
+
+    def messages(self) -> Iterator[RawMessage]:
+        """All messages in the order of the file; a chunk that is damaged is left out, and a fault."""
+        try:
+            yield from self._messages()
+        except OSError as error:
+            self.faults.append(f"cannot be read: {error.strerror or error}")
+        except DAMAGE as error:
+            self.faults.append(f"damaged or cut off: {error}" if str(error) else "damaged or cut off")
+        except AdvpipeError as error:  # channels of another kind than ROS 2's
+            self.faults.append(str(error))
+
+    def _messages(self) -> Iterator[RawMessage]:
+        size = self.path.stat().st_size
+        end, crc = size - len(MCAP0_MAGIC), zlib.crc32(MCAP0_MAGIC)
+        with self.path.open("rb") as stream:
+            if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+                raise ValueError("wrong first bytes")
+            stream.seek(max(end, 0))
+            if stream.read() != MCAP0_MAGIC or end < len(MCAP0_MAGIC):
+                raise ValueError("the end is missing")
+            for record in read_records(stream, len(MCAP0_MAGIC), end):
+                if record.opcode == Opcode.DATA_END:
+                    self._end_chunk(record.start)
+                    told = parse(record.opcode, record.body)
+                    if isinstance(told, DataEnd) and told.data_section_crc not in (0, crc):
+                        self.faults.append("the checksum of the data section is wrong")
+                    self.check_bytes(record, told)
+                    check_claims(self, read_records(stream, record.end, end), record.end)
+                    return
+                crc = zlib.crc32(record.body, zlib.crc32(HEAD.pack(record.opcode, len(record.body)), crc))
+                yield from self._record(record)
+        raise ValueError("the data section does not end")
+
+    def _record(self, record: Record) -> Iterator[RawMessage]:
+        if record.start == len(MCAP0_MAGIC) and record.opcode != Opcode.HEADER:
+            self.faults.append("the header is missing")
+        if record.opcode == Opcode.MESSAGE_INDEX:
+            self._message_index(record)
+            return
+        self._end_chunk(record.start)
+        if record.opcode == Opcode.CHUNK:
+            yield from self._chunk(record)
+        elif record.opcode == Opcode.MESSAGE:
+            yield from self._message(memoryview(record.body))
+        else:
+            told = parse(record.opcode, record.body)
+            self.check_bytes(record, told)
+            self._define(record, told)
+
+    def _define(self, record: Record, told: McapRecord | None) -> None:
+        if isinstance(told, Header):
+            if told.profile != "ros2":
+                self.faults.append(f"the profile is {told.profile!r}, not ros2")
+        elif isinstance(told, (Schema, Channel)):
+            self._add_definition(told)
+        elif isinstance(told, Metadata):
+            if told.name in self.records:
+                self.faults.append(f"there are two metadata records {told.name!r}")
+            self.records[told.name] = told.metadata
+            self.metadata.append(MetadataIndex(record.start, record.end - record.start, told.name))
+        elif isinstance(told, Attachment):
+            self.attachments += 1
+        elif told is not None or record.opcode < FIRST_PRIVATE_OPCODE:
+            self.faults.append(f"a record of kind {record.opcode:#04x} at {record.start} has no place there")
+
+    def _add_definition(self, told: Schema | Channel) -> None:
+        """A schema or a channel; what is told twice must be told alike."""
+        if isinstance(told, Schema):
+            if self.schemas.setdefault(told.id, told) != told:
+                self.faults.append(f"schema {told.id} is defined in two ways")
+            return
+        if self.channels.setdefault(told.id, told) != told:
+            self.faults.append(f"channel {told.id} is defined in two ways")
+        elif told.id not in self.topics:
+            schema = self.schemas.get(told.schema_id)
+            if schema is None:
+                raise ValueError(f"{told.topic} has a schema that nothing defines")
+            self.topics[told.id] = ros2_topic(self.path, told, schema)
+            self._texts[told.id] = schema.data.decode()
+
+    def _chunk(self, record: Record) -> Iterator[RawMessage]:
+        try:
+            chunk = parse_chunk(record.body)
+            data = unpack(chunk)
+        except DAMAGE as error:
+            self.faults.append(f"the chunk at {record.start} is damaged: {error}")
+            return
+        self._places = {}
+        for opcode, offset, body in inner_records(data):
+            if opcode == Opcode.MESSAGE:
+                for raw in self._message(body):
+                    place = raw.log_time_ns, offset
+                    self._places.setdefault(parse_message(body).channel_id, []).append(place)
+                    yield raw
+            else:
+                told = parse(opcode, body)
+                if not isinstance(told, (Schema, Channel)) or _bytes_of(told)[HEAD.size :] != body:
+                    raise ValueError(f"a record in the chunk at {record.start} is none that belongs there")
+                self._add_definition(told)
+        times_ns = [time_ns for places in self._places.values() for time_ns, _ in places]
+        span_ns = (min(times_ns), max(times_ns)) if times_ns else (0, 0)
+        if (chunk.message_start_time, chunk.message_end_time) != span_ns:
+            self.faults.append(f"the chunk at {record.start} states other times than its messages have")
+        self.chunks.append(
+            ChunkIndex(
+                chunk_length=record.end - record.start,
+                chunk_start_offset=record.start,
+                compression=chunk.compression,
+                compressed_size=len(chunk.data),
+                message_end_time=chunk.message_end_time,
+                message_index_length=0,
+                message_index_offsets={},
+                message_start_time=chunk.message_start_time,
+                uncompressed_size=chunk.uncompressed_size,
+            )
+        )
+
+    def _message(self, body: memoryview) -> Iterator[RawMessage]:
+        message = parse_message(body)
+        if message.channel_id not in self.topics:
+            self.faults.append(f"a message of channel {message.channel_id}, which nothing defines")
+            return
+        schema = self.schemas[self.channels[message.channel_id].schema_id]
+        time_ns = message.log_time_ns
+        self.counts[message.channel_id] = self.counts.get(message.channel_id, 0) + 1
+        self.first_ns = time_ns if self.first_ns is None else min(self.first_ns, time_ns)
+        self.last_ns = time_ns if self.last_ns is None else max(self.last_ns, time_ns)
+        yield RawMessage(
+            self.topics[message.channel_id],
+            self._texts[message.channel_id],
+            bytes(message.data),
+            time_ns,
+            message.publish_time_ns,
+            message.sequence,
+            schema.encoding,
+        )
+
+    def _message_index(self, record: Record) -> None:
+        channel_id, entries = parse_message_index(record.body)
+        if not self.chunks or not len(entries):
+            if not self.chunks:
+                self.faults.append(f"the message index at {record.start} follows no chunk")
+            return
+        real = self._places.pop(channel_id, [])
+        if not np.array_equal(_sorted(entries), _sorted(np.array(real, np.uint64).reshape(-1, 2))):
+            self.faults.append(f"the message index at {record.start} is not that of its chunk")
+        chunk = self.chunks[-1]
+        chunk.message_index_offsets[channel_id] = record.start
+        chunk.message_index_length += record.end - record.start
+
+    def _end_chunk(self, place: int) -> None:
+        """The indexes of a chunk end where another record begins."""
+        if self._places and self.chunks and self.chunks[-1].message_index_offsets:
+            self.faults.append(f"a message index is missing before {place}")
+        self._places = {}
+
+    def check_bytes(self, record: Record, told: McapRecord | None) -> None:
+        """Each record has one spelling, so that no bit of it can change unseen."""
+        if told is None or (isinstance(told, Attachment) and record.body[-4:] == bytes(4)):
+            return
+        if _bytes_of(told) != record.bytes:
+            self.faults.append(f"the record at {record.start} holds bytes that say nothing")
+
+
+def _bytes_of(record: McapRecord) -> bytes:
+    builder = RecordBuilder()
+    record.write(builder)
+    return bytes(builder.end())  # type: ignore[no-untyped-call]
+
+
+def _sorted(entries: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
+    return entries[np.lexsort((entries[:, 1], entries[:, 0]))]
