@@ -14,10 +14,12 @@ from advpipe.pipeline.cli.export import export
 from advpipe.pipeline.cli.one_line_errors import OneLineErrors
 from advpipe.pipeline.cli.run import run
 from advpipe.pipeline.cli.schema import schema
+from advpipe.pipeline.cli.share import share
 from advpipe.pipeline.cli.simulate import simulate
 from advpipe.pipeline.cli.sweep import sweep
 from advpipe.pipeline.cli.train import import_weights, train
 from advpipe.pipeline.cli.unpack import unpack
+from advpipe.pipeline.cli.verify import verify
 
 app = typer.Typer(
     cls=OneLineErrors,
@@ -37,10 +39,12 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "run": run,
     "train": train,
     "import-weights": import_weights,
+    "share": share,
     "unpack": unpack,
     "inspect": inspect,
     "plot": plot,
     "recover": recover,
+    "verify": verify,
     "schema": schema,
 }
 for word, command in COMMANDS.items():

@@ -52,7 +52,7 @@ def read_layout(folder: Path) -> Layout:
     if not folder.is_dir():
         what = "is no folder" if folder.exists() else "does not exist"
         raise AdvpipeError(f"{folder} {what}; give a data set, a folder with {CLEAN_NAME}/")
-    if not (folder / CLEAN_NAME / METADATA_NAME).is_file():
+    if not is_dataset(folder):
         raise AdvpipeError(
             f"{folder} is no data set: it holds no {CLEAN_NAME}/{METADATA_NAME}; `advpipe simulate` makes one"
         )
@@ -66,6 +66,11 @@ def read_layout(folder: Path) -> Layout:
         _if_file(folder / CARD_NAME),
         tuple(sorted(path for path in folder.rglob("*") if _is_unfinished(path.name))),
     )
+
+
+def is_dataset(folder: Path) -> bool:
+    """Whether a folder holds a clean bag."""
+    return (folder / CLEAN_NAME / METADATA_NAME).is_file()
 
 
 def files(folder: Path) -> list[str]:

@@ -7,23 +7,26 @@ marked in orange.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
-from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from advpipe.pipeline.bag.cloud import Cloud, xyz
-from advpipe.pipeline.geometry.boxes import box_corners
+from advpipe.pipeline.bag.cloud import xyz
+from advpipe.pipeline.birds_eye import (
+    ADDED,
+    INK,
+    MOVED,
+    REMOVED,
+    SOFT,
+    TRUTH,
+    Limits,
+    draw_boxes,
+    draw_points,
+    draw_rings,
+    prepare_axes,
+)
 from advpipe.stages.evaluate.report.scene import Scene, View, crop
-from advpipe.stages.evaluate.report.style import INK, LOST, PREDICTION, SOFT, TRUTH
-
-Float64 = npt.NDArray[np.float64]
-Limits = tuple[float, float, float, float]
-
-REMOVED, ADDED, MOVED = "#f08c00", "#c2189b", "#7a3ff2"
-HEIGHTS = LinearSegmentedColormap.from_list("heights", ["#c3cad3", "#8d98a6", "#4a5766", "#141b24"])
+from advpipe.stages.evaluate.report.style import LOST, PREDICTION
 
 ZOOM_M = 12.0
 """Side of the picture of one object."""
@@ -110,39 +113,19 @@ def draw_view(
     axes: Axes, scene: Scene, view: View, limits: Limits, point_area: float, rings: bool = True
 ) -> None:
     """One cloud of a scene with its boxes on these axes; rings: of distance, and thinner lines."""
-    axes.set_aspect("equal")
-    axes.set_xlim(limits[3], limits[2])  # y points left
-    axes.set_ylim(limits[0], limits[1])
-    axes.set_xticks([])
-    axes.set_yticks([])
-    for spine in axes.spines.values():
-        spine.set_color("#c9d1da")
+    prepare_axes(axes, limits)
     if rings:
-        _draw_rings(axes, limits)
-    _draw_points(axes, view.cloud, limits, point_area)
+        draw_rings(axes, limits)
+    draw_points(axes, view.cloud, limits, point_area)
     _draw_changes(axes, scene, view, point_area)
     boxes, evaluated = scene.truth.boxes.geometry, scene.truth.is_evaluated
     line = 1.2 if rings else 2.0
-    _draw_boxes(axes, boxes[~evaluated], TRUTH, line * 0.7, linestyle="dotted", alpha=0.7)
-    _draw_boxes(axes, boxes[evaluated], TRUTH, line * 1.8)  # wider, so that it shows beside a prediction
-    _draw_boxes(axes, view.predictions, PREDICTION, line)
+    draw_boxes(axes, boxes[~evaluated], TRUTH, line * 0.7, linestyle="dotted", alpha=0.7)
+    draw_boxes(axes, boxes[evaluated], TRUTH, line * 1.8)  # wider, so that it shows beside a prediction
+    draw_boxes(axes, view.predictions, PREDICTION, line)
     # A lost object is one of the attacked cloud; on a clean bag alone, one that is missed.
     if scene.after is None or view is scene.after:
-        _draw_boxes(axes, boxes[scene.lost], LOST, line * 1.5, linestyle="dashed", grow_m=0.7, heading=False)
-
-
-def _draw_points(axes: Axes, cloud: Cloud, limits: Limits, area: float) -> None:
-    points = xyz(cloud)
-    x, y = points[:, 0], points[:, 1]
-    points = points[(x > limits[0]) & (x < limits[1]) & (y > limits[2]) & (y < limits[3])]
-    if not len(points):
-        return
-    ground_m = float(np.quantile(points[:, 2], 0.05))
-    points = points[np.argsort(points[:, 2], kind="stable")]  # high ones on top
-    axes.scatter(
-        points[:, 1], points[:, 0], s=area, c=points[:, 2], cmap=HEIGHTS, vmin=ground_m, vmax=ground_m + 2.2,
-        linewidths=0, rasterized=True, zorder=2,
-    )  # fmt: skip
+        draw_boxes(axes, boxes[scene.lost], LOST, line * 1.5, linestyle="dashed", grow_m=0.7, heading=False)
 
 
 def _draw_changes(axes: Axes, scene: Scene, view: View, area: float) -> None:
@@ -160,50 +143,6 @@ def _draw_changes(axes: Axes, scene: Scene, view: View, area: float) -> None:
     for indices, colour in ((scene.change.added, ADDED), (scene.change.moved, MOVED)):
         points = xyz(view.cloud[indices])
         axes.scatter(points[:, 1], points[:, 0], color=colour, s=area * 4.5, linewidths=0, zorder=3)
-
-
-def _draw_boxes(
-    axes: Axes,
-    boxes: Float64,
-    colour: str,
-    width: float,
-    *,
-    linestyle: str = "solid",
-    alpha: float = 1.0,
-    grow_m: float = 0.0,
-    heading: bool = True,
-) -> None:
-    """Outlines with a short line out of the front."""
-    if not len(boxes):
-        return
-    grown = boxes.copy()
-    grown[:, 3:5] += 2 * grow_m
-    corners = box_corners(grown)[:, :4, :2]
-    lines = [np.append(c, c[:1], axis=0)[:, ::-1] for c in corners]
-    if heading:
-        front = (corners[:, 0] + corners[:, 3]) / 2
-        tip = front + 0.35 * (front - grown[:, :2])
-        lines += [np.stack([a, b])[:, ::-1] for a, b in zip(front, tip, strict=True)]
-    axes.add_collection(
-        LineCollection(lines, colors=colour, linewidths=width, linestyles=linestyle, alpha=alpha, zorder=4)
-    )
-
-
-def _draw_rings(axes: Axes, limits: Limits) -> None:
-    """Circles every 20 m around the sensor, and the sensor as an arrow."""
-    angle = np.linspace(0, 2 * np.pi, 361)
-    farthest = np.hypot(max(abs(limits[0]), abs(limits[1])), max(abs(limits[2]), abs(limits[3])))
-    for radius in range(20, int(farthest) + 1, 20):
-        axes.plot(
-            radius * np.sin(angle), radius * np.cos(angle), color="#dbe1e8", linewidth=0.8, zorder=1,
-            scalex=False, scaley=False,
-        )  # fmt: skip
-        if limits[0] < radius < limits[1] - 1:
-            axes.text(
-                0, radius, f"{radius} m", fontsize=8, color="#7b8794", ha="center", va="center", zorder=5,
-                bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.85},
-            )  # fmt: skip
-    axes.fill([0.0, 1.1, 0.0, -1.1], [2.4, -1.6, -0.7, -1.6], color=INK, zorder=6)
 
 
 def _draw_frame_of(axes: Axes, limits: Limits) -> None:

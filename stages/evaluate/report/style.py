@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from matplotlib.axes import Axes
 
-TRUTH, PREDICTION, LOST = "#1d5fd1", "#d61f26", "#f08c00"
-"""Truth in blue and predictions in red, as in the paper's figures."""
+from advpipe.pipeline.birds_eye import INK, LINE, SOFT, TRUTH
 
-INK, SOFT, LINE, BASELINE = "#1b2430", "#5c6876", "#c9d1da", "#7b8794"
+__all__ = ["BASELINE", "CLASS_COLOURS", "INK", "LINE", "LOST", "PREDICTION", "SOFT", "TRUTH", "plain_axes"]
+
+PREDICTION, LOST = "#d61f26", "#f08c00"
+"""Truth is in blue and predictions in red, as in the paper's figures."""
+
+BASELINE = "#7b8794"
 
 CLASS_COLOURS = {"car": "#1b2430", "truck": "#0b8a8a", "cyclist": "#c26a00", "pedestrian": "#7a3ff2"}
 

@@ -1,0 +1,50 @@
+"""The command that makes a data set ready to publish."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from advpipe.pipeline.cli.shared import Overwrite
+
+
+def share(
+    dataset: Annotated[Path, typer.Argument(help="Data set folder.")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="Folder to make, or NAME.tar.", show_default="shared/<name>"),
+    ] = None,
+    split_mb: Annotated[
+        int | None, typer.Option("--split-mb", help="Parts of an archive: NAME.tar.000 and so on.", min=1)
+    ] = None,
+    sign: Annotated[
+        Path | None,
+        typer.Option("--sign", help="Sign with this Ed25519 private key in PEM (needs advpipe[sign])."),
+    ] = None,
+    licence: Annotated[
+        str | None, typer.Option("--licence", help="SPDX identifier, such as CC-BY-4.0.")
+    ] = None,
+    citation: Annotated[
+        str | None, typer.Option("--citation", help="How to cite it: a text, or a file such as a .bib.")
+    ] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Make a data set ready to publish, as a folder or an archive; the data set itself is not touched.
+
+    Card, pictures, layouts for Foxglove and RViz, contracts for checkers, checksums, provenance, signature.
+    """
+    from advpipe.stages.share.options import citation_text
+    from advpipe.stages.share.run import ShareOptions
+    from advpipe.stages.share.run import share as run
+
+    size_bytes = None if split_mb is None else split_mb * 1_000_000
+    options = ShareOptions(licence, citation_text(citation), sign, size_bytes, overwrite)
+    summary = run(dataset, out or Path("shared") / dataset.resolve().name, options)
+    for path in summary.made:
+        print(path)
+    print(f"{summary.files} files, {summary.bytes / 1e6:.1f} MB")
+    for remark in summary.remarks:
+        print(f"note: {remark}", file=sys.stderr)

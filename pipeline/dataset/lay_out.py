@@ -1,0 +1,58 @@
+"""A data set's files, which may lie anywhere, as one folder that appears when it is whole."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+
+from advpipe.pipeline.dataset import checksums
+from advpipe.pipeline.dataset.layout import is_dataset
+from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, writing
+from advpipe.pipeline.partial import PartialFolder
+from advpipe.pipeline.progress import track
+
+_COPY_BYTES = 1 << 20
+
+
+def lay_out(files: Mapping[str, Path], folder: Path, *, overwrite: bool = False) -> None:
+    """Copy files, SHA256SUMS among them, to their relative paths in a new folder.
+
+    Raises AdvpipeError for a file that is not what SHA256SUMS says, and for a folder that exists; with
+    `overwrite`, one that `lay_out` made is replaced.
+    """
+
+    def may_replace(old: Path) -> bool:
+        return overwrite and is_dataset(old) and (old / checksums.FILE).is_file()
+
+    if folder.exists():
+        if not overwrite:
+            raise OutputExistsError(folder)
+        if not may_replace(folder):
+            raise AdvpipeError(
+                f"{folder} is no shared data set (it has no {checksums.FILE}), not replacing it; choose "
+                "another name"
+            )
+    sums = checksums.parse(checksums.read_bytes(files[checksums.FILE]), files[checksums.FILE])
+    partial = PartialFolder(folder)
+    try:
+        with writing(folder):
+            for name in track(sorted(files), f"copying to {folder}"):
+                digest = _copy(files[name], partial.path / name)
+                if name not in checksums.UNLISTED and digest != sums.get(name):
+                    raise AdvpipeError(f"{files[name]} changed while it was copied; nothing was written")
+        partial.commit(may_replace)
+    except BaseException:
+        partial.discard()
+        raise
+
+
+def _copy(source: Path, target: Path) -> str:
+    """The SHA-256 of what was copied."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    sha256 = hashlib.sha256()
+    with source.open("rb") as stream, target.open("xb") as out:
+        while block := stream.read(_COPY_BYTES):
+            sha256.update(block)
+            out.write(block)
+    return sha256.hexdigest()

@@ -1,0 +1,79 @@
+"""Everything that sharing adds to a data set, but checksums and signature."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
+
+from advpipe.pipeline.bag.v2x_picture import draw_bag
+from advpipe.pipeline.dataset.layout import CARD_NAME, Layout
+from advpipe.pipeline.progress import track
+from advpipe.stages.share import names
+from advpipe.stages.share.baglint_spec import baglint_spec
+from advpipe.stages.share.card import write_card
+from advpipe.stages.share.facts import BagFacts
+from advpipe.stages.share.foxglove import foxglove_layout
+from advpipe.stages.share.options import ShareOptions
+from advpipe.stages.share.pictures import Picture, draw_attack, draw_clean
+from advpipe.stages.share.rviz import rviz_config
+from advpipe.stages.share.tracecheck_contract import tracecheck_contract
+
+_OWN_PACKAGE = "advpipe_msgs/"
+
+
+def write_additions(
+    made: Path,
+    name: str,
+    found: Layout,
+    bags: Sequence[BagFacts],
+    sums: Mapping[str, str],
+    clean_sha256: str,
+    options: ShareOptions,
+    remarks: Sequence[str],
+) -> None:
+    """Write them below the folder `made`; bags: the clean one first."""
+    clean = bags[0]
+    for folder in (names.CHECKS, names.PLAY):
+        (made / folder).mkdir()
+    for bag in bags:
+        title = f"{name}/{bag.path.name}"
+        (made / names.baglint_name(bag.path.name)).write_text(baglint_spec(bag), encoding="utf-8")
+        (made / names.tracecheck_name(bag.path.name)).write_text(
+            tracecheck_contract(bag, title), encoding="utf-8"
+        )
+    (made / names.FOXGLOVE).write_text(foxglove_layout(clean), encoding="utf-8")
+    (made / names.RVIZ).write_text(rviz_config(clean), encoding="utf-8")
+    if any(topic.type.startswith(_OWN_PACKAGE) for topic in clean.topics.values()):
+        _write_messages(made / names.MESSAGES / _OWN_PACKAGE)
+    pictures = _draw(clean, bags[1:], made / names.FIGURES)
+    text = write_card(name, found, bags, sums, clean_sha256, options, remarks, pictures)
+    (made / CARD_NAME).write_text(text, encoding="utf-8")
+
+
+def _write_messages(folder: Path) -> None:
+    """The ROS 2 package of our own types, for colcon to build."""
+    source = files("advpipe.pipeline.bag.msgs")
+    (folder / "msg").mkdir(parents=True)
+    for file in (source / "CMakeLists.txt", source / "package.xml"):
+        (folder / file.name).write_bytes(file.read_bytes())
+    for file in (source / "msg").iterdir():
+        if file.name.endswith(".msg"):
+            (folder / "msg" / file.name).write_bytes(file.read_bytes())
+
+
+def _draw(clean: BagFacts, attacks: Sequence[BagFacts], folder: Path) -> list[Picture]:
+    """Of the first LiDAR by name, and of V2X where there is any."""
+    folder.mkdir()
+    pictures: list[Picture] = []
+    if clean.lidars:
+        topic = clean.lidars[0].name
+        pictures.append(draw_clean(clean.path, topic, folder))
+        for bag in track(attacks, "drawing"):
+            if any(lidar.name == topic for lidar in bag.lidars):
+                picture = draw_attack(clean.path, bag.path, topic, folder)
+                pictures += [picture] if picture else []
+    if clean.description.v2x is not None:
+        draw_bag(clean.path, folder / "v2x.png")
+        pictures.append(Picture("v2x.png", "The clean drive's V2X: CAM rates, delivery by distance, load."))
+    return pictures

@@ -1,0 +1,224 @@
+"""The data set card: README.md, with the front matter that Hugging Face reads."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from importlib.resources import files
+from typing import Any, NamedTuple
+
+import yaml
+from jinja2 import Environment, StrictUndefined
+
+from advpipe.pipeline.bag.files import mcap_files
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.dataset.layout import Layout
+from advpipe.stages.share import names
+from advpipe.stages.share.effects import effect_tables
+from advpipe.stages.share.facts import CLOUD_TYPE, BagFacts, TopicFacts
+from advpipe.stages.share.options import ShareOptions
+from advpipe.stages.share.pictures import Picture
+
+_HUB_LICENCES = (
+    "apache-2.0", "mit", "cc0-1.0", "cc-by-4.0", "cc-by-sa-4.0", "cc-by-nc-4.0", "cc-by-nc-sa-4.0", "odbl",
+    "gpl-3.0", "bsd-3-clause",
+)  # fmt: skip
+"""Those of Hugging Face's keys that are SPDX identifiers in lower case; others are `other` there."""
+
+_WHAT = {
+    "scenario.yaml": "the scenario, every default spelt out; `advpipe simulate` makes the drive of it again",
+    "clean": "the recorded drive, a rosbag2 folder",
+    "reports": "measured effect of the attacks",
+    names.CHECKS: "what each bag promises, for baglint and Backplane Tracecheck",
+    names.PLAY: "layouts for Foxglove and RViz",
+    names.FIGURES: "the pictures of this page",
+    names.MESSAGES: "our own message types, a ROS 2 package",
+}  # fmt: skip
+_POINT_TYPES = {1: "i1", 2: "u1", 3: "<i2", 4: "<u2", 5: "<i4", 6: "<u4", 7: "<f4", 8: "<f8"}
+"""numpy's names of sensor_msgs/PointField's types."""
+
+
+class _Attack(NamedTuple):
+    name: str
+    title: str
+    parameters: str
+    seed: str
+    frames: str
+
+
+def write_card(
+    name: str,
+    found: Layout,
+    bags: Sequence[BagFacts],
+    sums: Mapping[str, str],
+    clean_sha256: str,
+    options: ShareOptions,
+    remarks: Sequence[str],
+    pictures: Sequence[Picture],
+) -> str:
+    """The card's text; bags: the clean one first. sums: checksums of the data set's files, by path."""
+    clean, attacks = bags[0], bags[1:]
+    scenario = _scenario(clean)
+    first = clean.lidars[0] if clean.lidars else next(iter(clean.topics.values()))
+    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True)
+    environment.filters["cell"] = cell
+    template = environment.from_string(
+        (files("advpipe.stages.share") / "card.md").read_text(encoding="utf-8")
+    )
+    return template.render(
+        front_matter=_front_matter(name, clean, attacks, options),
+        mark=names.CARD_MARK,
+        name=name,
+        description=" ".join(str(scenario.get("description") or "").split()),
+        is_simulated=clean.provenance.get("kind") == "clean",
+        version=_json(clean, "versions").get("advpipe", ""),
+        clean=clean,
+        bags=bags,
+        attacks=[_attack(bag) for bag in attacks],
+        pictures=pictures,
+        contents=list(_contents(found, bags, pictures)),
+        digest_of=lambda bag: _digest_of(bag, found, sums),
+        chain=_chain(attacks, clean_sha256),
+        rate=_rate,
+        lidars=(scenario.get("sensors") or {}).get("lidars") or {},
+        origin=_origin(clean, scenario),
+        effects=effect_tables(found.reports),
+        has_messages=any(topic.type.startswith("advpipe_msgs/") for topic in clean.topics.values()),
+        first_topic=first.name,
+        first_fields=_numpy_fields(clean, first),
+        clean_file=mcap_files(clean.path)[0].name,
+        is_signed=options.sign is not None,
+        licence=options.licence or "None stated: ask the author before you use the data.",
+        citation=f"```\n{options.citation}\n```" if options.citation else "None given.",
+        remarks=remarks,
+        own_words=_own_words(found),
+    )
+
+
+def cell(text: object) -> str:
+    """Text as a cell of a table in Markdown."""
+    return " ".join(str(text).split()).replace("|", "\\|")
+
+
+def _front_matter(name: str, clean: BagFacts, attacks: Sequence[BagFacts], options: ShareOptions) -> str:
+    tags = ["autonomous-driving", "simulation", "ros2", "mcap"]
+    tags += ["lidar", "point-cloud"] if clean.lidars else []
+    tags += ["v2x"] if clean.description.v2x is not None else []
+    tags += ["adversarial-attacks", "robustness"] if attacks else []
+    document: dict[str, Any] = {"pretty_name": name, "tags": tags}
+    if options.licence is not None:
+        is_known = options.licence.lower() in _HUB_LICENCES
+        document["license"] = options.licence.lower() if is_known else "other"
+        if not is_known:
+            document["license_name"] = options.licence
+    if clean.truths:
+        document["task_categories"] = ["object-detection"]
+    return f"---\n{yaml.safe_dump(document, sort_keys=False, allow_unicode=True)}---"
+
+
+def _scenario(clean: BagFacts) -> dict[str, Any]:
+    """The resolved scenario of the drive's record; empty for another tool's bag."""
+    try:
+        document = yaml.safe_load(clean.provenance.get("scenario", ""))
+    except yaml.YAMLError:
+        return {}
+    return document if isinstance(document, dict) else {}
+
+
+def _json(bag: BagFacts, key: str) -> dict[str, Any]:
+    """An entry of a bag's record that is JSON; empty where it is none."""
+    try:
+        document = json.loads(bag.provenance.get(key, "{}"))
+    except ValueError:
+        return {}
+    return document if isinstance(document, dict) else {}
+
+
+def _origin(clean: BagFacts, scenario: Mapping[str, Any]) -> dict[str, str]:
+    """Map, seed and versions, as far as the bag says."""
+    about = clean.provenance
+    sources = {key: value for key, value in (scenario.get("map") or {}).items() if key != "origin" and value}
+    facts = {
+        "scenario": about.get("scenario_name", ""),
+        "map": ", ".join(f"{key} {value}" for key, value in sources.items()),
+        "map's SHA-256": about.get("map_sha256", ""),
+        "seed": about.get("seed", ""),
+    }
+    if origin := (scenario.get("map") or {}).get("origin"):
+        facts["origin"] = (
+            f"{origin['latitude_deg']}° N, {origin['longitude_deg']}° E, {origin['altitude_m']} m"
+        )
+    versions = _json(clean, "versions")
+    facts["versions"] = ", ".join(f"{package} {number}" for package, number in versions.items() if number)
+    return {key: value for key, value in facts.items() if value} or {
+        "recorded by": "another tool than advpipe"
+    }
+
+
+def _attack(bag: BagFacts) -> _Attack:
+    about = bag.provenance
+    recipe = about.get("recipe", "")
+    title = about.get("attack", "unknown") + (f", recipe {recipe}" if recipe else "")
+    words = ", ".join(f"{key} {json.dumps(value)}" for key, value in _json(bag, "parameters").items())
+    return _Attack(bag.path.name, title, words, about.get("seed", ""), about.get("frames", ""))
+
+
+def _contents(
+    found: Layout, bags: Sequence[BagFacts], pictures: Sequence[Picture]
+) -> Iterator[dict[str, str]]:
+    for bag in bags:
+        what = _WHAT.get(bag.path.name) or "an adversarial version of it, playable alone, with its labels"
+        yield {"name": bag.path.name, "link": bag.path.name, "size": f"{bag.description.bytes / 1e6:.1f} MB",
+               "what": what}  # fmt: skip
+    if found.scenario is not None:
+        yield {"name": "scenario.yaml", "link": "scenario.yaml", "size": "", "what": _WHAT["scenario.yaml"]}
+    for report in found.reports:
+        place = report.relative_to(found.folder).as_posix()
+        page = f"{place}/report.html" if (report / "report.html").is_file() else place
+        yield {"name": place, "link": page, "size": "", "what": _WHAT["reports"]}
+    folders = [names.PLAY, names.CHECKS, *([names.FIGURES] if pictures else [])]
+    if any(topic.type.startswith("advpipe_msgs/") for topic in bags[0].topics.values()):
+        folders.append(names.MESSAGES)
+    for folder in folders:
+        yield {"name": folder, "link": folder, "size": "", "what": _WHAT[folder]}
+
+
+def _digest_of(bag: BagFacts, found: Layout, sums: Mapping[str, str]) -> str:
+    of_bag = [sums[file.relative_to(found.folder).as_posix()] for file in mcap_files(bag.path)]
+    return of_bag[0] if len(of_bag) == 1 else "several files, see SHA256SUMS"
+
+
+def _chain(attacks: Sequence[BagFacts], clean_sha256: str) -> str:
+    """What ties the adversarial bags to the clean one; run.py refused any that states another parent."""
+    tied = [bag.path.name for bag in attacks if bag.provenance.get("parent_sha256") == clean_sha256]
+    if not tied:
+        return ""
+    bags = ", ".join(f"`{bag}`" for bag in tied)
+    return f"Provenance: the records of {bags} name the clean bag's SHA-256, of which they were made."
+
+
+def _rate(topic: TopicFacts) -> str:
+    if topic.count == 1:
+        return "once"
+    return f"{topic.rate_hz:.1f} Hz" if topic.rate_hz else ""
+
+
+def _numpy_fields(clean: BagFacts, topic: TopicFacts) -> str:
+    """The structured type of a cloud topic's points as Python text; empty for another topic."""
+    if topic.type != CLOUD_TYPE:
+        return ""
+    _, message = next(BagReader(clean.path).messages(topic.name))
+    fields = message.fields
+    parts = {
+        "names": [field.name for field in fields],
+        "formats": [_POINT_TYPES[field.datatype] for field in fields],
+        "offsets": [int(field.offset) for field in fields],
+        "itemsize": int(message.point_step),
+    }
+    return f"np.dtype({parts})"
+
+
+def _own_words(found: Layout) -> str:
+    """What the author wrote into the data set's README.md, unless sharing made that."""
+    text = found.card.read_text(encoding="utf-8", errors="replace") if found.card else ""
+    return "" if names.CARD_MARK in text else text.strip()

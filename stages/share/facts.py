@@ -1,0 +1,158 @@
+"""What a bag holds, as its descriptions for others need it; read in one pass over its messages."""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from advpipe.pipeline.bag.inspect import BagDescription, describe
+from advpipe.pipeline.bag.messages import NS_PER_S
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.topics import TF, TF_STATIC, RawMessage, VehicleTopics, is_truth
+
+CLOUD_TYPE = "sensor_msgs/msg/PointCloud2"
+_HEADER_FIRST = re.compile(r"(?:\s*(?:#[^\n]*)?\n)*\s*std_msgs/(?:msg/)?Header\s+header\b")
+_HEADER = struct.Struct("<iII")  # seconds, nanoseconds, length of the frame's name
+_MOST_FRAMES = 8
+
+
+@dataclass
+class TopicFacts:
+    """One topic: when its messages were logged, and what their headers say.
+
+    max_gap_ns: the longest time between two messages. is_counted: whether the sequence numbers go up by
+    one. has_good_stamps: whether every message has a header, with stamps that never repeat or go back.
+    frames: the header's frames, at most eight.
+    """
+
+    name: str
+    type: str
+    schema: str
+    schema_encoding: str
+    count: int = 0
+    first_ns: int = 0
+    last_ns: int = 0
+    max_gap_ns: int = 0
+    is_counted: bool = True
+    has_good_stamps: bool = True
+    frames: list[str] = field(default_factory=list)
+    _sequence: int = -1
+    _stamp_ns: int = 0
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Mean over the topic's own span; None for fewer than two messages."""
+        span_ns = self.last_ns - self.first_ns
+        return (self.count - 1) * NS_PER_S / span_ns if span_ns > 0 else None
+
+    def add(self, raw: RawMessage) -> None:
+        if self.count:
+            self.max_gap_ns = max(self.max_gap_ns, raw.log_time_ns - self.last_ns)
+            self.is_counted &= raw.sequence == (self._sequence + 1) % 2**32
+        else:
+            self.first_ns = raw.log_time_ns
+        self.count += 1
+        self.last_ns, self._sequence = raw.log_time_ns, raw.sequence
+        self._add_header(raw.cdr)
+
+    def _add_header(self, cdr: bytes) -> None:
+        if not self.has_good_stamps:
+            return
+        if len(cdr) < 16 or cdr[1] != 1 or not _HEADER_FIRST.match(self.schema):
+            self.has_good_stamps = False
+            return
+        seconds, nanoseconds, length = _HEADER.unpack_from(cdr, 4)
+        stamp_ns = seconds * NS_PER_S + nanoseconds
+        self.has_good_stamps = stamp_ns > self._stamp_ns
+        self._stamp_ns = stamp_ns
+        frame = cdr[16 : 15 + length].decode("utf-8", "replace")
+        if frame and frame not in self.frames and len(self.frames) < _MOST_FRAMES:
+            self.frames.append(frame)
+
+
+@dataclass
+class Edge:
+    """A transform's life: the stamps of its first and last message, and the longest time between two."""
+
+    is_static: bool
+    first_ns: int
+    last_ns: int
+    max_gap_ns: int = 0
+
+
+@dataclass(frozen=True)
+class BagFacts:
+    """One bag of a data set.
+
+    transforms: by parent and child frame. description: what `advpipe inspect` says.
+    """
+
+    path: Path
+    description: BagDescription
+    topics: Mapping[str, TopicFacts]
+    transforms: Mapping[tuple[str, str], Edge]
+
+    @property
+    def provenance(self) -> Mapping[str, str]:
+        return self.description.provenance
+
+    @property
+    def lidars(self) -> list[TopicFacts]:
+        return [topic for topic in self.topics.values() if topic.type == CLOUD_TYPE]
+
+    @property
+    def vehicles(self) -> list[str]:
+        """The namespaces with clouds or true odometry, the ego first."""
+        found = {topic.name.split("/")[1] for topic in self.lidars if topic.name.count("/") > 1}
+        found |= {name.split("/")[1] for name in self.topics if name.endswith("/ground_truth/odometry")}
+        return sorted(found, key=lambda name: (name != VehicleTopics().vehicle, name))
+
+    @property
+    def root_frame(self) -> str:
+        """The frame above all others; `map` where there is none or several."""
+        children = {child for _, child in self.transforms}
+        roots = sorted({parent for parent, _ in self.transforms} - children)
+        return roots[0] if len(roots) == 1 else "map"
+
+    @property
+    def markers(self) -> list[str]:
+        return [name for name, topic in self.topics.items() if topic.type.endswith("/MarkerArray")]
+
+    @property
+    def truths(self) -> list[str]:
+        """Topics with the true boxes."""
+        return [
+            name
+            for name, topic in self.topics.items()
+            if topic.type.endswith("/Detection3DArray") and is_truth(name)
+        ]
+
+
+def read_facts(path: Path) -> BagFacts:
+    """Read a whole bag, with every checksum that it has; raises AdvpipeError where it is damaged."""
+    description, reader = describe(path), BagReader(path)
+    topics: dict[str, TopicFacts] = {}
+    transforms: dict[tuple[str, str], Edge] = {}
+    for raw in reader.raw_messages():
+        name = raw.topic.name
+        if name not in topics:
+            topics[name] = TopicFacts(name, raw.topic.type, raw.schema, raw.schema_encoding)
+        topics[name].add(raw)
+        if name in (TF.name, TF_STATIC.name):
+            _add_transforms(transforms, reader, raw)
+    return BagFacts(path, description, dict(sorted(topics.items())), transforms)
+
+
+def _add_transforms(edges: dict[tuple[str, str], Edge], reader: BagReader, raw: RawMessage) -> None:
+    for transform in reader.decode(raw).transforms:
+        pair = (transform.header.frame_id, transform.child_frame_id)
+        stamp = transform.header.stamp
+        stamp_ns = stamp.sec * NS_PER_S + stamp.nanosec
+        if (edge := edges.get(pair)) is None:
+            edges[pair] = Edge(raw.topic.name == TF_STATIC.name, stamp_ns, stamp_ns)
+        else:
+            edge.max_gap_ns = max(edge.max_gap_ns, stamp_ns - edge.last_ns)
+            edge.last_ns = stamp_ns

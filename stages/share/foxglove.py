@@ -1,0 +1,103 @@
+"""A layout for Foxglove and Lichtblick that shows a data set's scene at once."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from advpipe.pipeline.bag.topics import VehicleTopics
+from advpipe.stages.share.facts import BagFacts
+
+_SCENE, _SPEED, _TOPICS = "3D!scene", "Plot!speed", "RawMessages!objects"
+
+
+def foxglove_layout(bag: BagFacts) -> str:
+    """JSON that `Layouts > Import from file` takes: the scene from above the ego, its speed, its objects.
+
+    Panels and keys are those of the layouts that Foxglove exports (version 2 of its 3D panel).
+    """
+    vehicle = bag.vehicles[0] if bag.vehicles else VehicleTopics().vehicle
+    panels: dict[str, Any] = {_SCENE: _scene(bag, vehicle)}
+    below = []
+    if (odometry := VehicleTopics(vehicle).true_odometry.name) in bag.topics:
+        panels[_SPEED] = _plot(f"{odometry}.twist.twist.linear.x", "speed, m/s")
+        below.append(_SPEED)
+    if bag.truths:
+        panels[_TOPICS] = {"topicPath": bag.truths[0], "diffEnabled": False, "expansion": "none"}
+        below.append(_TOPICS)
+    layout: Any = _SCENE
+    if below:
+        side = below[0] if len(below) == 1 else {"first": below[0], "second": below[1], "direction": "column"}
+        layout = {"first": _SCENE, "second": side, "direction": "row", "splitPercentage": 72}
+    document = {
+        "configById": panels,
+        "globalVariables": {},
+        "userNodes": {},
+        "playbackConfig": {"speed": 1},
+        "layout": layout,
+    }
+    return json.dumps(document, indent=1) + "\n"
+
+
+def _scene(bag: BagFacts, vehicle: str) -> dict[str, Any]:
+    topics: dict[str, Any] = {
+        lidar.name: {
+            "visible": True,
+            "colorMode": "colormap",
+            "colorMap": "turbo",
+            "colorField": "intensity",
+            "pointSize": 2,
+        }
+        for lidar in bag.lidars
+    }
+    topics |= {name: {"visible": True} for name in bag.markers}
+    return {
+        "cameraState": {
+            "perspective": True,
+            "distance": 70,
+            "phi": 55,
+            "thetaOffset": 90,
+            "targetOffset": [0, 0, 0],
+            "target": [0, 0, 0],
+            "targetOrientation": [0, 0, 0, 1],
+            "fovy": 45,
+            "near": 0.5,
+            "far": 5000,
+        },
+        "followMode": "follow-pose",
+        "followTf": _followed_frame(bag, vehicle),
+        "scene": {"backgroundColor": "#10141a"},
+        "transforms": {},
+        "topics": topics,
+        "layers": {
+            "grid": {
+                "visible": True,
+                "layerId": "foxglove.Grid",
+                "instanceId": "grid",
+                "frameId": _followed_frame(bag, vehicle),
+                "size": 200,
+                "divisions": 20,
+                "lineWidth": 1,
+                "color": "#24476b",
+                "position": [0, 0, 0],
+                "rotation": [0, 0, 0],
+            }
+        },
+    }
+
+
+def _plot(path: str, label: str) -> dict[str, Any]:
+    return {
+        "paths": [{"value": path, "label": label, "enabled": True, "timestampMethod": "receiveTime"}],
+        "showXAxisLabels": True,
+        "showYAxisLabels": True,
+        "showLegend": True,
+        "isSynced": True,
+        "xAxisVal": "timestamp",
+    }
+
+
+def _followed_frame(bag: BagFacts, vehicle: str) -> str:
+    """The vehicle's own frame where transforms lead to it."""
+    frame = VehicleTopics(vehicle).base_frame
+    return frame if any(frame in pair for pair in bag.transforms) else bag.root_frame

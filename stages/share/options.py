@@ -1,0 +1,50 @@
+"""What a user says about a data set to be shared."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from advpipe.pipeline.errors import AdvpipeError
+
+_SPDX = re.compile(r"[A-Za-z0-9][A-Za-z0-9.+-]*(?: (?:AND|OR|WITH) [A-Za-z0-9][A-Za-z0-9.+-]*)*")
+_CITATION_LIMIT_BYTES = 100_000
+
+
+@dataclass(frozen=True)
+class ShareOptions:
+    """licence: an SPDX identifier or expression. citation: text. sign: a private key in PEM."""
+
+    licence: str | None = None
+    citation: str | None = None
+    sign: Path | None = None
+    split_size_bytes: int | None = None
+    overwrite: bool = False
+
+    def __post_init__(self) -> None:
+        if self.licence is not None and not _SPDX.fullmatch(self.licence):
+            raise AdvpipeError(
+                f"licence {self.licence!r} is no SPDX identifier, such as CC-BY-4.0 or LicenseRef-mine "
+                "(https://spdx.org/licenses)"
+            )
+
+
+NOTHING_SAID = ShareOptions()
+
+
+def citation_text(text_or_file: str | None) -> str | None:
+    """The text, or that of the file it names."""
+    if text_or_file is None:
+        return None
+    path = Path(text_or_file)
+    try:
+        if "\n" in text_or_file or not path.is_file():
+            return text_or_file
+        if path.stat().st_size > _CITATION_LIMIT_BYTES:
+            raise AdvpipeError(f"{path} is too large for a citation")
+        return path.read_text(encoding="utf-8").strip()
+    except UnicodeDecodeError:
+        raise AdvpipeError(f"{path} is no text in UTF-8") from None
+    except OSError:  # too long for a file's name: a text
+        return text_or_file

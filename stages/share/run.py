@@ -1,0 +1,121 @@
+"""Make a data set ready to publish: everything that others need to use it and to believe it."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from advpipe.pipeline.bag.files import mcap_files
+from advpipe.pipeline.bag.provenance import parent_sha256
+from advpipe.pipeline.dataset import checksums, layout, signature
+from advpipe.pipeline.dataset.archive import pack
+from advpipe.pipeline.dataset.lay_out import lay_out
+from advpipe.pipeline.dataset.layout import Layout, read_layout
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.progress import track
+from advpipe.stages.share import names
+from advpipe.stages.share.additions import write_additions
+from advpipe.stages.share.chain import check_chain
+from advpipe.stages.share.facts import read_facts
+from advpipe.stages.share.options import NOTHING_SAID, ShareOptions
+from advpipe.stages.share.remarks import remarks_on
+
+__all__ = ["ShareOptions", "ShareSummary", "share"]
+
+
+@dataclass(frozen=True)
+class ShareSummary:
+    """made: the folder, or the archive's files. remarks: what its reader should know, or its author mend."""
+
+    made: tuple[Path, ...]
+    files: int
+    bytes: int
+    remarks: tuple[str, ...]
+
+
+def share(dataset: Path, out: Path, options: ShareOptions = NOTHING_SAID) -> ShareSummary:
+    """Make a folder, or with a name in .tar an archive, that holds a data set and all that explains it.
+
+    Beside the bags, reports and scenario, which are taken as they are, lie a card (README.md), pictures,
+    a layout for Foxglove and one for RViz, what checkers of bags need to check these, and SHA256SUMS,
+    signed where `options.sign` names a key. The data set itself is not touched. Hidden files stay behind.
+
+    Raises AdvpipeError for what is no data set, a job in it that has not ended, an adversarial bag of
+    another parent, a damaged bag, a key that does not fit, and an output that exists.
+    """
+    found = read_layout(dataset)
+    found.refuse_unfinished()
+    _refuse_outputs(found, out, options)
+    if options.sign is not None:
+        signature.load_private_key(options.sign)
+    files = _own_files(found)
+    sums = {
+        name: checksums.digest(path) for name, path in track(files.items(), f"reading {dataset}", len(files))
+    }
+    clean_sha256 = _sha256(found, sums)
+    unchecked = check_chain(found, clean_sha256)
+    bags = [read_facts(bag) for bag in track(found.bags, "describing the bags")]
+    if not bags[0].topics:
+        raise AdvpipeError(f"{found.clean} holds no messages")
+    remarks = (*unchecked, *remarks_on(found, bags, options))
+    name = out.stem if _is_archive(out) else out.name
+    with tempfile.TemporaryDirectory() as scratch:
+        made = Path(scratch)
+        write_additions(made, name, found, bags, sums, clean_sha256, options, remarks)
+        files |= {added: made / added for added in layout.files(made)}
+        sums |= {added: checksums.digest(made / added) for added in layout.files(made)}
+        _write_sums(made, sums, options)
+        files |= {added: made / added for added in checksums.UNLISTED if (made / added).is_file()}
+        size_bytes = sum(path.stat().st_size for path in files.values())
+        if _is_archive(out):
+            outputs = tuple(pack(files, out, options.split_size_bytes, overwrite=options.overwrite))
+        else:
+            lay_out(files, out, overwrite=options.overwrite)
+            outputs = (out,)
+    return ShareSummary(outputs, len(files), size_bytes, remarks)
+
+
+def _is_archive(out: Path) -> bool:
+    return out.suffix == ".tar"
+
+
+def _refuse_outputs(found: Layout, out: Path, options: ShareOptions) -> None:
+    source, target = found.folder.resolve(), out.resolve()
+    if target == source or target in source.parents or source in target.parents:
+        raise AdvpipeError(f"{out} is, holds or lies in the data set {found.folder}; choose another output")
+    if options.split_size_bytes is not None and not _is_archive(out):
+        raise AdvpipeError(
+            f"only an archive can be split: end the output's name in .tar, as in {out.name}.tar"
+        )
+    for bag in found.bags:
+        if bag.name in names.FOLDERS:
+            raise AdvpipeError(f"{bag} has a name that a shared data set needs itself; rename the folder")
+
+
+def _own_files(found: Layout) -> dict[str, Path]:
+    """All but hidden files, and but what an earlier sharing added."""
+    return {
+        name: found.folder / name
+        for name in layout.files(found.folder)
+        if not names.is_made(name) and not any(part.startswith(".") for part in name.split("/"))
+    }
+
+
+def _sha256(found: Layout, sums: Mapping[str, str]) -> str:
+    """The clean bag's `parent_sha256`; of one file, it is known already."""
+    of_bag: Sequence[Path] = mcap_files(found.clean)
+    if len(of_bag) == 1:
+        return sums[of_bag[0].relative_to(found.folder).as_posix()]
+    return parent_sha256(found.clean)
+
+
+def _write_sums(made: Path, sums: dict[str, str], options: ShareOptions) -> None:
+    if options.sign is not None:
+        key = signature.load_private_key(options.sign)
+        (made / signature.KEY_FILE).write_bytes(signature.public_pem(key))
+        sums[signature.KEY_FILE] = checksums.digest(made / signature.KEY_FILE)
+    (made / checksums.FILE).write_bytes(checksums.to_text(sums).encode())
+    if options.sign is not None:
+        signature.sign(made, options.sign)

@@ -1,0 +1,91 @@
+"""A configuration of RViz 2 that shows a data set's scene at once: `rviz2 -d scene.rviz`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import yaml
+
+from advpipe.pipeline.bag.topics import VehicleTopics
+from advpipe.stages.share.facts import BagFacts
+
+_DEFAULT = "rviz_default_plugins"
+
+
+def rviz_config(bag: BagFacts) -> str:
+    """YAML with the clouds, markers, odometry and frames of a bag, seen from behind and above the ego.
+
+    Classes and properties are those of rviz_default_plugins from Humble on.
+    """
+    vehicle = bag.vehicles[0] if bag.vehicles else VehicleTopics().vehicle
+    base_frame = VehicleTopics(vehicle).base_frame
+    odometry = [VehicleTopics(name).odometry.name for name in bag.vehicles]
+    displays = [
+        {"Class": f"{_DEFAULT}/Grid", "Name": "Grid", "Enabled": True, "Cell Size": 10,
+         "Plane Cell Count": 40,
+         "Reference Frame": "<Fixed Frame>"},
+        {"Class": f"{_DEFAULT}/TF", "Name": "TF", "Enabled": True, "Show Arrows": False, "Marker Scale": 5},
+        *(_cloud(lidar.name) for lidar in bag.lidars),
+        *(_display("MarkerArray", name, depth=10) for name in bag.markers),
+        *(_odometry(name) for name in odometry if name in bag.topics),
+    ]  # fmt: skip
+    tools = ("Interact", "MoveCamera", "Select", "FocusCamera", "Measure")
+    document = {
+        "Panels": [
+            {"Class": "rviz_common/Displays", "Name": "Displays"},
+            {"Class": "rviz_common/Views", "Name": "Views"},
+            {"Class": "rviz_common/Time", "Name": "Time", "SyncMode": 0, "SyncSource": ""},
+        ],
+        "Visualization Manager": {
+            "Class": "",
+            "Global Options": {
+                "Fixed Frame": bag.root_frame,
+                "Background Color": "16; 20; 26",
+                "Frame Rate": 30,
+            },
+            "Displays": displays,
+            "Tools": [{"Class": f"{_DEFAULT}/{tool}"} for tool in tools],
+            "Views": {
+                "Current": {
+                    "Class": f"{_DEFAULT}/Orbit",
+                    "Name": "Current View",
+                    "Target Frame": base_frame,
+                    "Distance": 60,
+                    "Pitch": 0.6,
+                    "Yaw": 3.14,
+                    "Focal Point": {"X": 0, "Y": 0, "Z": 0},
+                }
+            },
+        },
+    }
+    return yaml.safe_dump(document, sort_keys=False, allow_unicode=True)
+
+
+def _display(kind: str, topic: str, depth: int) -> dict[str, Any]:
+    return {
+        "Class": f"{_DEFAULT}/{kind}",
+        "Name": topic,
+        "Enabled": True,
+        "Topic": {
+            "Value": topic,
+            "Depth": depth,
+            "History Policy": "Keep Last",
+            "Reliability Policy": "Reliable",
+            "Durability Policy": "Volatile",
+        },
+    }
+
+
+def _cloud(topic: str) -> dict[str, Any]:
+    return _display("PointCloud2", topic, depth=5) | {
+        "Style": "Points",
+        "Size (Pixels)": 2,
+        "Color Transformer": "Intensity",
+        "Channel Name": "intensity",
+        "Autocompute Intensity Bounds": True,
+        "Use rainbow": True,
+    }
+
+
+def _odometry(topic: str) -> dict[str, Any]:
+    return _display("Odometry", topic, depth=10) | {"Keep": 100, "Shape": {"Value": "Arrow"}}
