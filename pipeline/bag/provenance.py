@@ -2,7 +2,8 @@
 
 Keys: `kind` ("clean" or "attack"), `scenario` (YAML), `scenario_name`, `seed`, `versions` (JSON). A
 simulated drive adds `map_sha256`; an attack `parent_sha256`, `attack`, `recipe`, `parameters` (JSON),
-`budget` (the parameter that bounds the attack) and `frames`.
+`budget` (the parameter that bounds the attack), `frames` and `code_sha256` (see `pipeline.code`); one on
+clouds also `lidar_topics` (JSON) and `looks` (at how many tries, where the attack says so).
 """
 
 from __future__ import annotations
@@ -49,10 +50,12 @@ def attack_provenance(
 ) -> dict[str, str]:
     """The record of an adversarial bag made from the bag `parent`, another tool's bag included.
 
-    It keeps the parent's scenario; `seed` is the attack's own; the first parameter is its budget.
+    It keeps the parent's scenario and map; `seed` is the attack's own; the first parameter is its budget.
     """
     inherited = {
-        key: parent_provenance[key] for key in ("scenario_name", "scenario") if key in parent_provenance
+        key: parent_provenance[key]
+        for key in ("scenario_name", "scenario", "map_sha256")
+        if key in parent_provenance
     }
     return {
         **inherited,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Overwrite
+from advpipe.pipeline.cli.shared import BaselineTries, Device, LidarTopic, Overwrite, Workers
 
 
 def evaluate(
@@ -24,6 +24,7 @@ def evaluate(
             show_default="small",
         ),
     ] = None,
+    device: Device = "cpu",
     frames: Annotated[str, typer.Option(help="start:stop:step, counted in the clean bag.")] = "::",
     defence: Annotated[
         list[str] | None,
@@ -37,19 +38,15 @@ def evaluate(
         int, typer.Option(min=0, help="Seed of the bootstrap, the baselines and the defences.")
     ] = 0,
     baseline: Annotated[bool, typer.Option(help="Score the same budget spent at random.")] = True,
-    baseline_tries: Annotated[
-        int, typer.Option(min=1, help="Random tries of which the best one is scored too; 1: only one.")
-    ] = 5,
-    lidar: Annotated[
-        str | None, typer.Option(help="Topic of the clouds, such as /ego/lidar/points, among several.")
-    ] = None,
+    baseline_tries: BaselineTries = None,
+    lidar: LidarTopic = None,
     write_detections: Annotated[
         bool, typer.Option("--write-detections", help="Also write bags that show the detections.")
     ] = False,
     with_clouds: Annotated[
         bool, typer.Option("--with-clouds", help="Keep the clouds in those bags (implies them).")
     ] = False,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes.", show_default="one a core")] = None,
+    workers: Workers = None,
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="Report folder.", show_default="reports/ of the data set"),
@@ -84,6 +81,7 @@ def evaluate(
         workers=workers,
         detections=write_detections or with_clouds,
         with_clouds=with_clouds,
+        device=device,
     )
     print_report(report)
     print(f"report: {target / 'report.html'}")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from advpipe.pipeline.cli.evaluate import detector_slug, evaluate
-from advpipe.pipeline.cli.shared import DetectorName, Overwrite
+from advpipe.pipeline.cli.shared import DetectorName, Device, Overwrite, Workers
 from advpipe.pipeline.cli.simulate import simulate
 
 if TYPE_CHECKING:
@@ -27,7 +27,8 @@ def run(
         list[str] | None, typer.Option("--set", help="Override one key: section.key=value.")
     ] = None,
     detector: DetectorName = "small",
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes.", show_default="one a core")] = None,
+    device: Device = "cpu",
+    workers: Workers = None,
     overwrite: Overwrite = False,
 ) -> None:
     """All stages: simulate a scenario, carry out its attacks, evaluate; goes on where it was stopped.
@@ -40,7 +41,8 @@ def run(
 
     loaded = load_scenario(scenario, settings or ())
     requests = {
-        name: AttackRequest(attacks, loaded.simulation.seed) for name, attacks in loaded.attacks.items()
+        name: AttackRequest(attacks, loaded.simulation.seed, device)
+        for name, attacks in loaded.attacks.items()
     }
     for request in requests.values():
         request.check()  # rather now than after the simulation
@@ -53,10 +55,10 @@ def run(
         _attack(folder / "clean", folder / name, request, workers, overwrite)
     bags = [folder / "clean", *(folder / name for name in requests)]
     report = folder / "reports" / detector_slug(detector)
-    if _is_report_of(report, bags, detector):
+    if _is_report_of(report, bags, detector, device):
         print(f"{report}: kept")
     else:
-        evaluate(bags, [detector], workers=workers, out=report, overwrite=overwrite)
+        evaluate(bags, [detector], device=device, workers=workers, out=report, overwrite=overwrite)
 
 
 def _has_drive(folder: Path, scenario: Scenario, overwrite: bool) -> bool:
@@ -92,8 +94,8 @@ def _attack(clean: Path, bag: Path, request: AttackRequest, workers: int | None,
         print(attack(clean, bag, request, overwrite=overwrite, workers=workers))
 
 
-def _is_report_of(report: Path, bags: Sequence[Path], detector: str) -> bool:
-    """Whether a report tells of just these bags, by their checksums, and of this detector."""
+def _is_report_of(report: Path, bags: Sequence[Path], detector: str, device: str) -> bool:
+    """Whether a report tells of just these bags, by their checksums, and of this detector on this device."""
     from advpipe.pipeline.bag.provenance import parent_sha256
     from advpipe.pipeline.detector.registry import detector_sha256
 
@@ -101,9 +103,8 @@ def _is_report_of(report: Path, bags: Sequence[Path], detector: str) -> bool:
         about = json.loads((report / "report.json").read_text(encoding="utf-8"))["provenance"]
         scored = [about["clean"]["sha256"], *(bag["sha256"] for bag in about["compared"] if bag["sha256"])]
         detectors = [one["sha256"] for one in about["detectors"]]
+        was_here = about.get("device", "cpu") == device.partition(":")[0]
     except (OSError, ValueError, LookupError, TypeError):
         return False
-    return sorted(scored) == sorted(map(parent_sha256, bags)) and detectors in (
-        [],
-        [detector_sha256(detector)],
-    )
+    is_of_bags = sorted(scored) == sorted(map(parent_sha256, bags))
+    return is_of_bags and detectors in ([], [detector_sha256(detector)]) and was_here

@@ -7,12 +7,12 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from advpipe.pipeline.cli.evaluate import detector_slug
-from advpipe.pipeline.cli.shared import DetectorName, Overwrite
+from advpipe.pipeline.cli.shared import BaselineTries, DetectorName, Device, LidarTopic, Overwrite, Workers
 
 if TYPE_CHECKING:
     from advpipe.stages.attack.run import AttackRequest
@@ -23,15 +23,15 @@ if TYPE_CHECKING:
 
 USUAL_FRAMES = 100
 
+RECIPES_HELP = "Recipes of the attacks: best,paper; best+twice takes twice the steps, best+hide hides."
+
 
 def sweep(
     bag: Annotated[
         Path | None, typer.Argument(help="Clean bag or its data set.", show_default="newest data set")
     ] = None,
     table: Annotated[str, typer.Option(help="Whose budgets: paper (all 18 of its Table II).")] = "paper",
-    recipes: Annotated[
-        str, typer.Option("--recipes", "--recipe", help="Recipes of the attacks, such as best,paper.")
-    ] = "best",
+    recipes: Annotated[str, typer.Option("--recipes", "--recipe", help=RECIPES_HELP)] = "best",
     cells: Annotated[
         list[str] | None,
         typer.Option(
@@ -43,15 +43,12 @@ def sweep(
         typer.Option(help="start:stop:step.", show_default="at most 100, equally spaced over the bag"),
     ] = None,
     detector: DetectorName = "small",
+    device: Device = "cpu",
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of the attacks, the baselines and the bootstrap.")
     ] = 0,
-    baseline_tries: Annotated[
-        int, typer.Option(min=1, help="Random tries of which the best one is scored too; 1: only one.")
-    ] = 5,
-    lidar: Annotated[
-        str | None, typer.Option(help="Topic of the clouds, such as /ego/lidar/points, among several.")
-    ] = None,
+    baseline_tries: BaselineTries = None,
+    lidar: LidarTopic = None,
     keep_bags: Annotated[
         bool, typer.Option("--keep-bags", help="Keep the adversarial bags that are made, in bags/.")
     ] = False,
@@ -59,7 +56,7 @@ def sweep(
         int | None,
         typer.Option(min=1, help="Only compute so many finished cells again, drawn by --seed, and compare."),
     ] = None,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes.", show_default="one a core")] = None,
+    workers: Workers = None,
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="Folder.", show_default="reports/sweep-<detector> of the data set"),
@@ -78,14 +75,15 @@ def sweep(
     from advpipe.stages.evaluate.sweep.settings import sweep_settings
     from advpipe.stages.evaluate.sweep.store import Store
     from advpipe.stages.evaluate.sweep.tables import recipes_of
+    from advpipe.stages.evaluate.sweep.variants import is_twice
 
     clean = resolve_bag(bag or newest_dataset(Path("datasets")))
     named = [word.strip() for words in cells or [] for word in words.split(",") if word.strip()]
     budgets = choose_budgets(table, named)
     asked = list(dict.fromkeys(word.strip() for word in recipes.split(",") if word.strip())) or ["best"]
-    settings = sweep_settings(clean, detector, frames, seed, baseline_tries, lidar, USUAL_FRAMES)
+    settings = sweep_settings(clean, detector, frames, seed, baseline_tries, lidar, USUAL_FRAMES, device)
     target = out or clean.parent / "reports" / f"sweep-{detector_slug(detector)}"
-    store, bench = Store(target), _Bench(clean, target, detector, workers, keep_bags)
+    store, bench = Store(target), _Bench(clean, target, detector, workers, keep_bags, device)
     for recipe in asked:
         for budget in budgets:
             bench.request(budget, recipe, settings).check()  # rather now than hours later
@@ -110,7 +108,10 @@ def sweep(
     done = store.cells()
     shown = recipes_of(done, asked)
     pictures = [
-        picture for recipe in shown for picture in _panels(bench, store, recipe, is_new.get(recipe, False))
+        picture
+        for recipe in shown
+        if not is_twice(recipe)
+        for picture in _panels(bench, store, recipe, is_new.get(recipe, False))
     ]
     write_document(target, done, shown, _commands(clean, table, done), pictures)
     print_document(done, shown)
@@ -126,22 +127,34 @@ class _Bench:
     detector: str
     workers: int | None
     keep_bags: bool = False
+    device: str = "cpu"
 
     def request(self, budget: Budget, recipe: str, settings: Settings) -> AttackRequest:
         from advpipe.pipeline.scenario.attacks import attack_spec
+        from advpipe.stages.attack.parameters import build_lidar_attack
         from advpipe.stages.attack.run import AttackRequest
+        from advpipe.stages.evaluate.sweep.budgets import AXES
+        from advpipe.stages.evaluate.sweep.variants import HIDE, TWICE, split_recipe
 
+        base, variants = split_recipe(recipe)
+        parameters: dict[str, Any] = {**budget.parameters, **({"goal": "hide"} if HIDE in variants else {})}
+        if TWICE in variants:
+            once = build_lidar_attack(
+                attack_spec({"type": budget.attack, "recipe": base, "parameters": parameters})
+            )
+            steps = AXES[budget.attack].steps
+            parameters[steps] = 2 * getattr(once, steps)
         spec = attack_spec(
             {
                 "type": budget.attack,
-                "recipe": recipe,
-                "parameters": budget.parameters,
+                "recipe": base,
+                "parameters": parameters,
                 "frames": settings.frames,
                 "detector": self.detector,
                 "lidar": settings.lidar_topic,
             }
         )
-        return AttackRequest((spec,), settings.seed)
+        return AttackRequest((spec,), settings.seed, self.device)
 
     def attack(self, budget: Budget, recipe: str, settings: Settings, bag: Path) -> None:
         """The bag of a budget; one that a killed run has finished is taken as it is."""
@@ -174,6 +187,7 @@ class _Bench:
             detector=self.detector,
             attack_s=time.perf_counter() - begin_s,
             workers=self.workers,
+            device=self.device,
         )
         if not self.keep_bags:
             self.tidy(bag)
@@ -186,11 +200,14 @@ class _Bench:
 
 
 def _check(bench: _Bench, store: Store, places: Sequence[tuple[str, Budget]], count: int, seed: int) -> None:
-    """Compute some of the stored cells again, as they were made; raises AdvpipeError where one differs."""
+    """Compute some of the stored cells again, as they were made; raises AdvpipeError where one differs.
+
+    By the code that there is: figures that stay the same show that a change of it changed nothing.
+    """
     from advpipe.pipeline.errors import AdvpipeError
     from advpipe.pipeline.seeding import named_generator
     from advpipe.stages.evaluate.sweep.compare import differences
-    from advpipe.stages.evaluate.sweep.settings import refuse_other_work
+    from advpipe.stages.evaluate.sweep.settings import refuse_other_work, with_this_code
 
     stored = [(cell, budget) for recipe, budget in places if (cell := store.load(recipe, budget.name))]
     if not stored:
@@ -199,9 +216,11 @@ def _check(bench: _Bench, store: Store, places: Sequence[tuple[str, Budget]], co
     again = replace(bench, out=store.folder / "check", keep_bags=False)
     wrong = []
     for cell, budget in (stored[place] for place in sorted(drawn)):
-        refuse_other_work(cell, bench.clean, bench.detector)
-        found = differences(cell, again.run(budget, cell.recipe, cell.settings))
-        print(f"{cell.name}: {'the same' if not found else '; '.join(found[:5])}", flush=True)
+        refuse_other_work(cell, bench.clean, bench.detector, bench.device)
+        now = with_this_code(cell.settings)
+        found = differences(cell, again.run(budget, cell.recipe, now))
+        same = "the same" if now == cell.settings else "the same, though other code of advpipe made it"
+        print(f"{cell.name}: {'; '.join(found[:5]) or same}", flush=True)
         wrong += [cell.name] if found else []
     again.tidy(again.out)
     if wrong:
@@ -229,7 +248,7 @@ def _panels(bench: _Bench, store: Store, recipe: str, is_new: bool) -> list[Pict
     bags = [bench.out / "bags" / f"frame-{cell.name}" for cell in chosen]
     for cell, bag in zip(chosen, bags, strict=True):
         bench.attack(budget_named(cell.budget), recipe, replace(cell.settings, frames=str(frame)), bag)
-    scenes = load_scenes(bench.clean, bags, bench.detector, frame, chosen)
+    scenes = load_scenes(bench.clean, bags, bench.detector, frame, chosen, bench.device)
     for bag in bags:
         bench.tidy(bag)
     titles = [f"{budget.attack} {budget.title}" for budget in map(budget_named, PANELS)]
@@ -242,7 +261,9 @@ def _commands(clean: Path, table: str, cells: Sequence[Cell]) -> str:
     of_recipe = {cell.recipe: cell.settings for cell in cells}
     return "\n".join(
         f"advpipe sweep {clean.parent.name}/{clean.name} --table {table} --recipe {recipe} "
-        f"--frames {one.frames} --detector {one.detector} --seed {one.seed} "
-        f"--baseline-tries {one.baseline_tries}" + (f" --lidar {one.lidar_topic}" if one.lidar_topic else "")
+        f"--frames {one.frames} --detector {one.detector} --seed {one.seed}"
+        + (f" --baseline-tries {one.baseline_tries}" if one.baseline_tries else "")
+        + (f" --lidar {one.lidar_topic}" if one.lidar_topic else "")
+        + (f" --device {one.device}" if one.device != "cpu" else "")
         for recipe, one in of_recipe.items()
     )

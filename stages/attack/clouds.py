@@ -59,7 +59,7 @@ def plan_clouds(
     Raises AdvpipeError for a bag without the clouds, frames that it does not have, a schedule that meets
     none, and two attacks on the same clouds at the same time.
     """
-    topics = [_topic_of(reader, spec) for spec in attacks]
+    topics = [topic_of(reader, spec) for spec in attacks]
     for (topic, spec), (other_topic, other) in combinations(zip(topics, attacks, strict=True), 2):
         if topic == other_topic and spec.schedule.overlaps(other.schedule):
             raise AdvpipeError(
@@ -90,7 +90,8 @@ def is_active(spec: AttackSpec, frame: int, time_s: float, seed: int) -> bool:
     return spec.schedule.active(time_s, rng)
 
 
-def _topic_of(reader: BagReader, spec: AttackSpec) -> str:
+def topic_of(reader: BagReader, spec: AttackSpec) -> str:
+    """The topic of the clouds that it attacks; raises AdvpipeError where the bag has none or several."""
     if spec.lidar is not None or spec.victim is None:
         return find_lidar_topic(reader, spec.lidar)
     own = [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
@@ -53,6 +53,7 @@ def build_lidar_attack(spec: AttackSpec) -> LidarAttack:
     """The attack, its parameters checked; raises `AdvpipeError` for a bad one."""
     recipe, keywords = resolved_recipe(spec), dict(resolved_parameters(spec))
     if recipe:
+        _refuse_idle(spec, recipe, keywords)
         keywords["recipe"] = recipe
     made: LidarAttack = find_attack(spec.type)(**keywords)
     if not callable(made):
@@ -60,24 +61,62 @@ def build_lidar_attack(spec: AttackSpec) -> LidarAttack:
     return made
 
 
+def looks_of(attack: LidarAttack) -> int | None:
+    """To how many tries the attack looks to keep the best, as its `looks` says; None if it does not say."""
+    looks = getattr(attack, "looks", None)
+    if looks is not None and not (isinstance(looks, int) and looks >= 1):
+        raise AdvpipeError(
+            f"{type(attack).__name__}: looks is {looks!r}, but must be a whole number from 1 up"
+        )
+    return looks
+
+
+def _refuse_idle(spec: AttackSpec, recipe: str, parameters: Mapping[str, Any]) -> None:
+    """Raises AdvpipeError for a parameter that its recipe would pass over in silence."""
+    usual = known_parameters(spec.type)
+    for name, recipes in getattr(find_attack(spec.type), "only_for", {}).items():
+        if parameters[name] != usual[name] and recipe not in recipes:
+            raise AdvpipeError(
+                f"{spec.type}: recipe {recipe} does not look at {name}; leave it out, or take one that does: "
+                f"{', '.join(recipes)}"
+            )
+
+
 def _keywords(word: str) -> Mapping[str, inspect.Parameter]:
-    found = find_attack(word)
-    try:
-        parameters = inspect.signature(found).parameters
-    except ValueError:  # a class of another language
-        return {}
-    return {name: one for name, one in parameters.items() if one.kind is one.KEYWORD_ONLY}
+    keywords: dict[str, inspect.Parameter] = {}
+    for made_by in _constructors(find_attack(word)):
+        for name, one in inspect.signature(made_by).parameters.items():
+            if one.kind is one.KEYWORD_ONLY:
+                keywords.setdefault(name, one)
+    return keywords
 
 
 def _types(word: str) -> dict[str, Any]:
-    found = find_attack(word)
-    try:
-        return get_type_hints(found.__init__ if inspect.isclass(found) else found)
-    except (NameError, TypeError):  # a user's attack need not tell
-        return {}
+    types: dict[str, Any] = {}
+    for made_by in _constructors(find_attack(word)):
+        try:
+            types = {**get_type_hints(made_by.__init__ if inspect.isclass(made_by) else made_by), **types}
+        except (NameError, TypeError):  # a user's attack need not tell
+            continue
+    return types
+
+
+def _constructors(found: Callable[..., Any]) -> Iterator[Callable[..., Any]]:
+    """The attack's class, and the `__init__` of its parents, as long as each hands on `**others`."""
+    parents = found.__mro__[1:-1] if inspect.isclass(found) else ()
+    for made_by in (found, *(vars(parent)["__init__"] for parent in parents if "__init__" in vars(parent))):
+        try:
+            parameters = inspect.signature(made_by).parameters.values()
+        except ValueError:  # a class of another language
+            return
+        yield made_by
+        if not any(one.kind is one.VAR_KEYWORD for one in parameters):
+            return
 
 
 def _checked(attack: str, name: str, value: Value, types: Mapping[str, Any]) -> Any:
+    if value in ((), ""):
+        raise AdvpipeError(f"{attack}: {name} is empty; give it a value, or leave it out")
     if name not in types:
         return value
     try:

@@ -9,7 +9,23 @@ import yaml
 
 from advpipe.pipeline.bag.provenance import attack_provenance
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.code import CLOUDS, code_sha256
+from advpipe.stages.attack.clouds import topic_of
+from advpipe.stages.attack.parameters import build_lidar_attack, looks_of
 from advpipe.stages.attack.request import AttackRequest
+
+LIDAR = (*CLOUDS, "stages/attack/lidar", "stages/attack/cloud_attack.py")
+"""The code that decides what becomes of clouds."""
+
+MESSAGES = (
+    "pipeline/bag",
+    "pipeline/geometry",
+    "pipeline/localisation",
+    "pipeline/seeding.py",
+    "pipeline/v2x",
+    "stages/attack",
+)
+"""The code that decides what becomes of messages and fixes."""
 
 
 def provenance_of(reader: BagReader, request: AttackRequest) -> dict[str, str]:
@@ -20,8 +36,16 @@ def provenance_of(reader: BagReader, request: AttackRequest) -> dict[str, str]:
     )
     attacks = request.resolved()
     record["attacks"] = json.dumps(attacks, sort_keys=True)
+    code = (*(LIDAR if request.lidar else ()), *(MESSAGES if request.has_messages else ()))
+    record["code_sha256"] = code_sha256(*code)
+    if request.lidar:
+        topics = sorted({topic_of(reader, spec) for spec in request.lidar})
+        record["lidar_topics"] = json.dumps(topics)
+    looks = [looks_of(build_lidar_attack(spec)) for spec in request.lidar]
+    if known := [count for count in looks if count is not None]:
+        record["looks"] = str(max(known))
     leading = next((one for one in attacks if "detector" in one), {})
-    return record | {key: leading[key] for key in ("detector", "detector_sha256") if key in leading}
+    return record | {key: leading[key] for key in ("detector", "detector_sha256", "device") if key in leading}
 
 
 def resolved_text(provenance: dict[str, str]) -> str:
@@ -29,6 +53,6 @@ def resolved_text(provenance: dict[str, str]) -> str:
     plain: dict[str, Any] = {
         key: value for key, value in provenance.items() if key not in ("kind", "scenario")
     }
-    for key in ("parameters", "attacks", "versions"):
+    for key in {"parameters", "attacks", "versions", "lidar_topics"} & plain.keys():
         plain[key] = json.loads(plain[key])
     return yaml.safe_dump(plain, sort_keys=True)

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.code import CLOUDS, code_sha256
 from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.versions import installed
 from advpipe.stages.evaluate.detection.comparison import Comparison, bag_name
 from advpipe.stages.evaluate.detection.figures import Row
+
+SCORING = (*CLOUDS, "pipeline/defences", "stages/evaluate/detection")
+"""The code that decides the figures of detection."""
 
 
 def describe_bags(
@@ -24,6 +29,7 @@ def describe_bags(
     scenario = BagReader(clean).provenance.get("scenario_name")
     return {
         "advpipe": installed("advpipe"),
+        "code_sha256": code_sha256(*SCORING),
         "clean": {"bag": bag_name(clean), "sha256": clean_sha256, "scenario": scenario},
         "compared": [
             {
@@ -51,4 +57,13 @@ def transfer_remark(comparison: Comparison) -> list[str]:
     """A remark if the attack was made against another detector than the one that is scored."""
     if comparison.is_white_box is not False:
         return []
-    return ["The attack was made against another detector: this is a transfer attack."]
+    attacked = comparison.provenance.get("detector", "another detector")
+    return [f"Attacked against {attacked}, evaluated with {comparison.detector}: this is a transfer attack."]
+
+
+def topic_remark(comparison: Comparison, topic: str) -> list[str]:
+    """A remark if the clouds that are scored, those of a topic, are not the ones that were attacked."""
+    attacked = json.loads(comparison.provenance.get("lidar_topics", "[]"))
+    if not attacked or topic in attacked:
+        return []
+    return [f"Attacked were the clouds of {', '.join(attacked)}, evaluated were those of {topic}."]

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from advpipe.pipeline.bag.frames import ALL_FRAMES, FrameSlice, has_ground_truth
+from advpipe.pipeline.bag.frames import ALL_FRAMES, FrameSlice, find_lidar_topic, has_ground_truth
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.detector.device import CPU, device_record
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.partial import FolderKind, staged_folder
@@ -21,7 +22,12 @@ from advpipe.stages.evaluate.detection.summary import Summary, summarise
 from advpipe.stages.evaluate.detection.write_back import write_detections
 from advpipe.stages.evaluate.localisation.section import sections as localisation
 from advpipe.stages.evaluate.options import Options
-from advpipe.stages.evaluate.provenance import describe_bags, describe_detector, transfer_remark
+from advpipe.stages.evaluate.provenance import (
+    describe_bags,
+    describe_detector,
+    topic_remark,
+    transfer_remark,
+)
 from advpipe.stages.evaluate.report.attacked import attacked_sections
 from advpipe.stages.evaluate.report.clean import of_first_detector
 from advpipe.stages.evaluate.report.html import write_html
@@ -41,9 +47,9 @@ REPORT = FolderKind(
 )
 
 
-def families(detector: str) -> tuple[Family, ...]:
+def families(detector: str, device: str) -> tuple[Family, ...]:
     """What the families of attacks add besides detection: no section where they have nothing to say."""
-    return (localisation, v2x, partial(cooperative, detector=detector))
+    return (localisation, v2x, partial(cooperative, detector=detector, device=device))
 
 
 def evaluate(
@@ -54,7 +60,7 @@ def evaluate(
     detector: str | Sequence[str] = "small",
     seed: int = 0,
     baseline: bool = True,
-    baseline_tries: int = 1,
+    baseline_tries: int | None = 1,
     defences: Sequence[str] = (),
     frames: FrameSlice = ALL_FRAMES,
     overwrite: bool = False,
@@ -63,6 +69,7 @@ def evaluate(
     workers: int | None = None,
     detections: bool = False,
     with_clouds: bool = False,
+    device: str = CPU,
 ) -> Report:
     """Score detectors on a clean bag and on adversarial versions of it, and write a report.
 
@@ -87,6 +94,7 @@ def evaluate(
         lidar_topic=lidar_topic,
         detections=detections,
         with_clouds=with_clouds,
+        device=device,
     )
     parent = _checked_clean(clean)
     provenances = {bag: _checked_adversarial(bag, clean, parent) for bag in adversarial}
@@ -95,17 +103,18 @@ def evaluate(
     is_looked_at = bool(on_clouds) or not adversarial
     if is_looked_at:
         _require_ground_truth(clean, lidar_topic)
-    models = [load_detector(name) for name in options.detectors] if is_looked_at else []
+    models = [load_detector(name, device) for name in options.detectors] if is_looked_at else []
     with staged_folder(out, overwrite, REPORT) as folder:
         summaries: list[Summary] = []
         for name, model in zip(options.detectors, models, strict=False):
             about = tuple(provenances[bag] for bag in on_clouds)
             looking = _looking(name, clean, on_clouds, about, options)
             for each in looking.comparisons(workers):
-                remarks = transfer_remark(each)
+                topic = find_lidar_topic(BagReader(clean), lidar_topic)
+                remarks = [*transfer_remark(each), *topic_remark(each, topic)]
                 summaries.append(summarise(each, known_classes(model), bootstrap_draws, seed, remarks))
         sections = [*attacked_sections(summaries)]
-        for family in families(options.detectors[0]):
+        for family in families(options.detectors[0], device):
             sections += family(clean, adversarial, seed)
         comparisons = [summary.comparison for summary in of_first_detector(summaries)]
         detectors = [
@@ -118,6 +127,7 @@ def evaluate(
             "detectors": detectors,
             "baseline_tries": baseline_tries if baseline else 0,
             "defences": list(options.defences),
+            **device_record(device),
             **describe_bags(clean, parent, comparisons, [bag for bag in adversarial if bag not in on_clouds]),
         }
         rows = tuple(summary.row for summary in summaries)
@@ -156,6 +166,7 @@ def _looking(
         options.baseline_tries,
         options.defences,
         options.frames,
+        options.device,
     )
 
 

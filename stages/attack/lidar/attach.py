@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -17,9 +18,9 @@ from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.stages.attack.lidar.attach_game import AttachGame
 from advpipe.stages.attack.lidar.attach_paper import salient_copies
 from advpipe.stages.attack.lidar.attach_places import Places, ball_places, joined, voxel_places
-from advpipe.stages.attack.lidar.base import LidarResult, PointLabels, unchanged
-from advpipe.stages.attack.lidar.climb import climb
-from advpipe.stages.attack.lidar.constraints import Constraints, Rules
+from advpipe.stages.attack.lidar.base import LidarResult, PointLabels, told, unchanged
+from advpipe.stages.attack.lidar.climb import climb, looks
+from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
 from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners
 from advpipe.stages.attack.lidar.gradient import gradient_of
 from advpipe.stages.attack.lidar.harm import Harm
@@ -35,7 +36,13 @@ ADDED = "added"
 
 RECIPES = ("best", "robust", "paper", "random", "random-near", "random-best")
 
+CLIMBING = ("best", "robust", "random-best")
+"""Those that look at what the detector finds, and keep the best."""
+
 MAX_EPS_M = 5.0
+
+MAX_POINTS = 100_000
+"""As many as a LiDAR measures; more would be another cloud, and would not fit into memory."""
 
 MARGIN_M = 0.5
 """Places this near to an object count as its own."""
@@ -67,8 +74,16 @@ class Attach:
     weight: lambda of the paper's dual loss (loss units a square metre); only for "paper".
     decay_m: "best" and "robust" count what a point d away from the clean ones brings exp(-(d / decay_m)**2)
         times: small for a smaller Chamfer distance.
-    along_ray, keep_occlusion_order, near_objects_m, objects, ghost, intensity: see `constraints.Constraints`.
+    along_ray, keep_occlusion_order, near_objects_m, goal, objects, ghost, intensity: see
+        `constraints.Constraints`.
     """
+
+    only_for: ClassVar = {
+        "rounds": CLIMBING,
+        "weight": ("paper",),
+        "decay_m": ("best", "robust"),
+        "intensity": CLIMBING,
+    }
 
     def __init__(
         self,
@@ -82,6 +97,7 @@ class Attach:
         along_ray: bool = False,
         keep_occlusion_order: bool = False,
         near_objects_m: float | None = None,
+        goal: str = GOALS[0],
         objects: tuple[str, ...] = (),
         ghost: str | None = None,
         intensity: bool = False,
@@ -91,6 +107,8 @@ class Attach:
         for name, number in (("points", points), ("rounds", rounds)):
             if not (number >= 1 and float(number).is_integer()):
                 raise AdvpipeError(f"attach: {name} is {number}, but must be a whole number from 1 up")
+        if points > MAX_POINTS:
+            raise AdvpipeError(f"attach: points is {points}, but must be {MAX_POINTS} at most")
         if recipe not in RECIPES:
             raise AdvpipeError(f"attach: unknown recipe {recipe!r}; known: {', '.join(RECIPES)}")
         if not (math.isfinite(weight) and weight >= 0):
@@ -104,11 +122,17 @@ class Attach:
                 "along_ray": along_ray,
                 "keep_occlusion_order": keep_occlusion_order,
                 "near_objects_m": near_objects_m,
+                "goal": goal,
                 "objects": objects,
                 "ghost": ghost,
                 "intensity": intensity,
             }
         )
+
+    @property
+    def looks(self) -> int:
+        """How many tries the detector judges, for the best to be kept."""
+        return looks(self.rounds) if self.recipe in CLIMBING else 1
 
     def __call__(
         self, cloud: Cloud, boxes: Boxes, detector: Detector, rng: np.random.Generator
@@ -121,7 +145,7 @@ class Attach:
         loss_before = detection_loss(detector, scene, goal.taught)
         focused = self.recipe != "random" or self.constraints.objects or self.constraints.ghost
         if not len(goal) and focused:
-            return unchanged(cloud, "no object to hide that the detector could find")
+            return unchanged(cloud, goal.note)
         rules = self.constraints.on(xyz(scene), boxes)
         try:
             places, note = self._places(xyzi(scene), goal, detector, rules, rng)
@@ -134,6 +158,7 @@ class Attach:
             added[name] = places.points[:, column]
         adversarial = np.concatenate([cloud, added])
         loss_after = detection_loss(detector, np.concatenate([scene, added]), goal.taught)
+        note = told(goal.note if len(goal) else "", note)
         return LidarResult(adversarial, _labels(scene, added), loss_before, loss_after, note)
 
     def _places(
@@ -159,7 +184,7 @@ class Attach:
         best = places[np.concatenate([chosen, reserve])[: self.points]]
         short = self.points - len(best)
         if short:
-            note = "; ".join(filter(None, [note, "nothing more to gain: the rest added at random"]))
+            note = told(note, "nothing more to gain: the rest added at random")
             near_m = min(self.eps_m, REST_M)
             rest = ball_places(clean, sources, short, boxes, rules, near_m, MARGIN_M, rng)
             best = joined([best, rest])

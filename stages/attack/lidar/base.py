@@ -55,12 +55,22 @@ class LidarResult:
 
 
 def unchanged(cloud: Cloud, note: str, loss: float = np.nan) -> LidarResult:
-    """A frame that the attack leaves as it was, and why."""
+    """A frame that the attack leaves as it was, and why; the note must tell."""
     return LidarResult(cloud, PointLabels.removed(np.zeros(0, np.int64)), loss, loss, note)
 
 
+def told(*notes: str) -> str:
+    """Several notes on a frame as one; those that say nothing are left out."""
+    return "; ".join(filter(None, notes))
+
+
 class LidarAttack(Protocol):
-    """An attack on clouds. Its constructor takes the hyper-parameters, keyword-only, and checks them."""
+    """An attack on clouds. Its constructor takes the hyper-parameters, keyword-only, and checks them.
+
+    Its instances may have a whole number `looks`: to how many tries it looks at what the detector finds in
+    them, to keep the best. The random baselines then get as many. Its class may have `only_for`: parameters
+    that some recipes alone look at, by name, with these recipes; set for another one they are refused.
+    """
 
     def __call__(
         self, cloud: Cloud, boxes: Boxes, detector: Detector, rng: np.random.Generator

@@ -43,6 +43,11 @@ class Game(Protocol):
         """Which objects (M,) need no more items."""
 
 
+def looks(rounds: int) -> int:
+    """At how many choices of items a climb of so many rounds looks."""
+    return rounds + REPAIRS
+
+
 def climb(game: Game, budget: int, rounds: int) -> tuple[Int64, Int64]:
     """The items, at most `budget`, that do the most harm found in so many rounds; and the others that were
     tried, in the order in which they would go on. Raises NoGradientError where not even the first round

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any
@@ -25,16 +25,27 @@ APPLIES: Mapping[str, tuple[str, ...]] = {
         "along_ray",
         "keep_occlusion_order",
         "near_objects_m",
+        "goal",
         "objects",
         "ghost",
         "max_points",
         "intensity",
     ),
-    "detach": ("near_objects_m", "objects", "max_points"),
-    "attach": ("along_ray", "keep_occlusion_order", "near_objects_m", "objects", "ghost", "intensity"),
+    "detach": ("near_objects_m", "goal", "objects", "max_points"),
+    "attach": (
+        "along_ray",
+        "keep_occlusion_order",
+        "near_objects_m",
+        "goal",
+        "objects",
+        "ghost",
+        "intensity",
+    ),
 }
 """The options that mean something for each attack. A removed point goes nowhere and has no intensity, nor
 does a hole make a ghost; how many points `attach` adds is its budget already."""
+
+GOALS = ("break", "hide")
 
 OBJECT_MARGIN_M = 1.0
 """How far from its objects an attack on chosen ones may reach, where `near_objects_m` does not say."""
@@ -54,6 +65,8 @@ class Constraints:
         the ray of a point of the clean cloud.
     keep_occlusion_order: no touched point comes to stand behind a surface that hides it (`Rules.hidden`).
     near_objects_m: only points within this distance of a ground-truth box, 0 for those inside.
+    goal: "break" detections (misplaced boxes and false ones count too, as they do in average precision at
+        strict overlap), or "hide" objects: no box that overlaps them loosely is left.
     objects: attack these boxes alone: hide them. By id; by place ("0", ...) where the truth has no ids.
     ghost: instead of hiding what is there, make the detector find this.
     max_points: at most so many points of a cloud are touched.
@@ -63,6 +76,7 @@ class Constraints:
     along_ray: bool = False
     keep_occlusion_order: bool = False
     near_objects_m: float | None = None
+    goal: str = GOALS[0]
     objects: tuple[str, ...] = field(default=())
     ghost: Ghost | None = None
     max_points: int | None = None
@@ -74,8 +88,10 @@ class Constraints:
             raise AdvpipeError(f"near_objects_m is {near_m}, but must be a distance from 0 up")
         if limit is not None and not (limit >= 1 and float(limit).is_integer()):
             raise AdvpipeError(f"max_points is {limit}, but must be a whole number from 1 up")
-        if self.objects and self.ghost:
-            raise AdvpipeError("objects and ghost are two attacks; give one of them")
+        if self.goal not in GOALS:
+            raise AdvpipeError(f"goal is {self.goal!r}; known: {', '.join(GOALS)}")
+        if self.ghost and (self.objects or self.goal == "hide"):
+            raise AdvpipeError("to hide objects and to make a ghost are two attacks; give one of them")
 
     @staticmethod
     def of(options: Mapping[str, Any]) -> Constraints:
@@ -108,8 +124,11 @@ class Constraints:
             return self.ghost.boxes(points)
         if not self.objects:
             return boxes
-        names = boxes.ids if any(boxes.ids) else [str(place) for place in range(len(boxes))]
-        return boxes[np.array([name in self.objects for name in names], bool)]
+        return boxes[np.array([name in self.objects for name in _names(boxes)], bool)]
+
+    def absent(self, boxes: Boxes) -> list[str]:
+        """Those of the chosen objects that are not among these boxes."""
+        return [name for name in self.objects if name not in _names(boxes)]
 
     def on(self, points: Float32, boxes: Boxes) -> Rules:
         """What they mean for one clean cloud, its points (N, 3) all finite, with its ground truth."""
@@ -201,6 +220,11 @@ class Rules:
         for inside in points_in_boxes(places, self.boxes, self.margin_m):
             near[inside] = True
         return near
+
+
+def _names(boxes: Boxes) -> Sequence[str]:
+    """What boxes are chosen by: their ids, or their places where the truth has none."""
+    return boxes.ids if any(boxes.ids) else [str(place) for place in range(len(boxes))]
 
 
 def along_rays(points: Float32, offset_m: Float64) -> Float64:

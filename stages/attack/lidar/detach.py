@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 import numpy as np
 
@@ -11,9 +12,9 @@ from advpipe.pipeline.baselines import remove_random_points
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import Boxes
-from advpipe.stages.attack.lidar.base import LidarResult, PointLabels, unchanged
-from advpipe.stages.attack.lidar.climb import climb
-from advpipe.stages.attack.lidar.constraints import Constraints
+from advpipe.stages.attack.lidar.base import LidarResult, PointLabels, told, unchanged
+from advpipe.stages.attack.lidar.climb import climb, looks
+from advpipe.stages.attack.lidar.constraints import GOALS, Constraints
 from advpipe.stages.attack.lidar.detach_game import DetachGame
 from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners
 from advpipe.stages.attack.lidar.harm import Harm
@@ -21,6 +22,9 @@ from advpipe.stages.attack.lidar.selection import Indices, NoGradientError, choo
 from advpipe.stages.attack.lidar.targets import Targets, detection_loss
 
 RECIPES = ("best", "robust", "paper", "random", "random-near", "random-best")
+
+CLIMBING = ("best", "robust", "random-best")
+"""Those that look at what the detector finds, and keep the best."""
 
 MARGIN_M = 0.5
 """Points this near to an object count as its own: a detector looks at what is about it, too."""
@@ -40,8 +44,10 @@ class Detach:
         and by chance: "random" anywhere, "random-near" near objects, "random-best" there with the selection
         of "best".
     rounds: after each round the remaining points are ranked again (the paper: 10).
-    near_objects_m, objects, max_points: see `constraints.Constraints`.
+    near_objects_m, goal, objects, max_points: see `constraints.Constraints`.
     """
+
+    only_for: ClassVar = {"rounds": (*CLIMBING, "paper")}
 
     def __init__(
         self,
@@ -50,6 +56,7 @@ class Detach:
         recipe: str = "best",
         rounds: int = 10,
         near_objects_m: float | None = None,
+        goal: str = GOALS[0],
         objects: tuple[str, ...] = (),
         max_points: int | None = None,
     ) -> None:
@@ -62,7 +69,14 @@ class Detach:
         if not (rounds >= 1 and float(rounds).is_integer()):
             raise AdvpipeError(f"detach: rounds is {rounds}, but must be a whole number from 1 up")
         self.ratio, self.recipe, self.rounds = float(ratio), recipe, int(rounds)
-        self.constraints = Constraints(near_objects_m=near_objects_m, objects=objects, max_points=max_points)
+        self.constraints = Constraints(
+            near_objects_m=near_objects_m, goal=goal, objects=objects, max_points=max_points
+        )
+
+    @property
+    def looks(self) -> int:
+        """How many tries the detector judges, for the best to be kept."""
+        return looks(self.rounds) if self.recipe in CLIMBING else 1
 
     def budget(self, points: int) -> int:
         """How many of so many points are removed."""
@@ -80,9 +94,11 @@ class Detach:
         goal = goal_of(self.constraints, detector, scene, boxes)
         loss_before = detection_loss(detector, scene, goal.taught)
         if not len(goal) and (self.recipe != "random" or self.constraints.objects):
-            return unchanged(cloud, "no object to hide that the detector could find")
+            return unchanged(cloud, goal.note)
         allowed = np.flatnonzero(self.constraints.on(xyz(scene), boxes).allowed)
         budget = min(self.budget(len(scene)), len(allowed))
+        if not budget:
+            return unchanged(cloud, told(goal.note, "no point that may be removed"), loss_before)
         note = "" if budget == self.budget(len(scene)) else f"only {budget} points lie near enough"
         try:
             chosen, shortage = self._choose(scene, allowed, budget, goal, detector, rng)
@@ -90,7 +106,7 @@ class Detach:
             return unchanged(cloud, "no gradient: the detector's loss depends on no point", loss_before)
         removed = finite[chosen]
         loss_after = detection_loss(detector, np.delete(scene, chosen), goal.taught)
-        note = "; ".join(filter(None, [note, shortage]))
+        note = told(goal.note if len(goal) else "", note, shortage)
         return LidarResult(
             np.delete(cloud, removed), PointLabels.removed(removed), loss_before, loss_after, note
         )
@@ -124,14 +140,11 @@ class Detach:
         chosen = np.concatenate([chosen, reserve])[:budget]
         short = budget - len(chosen)
         rest = np.setdiff1d(allowed, chosen, assume_unique=True)
-        notes = (
-            ["nothing more to gain: the rest removed at random"]
-            if short and self.recipe != "random-near"
-            else []
+        is_plain = self.recipe in ("best", "robust") and not isinstance(detector, VoxelDetector)
+        note = told(
+            "nothing more to gain: the rest removed at random" if short and self.recipe in CLIMBING else "",
+            "no occupancy_loss: points by the gradient of the loss" if is_plain else "",
         )
-        if self.recipe in ("best", "robust") and not isinstance(detector, VoxelDetector):
-            notes.append("no occupancy_loss: points by the gradient of the loss")
-        note = "; ".join(notes)
         return np.concatenate([chosen, _by_chance(scene, rest, short, rng)]), note
 
     def _greedily(

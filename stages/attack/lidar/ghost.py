@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
 
@@ -49,6 +50,19 @@ class Ghost:
             return Ghost(name, *map(float, numbers))
         except ValueError:
             raise AdvpipeError(f"ghost is {text!r}, but must read CLASS:X:Y or CLASS:X:Y:YAW") from None
+
+    def check(self, detector: Detector) -> None:
+        """Raises AdvpipeError if the detector does not find its class, or does not look at its place."""
+        if self.name not in detector.classes:
+            known = ", ".join(detector.classes)
+            raise AdvpipeError(f"ghost: the detector finds no {self.name}; it finds {known}")
+        seen = detector.range_m
+        if not seen.contains_centres(np.array([[self.x_m, self.y_m]])).all():
+            raise AdvpipeError(
+                f"ghost: ({self.x_m:g}, {self.y_m:g}) m lies outside of the detector's range, "
+                f"x {seen.x_min_m:g} to {seen.x_max_m:g} m and y {seen.y_min_m:g} to {seen.y_max_m:g} m "
+                "from the LiDAR"
+            )
 
     def boxes(self, points: npt.NDArray[np.float32]) -> Boxes:
         """Its box as `Boxes` of one; of none where the cloud (N, 3) has no points about to stand on."""

@@ -14,6 +14,7 @@ from advpipe.pipeline.geometry.boxes import CLASSES, Boxes, points_in_boxes
 from advpipe.pipeline.geometry.iou import iou_3d, iou_bev
 from advpipe.pipeline.metrics.average_precision import LOOSE_IOU, STRICT_IOU
 from advpipe.pipeline.metrics.matching import match_overlaps
+from advpipe.stages.attack.lidar.base import told
 from advpipe.stages.attack.lidar.constraints import Constraints
 from advpipe.stages.attack.lidar.targets import Targets, find_targets
 
@@ -31,8 +32,8 @@ class Goal:
     fought: their boxes and labels. taught: what the detector's loss is asked for.
     sign: +1 where the attack raises that loss, -1 where it lowers it.
     kind: "break" detections at all, "hide" the objects, or "conjure" them.
-    classes: the detector's. decoys: D places without an object where the detector sees one already, if
-    faintly; to make it surer of them is worth something, too.
+    classes: the detector's. note: what the user must know about whom it fights. decoys: D places without
+    an object where the detector sees one already, if faintly; to make it surer is worth something, too.
     """
 
     fought: Targets
@@ -40,6 +41,7 @@ class Goal:
     sign: float
     kind: str
     classes: tuple[str, ...]
+    note: str = ""
     decoys: Targets = field(default_factory=lambda: Targets(torch.zeros(0, 7), torch.zeros(0).long()))
 
     @property
@@ -96,19 +98,26 @@ class Goal:
 
 
 def goal_of(constraints: Constraints, detector: Detector, cloud: Cloud, boxes: Boxes) -> Goal:
-    """The goal under these constraints; of no objects where there is nothing to fight over.
+    """The goal under these constraints; of no objects, with a note, where there is nothing to fight over.
 
-    Without further wishes every object's detection is broken: the loss of the truth goes up. Chosen
-    objects are hidden, as the loss of a truth without them goes down; a ghost is conjured likewise.
+    Without further wishes every object's detection is broken: the loss of the truth goes up. Objects are
+    hidden as the loss of a truth without them goes down; a ghost is conjured likewise. Raises AdvpipeError
+    for a ghost that the detector cannot find, wherever it stood.
     """
-    everyone = find_targets(detector, cloud, boxes)
+    everyone, classes = find_targets(detector, cloud, boxes), detector.classes
     if constraints.ghost:
+        constraints.ghost.check(detector)
         ghost = _known(constraints.attacked(boxes, xyz(cloud)), detector)
-        return Goal(ghost, _joined(everyone, ghost), -1.0, "conjure", detector.classes)
-    if constraints.objects:
-        chosen = find_targets(detector, cloud, constraints.attacked(boxes, xyz(cloud)))
-        return Goal(chosen, _without(everyone, chosen), -1.0, "hide", detector.classes)
-    return Goal(everyone, everyone, 1.0, "break", detector.classes)
+        note = "" if len(ghost) else "no ground for the ghost to stand on"
+        return Goal(ghost, _joined(everyone, ghost), -1.0, "conjure", classes, note)
+    chosen = find_targets(detector, cloud, constraints.attacked(boxes, xyz(cloud)))
+    absent = constraints.absent(boxes)
+    note = f"not in the ground truth: {', '.join(absent)}" if absent else ""
+    if not len(chosen):
+        note = told(note, "no object to hide that the detector could find")
+    if constraints.objects or constraints.goal == "hide":
+        return Goal(chosen, _without(everyone, chosen), -1.0, "hide", classes, note)
+    return Goal(everyone, everyone, 1.0, "break", classes, note)
 
 
 def with_decoys(goal: Goal, detector: Detector, cloud: Cloud, boxes: Boxes) -> Goal:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -11,8 +12,8 @@ from advpipe.pipeline.bag.cloud import Cloud, xyz, xyzi
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import Boxes
-from advpipe.stages.attack.lidar.base import LidarResult, PointLabels, unchanged
-from advpipe.stages.attack.lidar.constraints import Constraints, Rules
+from advpipe.stages.attack.lidar.base import LidarResult, PointLabels, told, unchanged
+from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
 from advpipe.stages.attack.lidar.crossing import Crossing, Tactics
 from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners, with_decoys
 from advpipe.stages.attack.lidar.keeper import Keeper
@@ -30,6 +31,9 @@ MAX_EPS_CM = 500.0
 
 RECIPES = {"best": 24, "robust": 24, "paper": 40, "random": 1, "random-near": 1, "random-best": 24}
 """How many steps each takes where none are given: gradients, or random tries."""
+
+KEEPING = ("best", "robust", "random-best")
+"""Those that look at what the detector finds, and keep the best."""
 
 TACTICS = {
     "best": Tactics(),
@@ -49,9 +53,15 @@ class Perturb:
         `steps` times there, with the selection of "best".
     steps: gradients or tries; 0 for the recipe's own number (the paper: 40).
     weight: lambda of the paper's dual loss, in loss units a square metre; only for "paper".
-    along_ray, keep_occlusion_order, near_objects_m, objects, ghost, max_points, intensity: see
+    along_ray, keep_occlusion_order, near_objects_m, goal, objects, ghost, max_points, intensity: see
         `constraints.Constraints`. Points that are not finite stay as they are.
     """
+
+    only_for: ClassVar = {
+        "steps": (*KEEPING, "paper"),
+        "weight": ("paper",),
+        "intensity": tuple(recipe for recipe in RECIPES if recipe != "paper"),
+    }
 
     def __init__(
         self,
@@ -63,12 +73,13 @@ class Perturb:
         along_ray: bool = False,
         keep_occlusion_order: bool = False,
         near_objects_m: float | None = None,
+        goal: str = GOALS[0],
         objects: tuple[str, ...] = (),
         ghost: str | None = None,
         max_points: int | None = None,
         intensity: bool = False,
     ) -> None:
-        if not 0 < eps_cm <= MAX_EPS_CM:
+        if not (0 < eps_cm <= MAX_EPS_CM or (eps_cm == 0 and intensity)):
             raise AdvpipeError(f"perturb: eps_cm is {eps_cm}, but must lie above 0 and up to {MAX_EPS_CM:g}")
         if recipe not in RECIPES:
             raise AdvpipeError(f"perturb: unknown recipe {recipe!r}; known: {', '.join(RECIPES)}")
@@ -83,6 +94,7 @@ class Perturb:
             "along_ray": along_ray,
             "keep_occlusion_order": keep_occlusion_order,
             "near_objects_m": near_objects_m,
+            "goal": goal,
             "objects": objects,
             "ghost": ghost,
             "max_points": max_points,
@@ -90,8 +102,11 @@ class Perturb:
         }
         self.constraints = Constraints.of(options)
         self.constraints.check("perturb")
-        if intensity and recipe == "paper":
-            raise AdvpipeError("perturb: recipe paper leaves intensities alone; take another for intensity")
+
+    @property
+    def looks(self) -> int:
+        """How many tries the detector judges, for the best to be kept."""
+        return self.steps if self.recipe in KEEPING else 1
 
     def __call__(
         self, cloud: Cloud, boxes: Boxes, detector: Detector, rng: np.random.Generator
@@ -104,8 +119,8 @@ class Perturb:
         goal = goal_of(self.constraints, detector, scene, boxes)
         loss_before = detection_loss(detector, scene, goal.taught)
         if not len(goal) and self.recipe != "random":
-            return unchanged(cloud, "no object to hide that the detector could find")
-        if self.tactics.decoys and self.recipe not in ("paper", "random", "random-near"):
+            return unchanged(cloud, goal.note)
+        if self.tactics.decoys and self.recipe in KEEPING:
             goal = with_decoys(goal, detector, scene, boxes)
         rules = self.constraints.on(xyz(scene), boxes)
         try:
@@ -117,6 +132,8 @@ class Perturb:
             adversarial[name][finite] = points[:, column]
         labels = _labels(cloud, adversarial, finite)
         loss_after = detection_loss(detector, adversarial[finite], goal.taught)
+        still = "" if len(labels) else "nothing moved: no point that may move does harm in its reach"
+        note = told(goal.note if len(goal) else "", note, still)
         return LidarResult(adversarial, labels, loss_before, loss_after, note)
 
     def _moved(
@@ -140,6 +157,7 @@ class Perturb:
                 keeper.show(_shaken(points, rules, self.eps_m, rng, near))
             return keeper.settle(), ""
         note = f"recipe {self.recipe} needs a detector with occupancy_loss; used PGD with the best iterate"
+        note = told(note, "which leaves intensities alone" if rules.constraints.intensity else "")
         return descend(points, goal, detector, rules, self.eps_m, self.steps, 0.0, rng, keeper), note
 
 

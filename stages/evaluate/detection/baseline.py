@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +21,7 @@ class Baseline:
     """A way to spend a budget by chance.
 
     is_near: on points near objects first, else anywhere. is_full: every point moves as far as the attack was
-    allowed to move any, however few it did move.
+    allowed to move any, however few it did move; and every one gets another intensity if any did.
     """
 
     title: str
@@ -35,7 +35,9 @@ class Baseline:
         if budget.removed or budget.added:
             return None
         finite = int(np.isfinite(xyz(clean)).all(axis=1).sum())
-        return replace(budget, moved_m=np.full(finite, budget.bound_m)) if len(budget.moved_m) else budget
+        moved = finite if len(budget.moved_m) else 0
+        shone = finite if budget.shone else 0
+        return replace(budget, moved_m=np.full(moved, budget.bound_m), shone=shone)
 
 
 BASELINES = {
@@ -43,6 +45,9 @@ BASELINES = {
     "baseline_near": Baseline("at random near objects", is_near=True),
     "baseline_full": Baseline("at random, every point", is_full=True),
 }
+
+USUAL_LOOKS = 24
+"""How often an attack looks that does not say: as often as any of ours."""
 
 BEST = "_best"
 """What the word of a baseline ends with that is the best of several tries."""
@@ -57,6 +62,11 @@ def baseline_title(word: str) -> str:
 def baseline_words() -> list[str]:
     """All words of baselines, in the order of reports."""
     return [word + end for word in BASELINES for end in ("", BEST)]
+
+
+def looks_of(provenance: Mapping[str, str]) -> int:
+    """To how many tries the attack looked to keep the best, by the record of its bag."""
+    return int(provenance.get("looks", USUAL_LOOKS))
 
 
 def random_baselines(

@@ -77,7 +77,8 @@ def under(word: str, defence: str) -> str:
 class Comparison:
     """The frames of one adversarial bag, or of the clean bag alone, as one detector sees them.
 
-    detector: its name in reports. defences: their names; the clouds were also looked at under each.
+    detector: its name in reports. baseline_tries: of how many random tries the best is among the baselines; 0
+    without baselines. defences: their names; the clouds were also looked at under each.
     """
 
     bag: Path | None
@@ -86,6 +87,7 @@ class Comparison:
     detector: str = ""
     detector_sha256: str = ""
     defences: tuple[str, ...] = ()
+    baseline_tries: int = 0
 
     @property
     def name(self) -> str:

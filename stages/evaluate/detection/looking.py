@@ -13,6 +13,7 @@ from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.bag.frames import ALL_FRAMES, Frame, FrameSlice, find_lidar_topic
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.defences.registry import parse_defences
+from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.errors import AdvpipeError
@@ -20,7 +21,7 @@ from advpipe.pipeline.geometry.boxes import count_points
 from advpipe.pipeline.jobs import map_jobs
 from advpipe.pipeline.metrics.chamfer import chamfer_distance
 from advpipe.pipeline.seeding import named_generator
-from advpipe.stages.evaluate.detection.baseline import random_baselines
+from advpipe.stages.evaluate.detection.baseline import looks_of, random_baselines
 from advpipe.stages.evaluate.detection.cloud_difference import CloudDifference, cloud_difference
 from advpipe.stages.evaluate.detection.comparison import (
     CloudResult,
@@ -44,8 +45,10 @@ class Looking:
     """What is looked at: a clean bag and adversarial versions of it, with the provenance of each.
 
     baseline: whether random changes of the same budget are looked at too, drawn from `seed`; and of how many
-    tries the best. defences: as `parse_defences` reads them; the clean and the adversarial clouds are looked
-    at under each. frames: of the clean bag; those of the adversarial bags are scored that are among them.
+    tries the best, None for as many as the attack itself looked at. defences: as `parse_defences` reads
+    them; the clean and the adversarial clouds are looked at under each. frames: of the clean bag; those of
+    the adversarial bags are scored that are among them.
+    device: where the detector computes; several processes may share a GPU, each with a context of its own.
     """
 
     detector: str
@@ -55,9 +58,10 @@ class Looking:
     lidar_topic: str | None = None
     seed: int = 0
     baseline: bool = True
-    baseline_tries: int = 1
+    baseline_tries: int | None = 1
     defences: tuple[str, ...] = ()
     frames: FrameSlice = ALL_FRAMES
+    device: str = CPU
 
     def comparisons(self, workers: int | None = None) -> list[Comparison]:
         """Each adversarial bag beside the clean one, or the clean bag alone where there is none.
@@ -72,13 +76,27 @@ class Looking:
         name, sha256 = Path(self.detector).name, detector_sha256(self.detector)
         defences = tuple(parse_defences(self.defences))
         comparisons = [
-            Comparison(bag, about, tuple(frame for frame in results if frame), name, sha256, defences)
+            Comparison(
+                bag,
+                about,
+                tuple(frame for frame in results if frame),
+                name,
+                sha256,
+                defences,
+                self._tries(about),
+            )
             for (bag, about), results in zip(bags, zip(*looked, strict=True), strict=True)
         ]
         for each in comparisons:
             if not each.frames:
                 raise AdvpipeError(f"{each.bag} holds none of the frames {self.frames}; choose others")
         return comparisons
+
+    def _tries(self, about: Mapping[str, str]) -> int:
+        """Of how many random tries the best is looked at beside an attack; 0 without baselines."""
+        if not self.baseline or about.get("recipe") in RANDOM_RECIPES:
+            return 0
+        return looks_of(about) if self.baseline_tries is None else self.baseline_tries
 
     @property
     def _chosen(self) -> FrameSlice:
@@ -96,7 +114,7 @@ class Looking:
 
         The indices must rise: the bags are read once, from front to back.
         """
-        eye = Eye(load_detector(self.detector))
+        eye = Eye(load_detector(self.detector, self.device))
         reader = BagReader(self.clean)
         occlusion = Occlusion(reader, find_lidar_topic(reader, self.lidar_topic))
         is_part = self.frames != ALL_FRAMES
@@ -130,13 +148,13 @@ class Looking:
         truth, look = alone.truth, partial(_look, eye, alone.truth, before.cloud)
         change = cloud_difference(before.cloud, after.cloud)
         random = {}
-        if self.baseline and provenance.get("recipe") not in RANDOM_RECIPES:
+        if tries := self._tries(provenance):
             clouds = random_baselines(
                 before.cloud,
                 truth.boxes.geometry[truth.is_evaluated],
                 Budget.of(before.cloud, after.cloud, change, attack_parameters(provenance)),
                 lambda cloud: worth(truth, match(truth, eye.detect(cloud), eye.classes))[truth.is_evaluated],
-                tries=self.baseline_tries,
+                tries=tries,
                 seed=self.seed,
                 index=before.index,
             )

@@ -29,6 +29,7 @@ class Budget:
 
     removed, added: how many points. moved_m: (K,) how far each of the moved points went. reach_m: how far
     from the point that it starts at a new one may lie. bound_m: how far any point was allowed to move.
+    shone: how many points got another intensity.
     """
 
     removed: int
@@ -36,6 +37,7 @@ class Budget:
     moved_m: Float64
     reach_m: float
     bound_m: float
+    shone: int = 0
 
     @classmethod
     def of(
@@ -52,6 +54,7 @@ class Budget:
             change.displacement_m,
             added_distance_m(clean, adversarial, change) if stated_m is None else stated_m,
             change.max_displacement_m if stated_m is None else stated_m,
+            len(change.shone),
         )
 
 
@@ -66,13 +69,16 @@ def stated_bound_m(parameters: Mapping[str, object]) -> float | None:
 
 @dataclass(frozen=True)
 class Change:
-    """One try: which points (indices into the clean cloud) go, which move and where, where new ones start."""
+    """One try: which points (indices into the clean cloud) go, which move and where, where new ones start,
+    and which get what intensity."""
 
     removed: Int64
     moved: Int64
     move_m: Float64
     sources: Int64
     add_m: Float64
+    shone: Int64
+    intensity: Float64
 
 
 class RandomChange:
@@ -80,7 +86,8 @@ class RandomChange:
 
     The first draw decides how much of the budget each region (the surroundings of one object, or what is
     near none) gets; every try spends that again inside each region. So the region of one try can be put
-    together with that of another, and the budget stays the same to the point.
+    together with that of another, and the budget stays the same to the point. Intensities are drawn
+    uniformly between the lowest and the highest of the clean cloud, which is all that an attack is held to.
     """
 
     def __init__(
@@ -100,12 +107,17 @@ class RandomChange:
             "removed": self._group[_choose(pool & finite, ~pool & finite, budget.removed, rng)],
             "moved": self._group[_choose(pool & finite, ~pool & finite, len(moved_m), rng)],
             "added": self._group[_choose_again(pool & finite, finite, budget.added, rng)],
+            "shone": self._group[_choose(pool & finite, ~pool & finite, budget.shone, rng)],
         }
         self._moved_m = moved_m[: len(self._first["moved"])]
+        known = cloud["intensity"][finite & np.isfinite(cloud["intensity"])]
+        self._intensities = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
 
     def draw(self) -> Change:
         """One try."""
-        removed, moved = (self._inside(self._first[what], again=False) for what in ("removed", "moved"))
+        removed, moved, shone = (
+            self._inside(self._first[what], again=False) for what in ("removed", "moved", "shone")
+        )
         sources = self._inside(self._first["added"], again=True)
         radius_m = self._budget.reach_m * self._rng.random(len(sources)) ** (1 / 3)
         return Change(
@@ -114,6 +126,8 @@ class RandomChange:
             random_directions(len(moved), self._rng) * self._moved_m[:, None],
             sources,
             random_directions(len(sources), self._rng) * radius_m[:, None],
+            shone,
+            self._rng.uniform(*self._intensities, len(shone)),
         )
 
     def together(self, tries: list[Change], chosen: Int64) -> Change:
@@ -130,6 +144,8 @@ class RandomChange:
             np.asarray(pick("moved", [each.move_m for each in tries]), np.float64),
             np.asarray(pick("added", [each.sources for each in tries]), np.int64),
             np.asarray(pick("added", [each.add_m for each in tries]), np.float64),
+            np.asarray(pick("shone", [each.shone for each in tries]), np.int64),
+            np.asarray(pick("shone", [each.intensity for each in tries]), np.float64),
         )
 
     def apply(self, change: Change) -> Cloud:
@@ -138,7 +154,9 @@ class RandomChange:
         points[change.moved] = move_within(points[change.moved], change.move_m)
         new = self.cloud[change.sources]
         new = with_xyz(new, move_within(self._points[change.sources], change.add_m))
-        return np.concatenate([np.delete(with_xyz(self.cloud, points), change.removed), new])
+        changed = with_xyz(self.cloud, points)
+        changed["intensity"][change.shone] = change.intensity
+        return np.concatenate([np.delete(changed, change.removed), new])
 
     def _inside(self, groups: Int64, *, again: bool) -> Int64:
         """A point of each of these groups (K,); none is taken twice, except `again`."""

@@ -14,7 +14,12 @@ from advpipe.pipeline.metrics.average_precision import RankedMatches
 from advpipe.pipeline.metrics.bootstrap import MIN_BLOCK_S, BlockBootstrap, percentile_interval
 from advpipe.pipeline.seeding import named_generator
 from advpipe.stages.evaluate.detection.arm import Arm, Precision
-from advpipe.stages.evaluate.detection.baseline import BASELINES, baseline_title, baseline_words
+from advpipe.stages.evaluate.detection.baseline import (
+    BASELINES,
+    baseline_title,
+    baseline_words,
+    looks_of,
+)
 from advpipe.stages.evaluate.detection.comparison import Comparison, FrameResult, attack_parameters
 from advpipe.stages.evaluate.detection.defended import defended_rows
 from advpipe.stages.evaluate.detection.figures import (
@@ -188,12 +193,15 @@ def _notes_on_blocks(n_blocks: int) -> list[str]:
 
 
 def _notes_on_baselines(row: Row) -> list[str]:
-    """Which baselines the attack does not beat."""
-    words = row["baselines"]
+    """Whether the baselines had fewer tries than the attack, and which of them it does not beat."""
+    words, tries, looks = row["baselines"], row["baseline_tries"], row["looks"]
+    notes = []
+    if isinstance(tries, int) and isinstance(looks, int) and 0 < tries < looks:
+        notes = [f"Random baselines have {tries} tries at most, the attack looked at {looks}: it had more."]
     if row["beats_random"] is not False or not isinstance(words, list):
-        return []
+        return notes
     unbeaten = [baseline_title(word) for word in words if not row[f"beats_{word}"]]
-    return [f"Does not beat the same budget spent {'; '.join(unbeaten)}."]
+    return [*notes, f"Does not beat the same budget spent {'; '.join(unbeaten)}."]
 
 
 def _attack(comparison: Comparison) -> Row:
@@ -209,6 +217,8 @@ def _attack(comparison: Comparison) -> Row:
         "parameters": parameters,
         "attacked_against": provenance.get("detector"),
         "is_white_box": comparison.is_white_box,
+        "looks": looks_of(provenance) if "looks" in provenance else None,
+        "baseline_tries": comparison.baseline_tries,
     }
 
 

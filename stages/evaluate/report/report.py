@@ -30,8 +30,8 @@ FORMULAS: Mapping[str, str] = {
     "clean, adversarial and baseline clouds",
     "baseline": "as many points removed, added or moved as far as by the attack, chosen at random: anywhere; "
     "near objects (within 0.5 m of a box) as far as there are such points; or, where points are moved, every "
-    "point by the attack's bound; best try: of the stated number of tries the one that hides most, "
-    "chosen for each object by the detector's own result, and put together",
+    "point by the attack's bound; best try: of as many tries as the attack looked at (or as stated) the one "
+    "that hides most, chosen for each object by the detector's own result, and put together",
     "beats_random": "the 95 % interval of the paired difference of mAP ratios to every baseline lies below 0",
     "attack_success": "100 % * objects lost / objects found on the clean clouds",
     "recounted": "the objects that have at least 5 points in the attacked cloud instead of the clean one",

@@ -16,21 +16,23 @@ from advpipe.pipeline.errors import AdvpipeError
 class Axis:
     """What a budget bounds.
 
-    parameter: of the attack. unit: as the paper prints it. scale: the paper's number times this is the
-    parameter. others: parameters that all budgets of the attack share.
+    parameter: of the attack. steps: its parameter that says how often it looks. unit: as the paper prints it.
+    scale: the paper's number times this is the parameter. others: parameters that all budgets of the attack
+    share.
     """
 
     title: str
     parameter: str
+    steps: str
     unit: str
     scale: float = 1.0
     others: tuple[tuple[str, int], ...] = ()
 
 
 AXES: dict[str, Axis] = {
-    "perturb": Axis("Perturbation, ε in cm", "eps_cm", "cm"),
-    "detach": Axis("Detachment, share removed in %", "ratio", "%", scale=0.01),
-    "attach": Axis("Attachment, ε in m", "eps_m", "m", others=(("points", 300),)),
+    "perturb": Axis("Perturbation, ε in cm", "eps_cm", "steps", "cm"),
+    "detach": Axis("Detachment, share removed in %", "ratio", "rounds", "%", scale=0.01),
+    "attach": Axis("Attachment, ε in m", "eps_m", "rounds", "m", others=(("points", 300),)),
 }
 
 

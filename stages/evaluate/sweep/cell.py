@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from advpipe.pipeline.detector.device import CPU
 from advpipe.stages.evaluate.detection.figures import Row
 
 
@@ -15,8 +16,10 @@ class Settings:
     """What a cell's figures depend on, besides recipe and budget.
 
     clean_sha256: of the clean bag, as `parent_sha256` has it. detector: its name in reports. frames:
-    start:stop:step, counted in the clean bag. seed: of the attack, the baselines and the bootstrap. advpipe:
-    the version of this package.
+    start:stop:step, counted in the clean bag. seed: of the attack, the baselines and the bootstrap.
+    baseline_tries: of how many the best is scored, None for as many as the attack looked at. advpipe,
+    code_sha256: the version of this package, and of its code that attacks clouds and scores.
+    device: what the detector computed on, cpu or cuda.
     """
 
     clean_sha256: str
@@ -24,9 +27,11 @@ class Settings:
     detector_sha256: str
     frames: str
     seed: int
-    baseline_tries: int
+    baseline_tries: int | None
     lidar_topic: str | None
     advpipe: str
+    code_sha256: str
+    device: str = CPU
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from advpipe.stages.evaluate.report.ratios import strongest_baseline
 from advpipe.stages.evaluate.report.style import BASELINE, INK, LINE, PREDICTION, SOFT, TRUTH, plain_axes
 from advpipe.stages.evaluate.sweep.budgets import AXES, TABLES
 from advpipe.stages.evaluate.sweep.cell import Cell
+from advpipe.stages.evaluate.sweep.variants import is_twice
 
 MARKS = ("o", "s", "^", "D", "v")
 PAPER = "the paper"
@@ -57,7 +58,7 @@ def curve_points(cells: Sequence[Cell], attack: str) -> dict[tuple[str, str, str
             for each in budgets.values()
         ]
     }
-    for number, recipe in enumerate(sorted({cell.recipe for cell in cells})):
+    for number, recipe in enumerate(sorted({cell.recipe for cell in cells if not is_twice(cell.recipe)})):
         mark = MARKS[number % len(MARKS)]
         mine = {cell.budget: cell for cell in cells if cell.recipe == recipe}
         for title, colour, style, is_random in (

@@ -17,6 +17,8 @@ from advpipe.stages.evaluate.sweep.curves import draw_curves
 from advpipe.stages.evaluate.sweep.tables import (
     ON_THE_TERMINAL,
     baselines_table,
+    convergence_table,
+    loose_table,
     records,
     steps_table,
     table_one,
@@ -84,13 +86,14 @@ def provenance(cells: Sequence[Cell]) -> list[dict[str, Any]]:
 def _html(cells: Sequence[Cell], recipes: Sequence[str], command: str, pictures: Sequence[Picture]) -> str:
     from jinja2 import Environment, StrictUndefined
 
+    details = (baselines_table(cells), loose_table(cells), steps_table(cells), convergence_table(cells))
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
         lead=SAME_DATA,
         tables=[table_one(cells, recipes), *(table_two(cells, recipes, attack) for attack in AXES)],
-        details=[baselines_table(cells), steps_table(cells)],
+        details=[table for table in details if table.lines],
         pictures=pictures,
         formulas={key: FORMULAS[key] for key in _SHOWN},
         command=command,

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from advpipe.pipeline.bag.frames import FrameSlice
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.stages.evaluate.detection.looking import Looking
 from advpipe.stages.evaluate.detection.scoring import known_classes
@@ -48,7 +49,7 @@ def median_frame(cells: Sequence[Cell]) -> int | None:
 
 
 def load_scenes(
-    clean: Path, bags: Sequence[Path], detector: str, frame: int, cells: Sequence[Cell]
+    clean: Path, bags: Sequence[Path], detector: str, frame: int, cells: Sequence[Cell], device: str = CPU
 ) -> list[Scene]:
     """The frame before and after each attack; boxes are those above the working score of the cells."""
     settings = cells[0].settings
@@ -61,8 +62,9 @@ def load_scenes(
         settings.seed,
         baseline=False,
         frames=FrameSlice(frame, frame + 1),
+        device=device,
     )
-    classes = known_classes(load_detector(detector))
+    classes = known_classes(load_detector(detector, device))
     scenes = []
     for comparison, cell in zip(looking.comparisons(1), cells, strict=True):
         score = cell.row["working_score"]

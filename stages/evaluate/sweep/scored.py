@@ -12,6 +12,7 @@ import numpy as np
 from advpipe.pipeline.bag.frames import FrameSlice
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
 from advpipe.pipeline.seeding import named_generator
@@ -37,6 +38,7 @@ def scored_cell(
     detector: str,
     attack_s: float,
     workers: int | None = None,
+    device: str = CPU,
 ) -> Cell:
     """Score an adversarial bag of these settings beside the clean one and random baselines."""
     begin_s = time.perf_counter()
@@ -49,9 +51,10 @@ def scored_cell(
         settings.seed,
         baseline_tries=settings.baseline_tries,
         frames=FrameSlice.parse(settings.frames),
+        device=device,
     )
     (comparison,) = looking.comparisons(workers)
-    classes = known_classes(load_detector(detector))
+    classes = known_classes(load_detector(detector, device))
     summary = summarise(comparison, classes, DRAWS, settings.seed)
     (row,) = json.loads(Report((summary.row,), {}, {}).to_json())["rows"]
     return Cell(

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from advpipe.pipeline.bag.frames import FrameSlice, count_frames, has_ground_truth
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.code import code_sha256
+from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.versions import installed
+from advpipe.stages.evaluate.provenance import SCORING
 from advpipe.stages.evaluate.sweep.cell import Cell, Settings
+
+CODE = (*SCORING, "stages/attack/lidar", "stages/attack/cloud_attack.py")
+"""The code that decides a cell's figures, from the attack to the score."""
 
 
 def sweep_settings(
@@ -18,14 +25,15 @@ def sweep_settings(
     detector: str,
     frames: str | None,
     seed: int,
-    baseline_tries: int,
+    baseline_tries: int | None,
     lidar_topic: str | None,
     usual_frames: int,
+    device: str = CPU,
 ) -> Settings:
     """The settings of a sweep; without `frames`, at most `usual_frames` equally spaced ones.
 
     Raises AdvpipeError for an adversarial bag, one without clouds or ground truth, frames that it does not
-    have, and an unknown detector.
+    have, and an unknown detector or device.
     """
     if BagReader(clean).provenance.get("kind") == "attack":
         raise AdvpipeError(f"{clean} is an adversarial bag; give the clean bag that it was made from")
@@ -35,8 +43,8 @@ def sweep_settings(
     chosen.indices(count)
     if not has_ground_truth(clean, lidar_topic):
         raise AdvpipeError(f"{clean} has no ground truth; give the clean bag that holds it")
-    load_detector(detector)
-    return Settings(
+    load_detector(detector, device)
+    settings = Settings(
         clean_sha256=parent_sha256(clean),
         detector=Path(detector).name,
         detector_sha256=detector_sha256(detector),
@@ -44,12 +52,20 @@ def sweep_settings(
         seed=seed,
         baseline_tries=baseline_tries,
         lidar_topic=lidar_topic,
-        advpipe=installed("advpipe"),
+        advpipe="",
+        code_sha256="",
+        device=device.partition(":")[0],
     )
+    return with_this_code(settings)
 
 
-def refuse_other_work(cell: Cell, clean: Path, detector: str) -> None:
-    """Raises AdvpipeError if a cell was made of another bag or detector than these."""
+def with_this_code(settings: Settings) -> Settings:
+    """The settings of a cell that the code of this process makes."""
+    return replace(settings, advpipe=installed("advpipe"), code_sha256=code_sha256(*CODE))
+
+
+def refuse_other_work(cell: Cell, clean: Path, detector: str, device: str = CPU) -> None:
+    """Raises AdvpipeError if a cell was made of another bag or detector than these, or on another device."""
     for what, mine, theirs in (
         ("bag", parent_sha256(clean), cell.settings.clean_sha256),
         ("detector", detector_sha256(detector), cell.settings.detector_sha256),
@@ -59,3 +75,7 @@ def refuse_other_work(cell: Cell, clean: Path, detector: str) -> None:
                 f"{cell.name} was made with another {what} (SHA-256 {theirs[:12]}…, not {mine[:12]}…); "
                 "it cannot be checked with this one"
             )
+    if device.partition(":")[0] != cell.settings.device:
+        raise AdvpipeError(
+            f"{cell.name} was made on another device; check it with --device {cell.settings.device}"
+        )

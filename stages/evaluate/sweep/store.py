@@ -79,7 +79,7 @@ def _difference(cell: Cell, settings: Settings, is_asked_for: bool) -> tuple[str
     mine, wanted = asdict(cell.settings), asdict(settings)
     for key, value in wanted.items():
         if mine[key] != value and (key != "frames" or is_asked_for):
-            return key, _short(mine[key]), _short(value)
+            return key.replace("code_sha256", "code of advpipe"), _short(mine[key]), _short(value)
     return None
 
 
@@ -96,5 +96,5 @@ def _read(path: Path) -> Cell:
         return cell
     except (ValueError, KeyError, TypeError, AttributeError):
         raise AdvpipeError(
-            f"{path} is damaged or no cell of a sweep; remove it to compute it again"
+            f"{path} is damaged, or no cell of this version's sweeps; remove it to compute it again"
         ) from None

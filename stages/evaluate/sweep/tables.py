@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 
 from advpipe.pipeline.metrics.bootstrap import percentile_interval
-from advpipe.stages.evaluate.detection.baseline import baseline_title
+from advpipe.stages.evaluate.detection.baseline import BEST, baseline_title
 from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.report.numbers import NOTHING, interval, number, short_name, with_interval
 from advpipe.stages.evaluate.report.ratios import strongest_baseline
@@ -17,6 +17,7 @@ from advpipe.stages.evaluate.report.section import Table
 from advpipe.stages.evaluate.report.table import changed_points
 from advpipe.stages.evaluate.sweep.budgets import AXES, TABLE_ONE, TABLES, Budget
 from advpipe.stages.evaluate.sweep.cell import Cell
+from advpipe.stages.evaluate.sweep.variants import pairs_of_twice, split_recipe
 
 NOT_RUN = "not run"
 
@@ -30,6 +31,9 @@ ON_THE_TERMINAL = {
     13: "frames",
 }  # fmt: skip
 """The places in `HEADS` of what fits into 80 characters, and shorter heads."""
+
+CONVERGED_POINTS = 2.0
+"""An attack has converged if twice the steps change its mAP ratio by less than so many points."""
 
 ANSWER = {True: "yes", False: "no", None: NOTHING}
 
@@ -78,13 +82,17 @@ def table_one(cells: Sequence[Cell], recipes: Sequence[str]) -> Table:
 
 
 def table_two(cells: Sequence[Cell], recipes: Sequence[str], attack: str) -> Table:
-    """The part of Table II about one attack: a line for each budget and recipe."""
+    """The part of Table II about one attack: a line for each budget and recipe.
+
+    Variants of a recipe have lines where they were run.
+    """
     found = {(cell.recipe, cell.budget): cell for cell in cells}
     lines = [
         line(budget, recipe, found.get((recipe, budget.name)))
         for budget in TABLES["paper"]
         if budget.attack == attack
         for recipe in recipes
+        if (recipe, budget.name) in found or not split_recipe(recipe)[1]
     ]
     return Table(f"Table II: {AXES[attack].title}", HEADS, tuple(lines))
 
@@ -116,13 +124,63 @@ def line(budget: Budget, recipe: str, cell: Cell | None) -> tuple[str, ...]:
     )
 
 
+def convergence_table(cells: Sequence[Cell]) -> Table:
+    """What twice the steps change, of the cells that were run so, too; drawn together."""
+    heads = (
+        *("cell", "ratio %", "twice the steps: ratio %", "change", "95 %"),
+        *(f"under {CONVERGED_POINTS:g} points", "beyond its interval"),
+    )
+    lines = []
+    for once, twice in pairs_of_twice(cells):
+        points, bounds = step(once, twice)
+        is_small = None if points is None else abs(points) < CONVERGED_POINTS
+        differs = None if bounds is None else bounds[0] > 0 or bounds[1] < 0
+        lines.append(
+            (
+                once.name,
+                *(number(cell.row["map_ratio_percent"], 2) for cell in (once, twice)),
+                *(number(points, 2), interval(bounds), ANSWER[is_small], ANSWER[differs]),
+            )
+        )
+    return Table("Converged", heads, tuple(lines))
+
+
+def loose_table(cells: Sequence[Cell]) -> Table:
+    """The mAP ratio at strict and at loose overlap: how much of an attack hides, and how much misplaces."""
+    heads = (
+        "cell",
+        "strict: ratio %",
+        "loose: ratio %",
+        "random, loose: ratio %",
+        "objects lost",
+        "of found",
+    )
+    lines = [
+        (
+            cell.name,
+            number(cell.row["map_ratio_percent"], 2),
+            number(cell.row.get("map_loose_ratio_percent"), 2),
+            number(cell.row.get(f"{_strongest_prefix(cell)}map_loose_ratio_percent"), 2),
+            number(sum(cell.lost_objects), 0),
+            number(sum(cell.found_objects), 0),
+        )
+        for cell in cells
+    ]
+    return Table("At loose overlap: hidden rather than misplaced", heads, tuple(lines))
+
+
 def baselines_table(cells: Sequence[Cell]) -> Table:
     """Every baseline of every cell: its ratio, and the paired difference to it."""
-    heads = ("cell", "random baseline", "its ratio %", "95 %", "ours minus it", "95 %", "beats it")
+    heads = (
+        *("cell", "random baseline", "tries", "looks of the attack"),
+        *("its ratio %", "95 %", "ours minus it", "95 %", "beats it"),
+    )
     lines = [
         (
             cell.name,
             baseline_title(word),
+            number(cell.row["baseline_tries"] if word.endswith(BEST) else 1, 0),
+            number(cell.row["looks"], 0),
             number(cell.row[f"{word}_map_ratio_percent"], 2),
             interval(cell.row[f"{word}_map_ratio_ci95"]),
             number(cell.row[f"map_ratio_minus_{word}"], 2),
@@ -174,7 +232,10 @@ def below_paper(budget: Budget, cell: Cell) -> bool | None:
 
 
 def records(cells: Sequence[Cell], recipes: Sequence[str]) -> list[Mapping[str, object]]:
-    """One a budget and recipe, as `report.json` lists them; of a cell that was not run, the paper's alone."""
+    """One a budget and recipe, as `report.json` lists them; of a cell that was not run, the paper's alone.
+
+    Variants of a recipe are listed where they were run.
+    """
     found = {(cell.recipe, cell.budget): cell for cell in cells}
     listed: list[Mapping[str, object]] = []
     for recipe in recipes:
@@ -188,7 +249,10 @@ def records(cells: Sequence[Cell], recipes: Sequence[str]) -> list[Mapping[str, 
                 "paper_chamfer_distance_m2": budget.paper_chamfer_distance_m2,
                 "status": NOT_RUN,
             }
-            if cell := found.get((recipe, budget.name)):
+            cell = found.get((recipe, budget.name))
+            if cell is None and split_recipe(recipe)[1]:
+                continue
+            if cell:
                 about |= {
                     "status": "done",
                     "is_below_paper": below_paper(budget, cell),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +20,7 @@ from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.cli.sweep import _commands, sweep
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.evaluate.run import evaluate
+from advpipe.stages.evaluate.sweep import settings
 from advpipe.stages.evaluate.sweep.store import Store
 from advpipe.stages.evaluate.sweep.tables import NOT_RUN
 
@@ -123,6 +125,41 @@ def test_check_computes_again_and_compares(
     assert "row.points_removed 37, again 36" in capsys.readouterr().out
 
 
+def test_cells_of_other_code_are_not_mixed_in(
+    swept: Path,
+    clean: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(swept / "cells", out / "cells")
+    monkeypatch.setattr(settings, "code_sha256", lambda *parts: "7" * 64)
+    with pytest.raises(AdvpipeError, match=r"sweep \(code of advpipe [0-9a-f]{12}…, not 777777777777…"):
+        run(clean, out, ["detach-1"])
+    run(clean, out, ["detach-1"], check=1)
+    assert capsys.readouterr().out == "best-detach-1: the same, though other code of advpipe made it\n"
+    run(clean, out, ["detach-1"], overwrite=True)
+    assert {cell.settings.code_sha256 for cell in Store(out).cells()} == {"7" * 64}
+
+
+def test_twice_the_steps_and_as_many_tries(clean: Path, tmp_path: Path) -> None:
+    """Ten rounds and three repairs are thirteen looks, twenty and three are 23: baselines get as many."""
+    run(clean, tmp_path / "out", ["detach-1"], recipes="best,best+twice", frames="::6", baseline_tries=None)
+    rows = {cell.recipe: cell.row for cell in Store(tmp_path / "out").cells()}
+    assert [(rows[name]["looks"], rows[name]["baseline_tries"]) for name in ("best", "best+twice")] == [
+        (13, 13),
+        (23, 23),
+    ]
+    assert rows["best+twice"]["parameters"]["rounds"] == 20  # type: ignore[index]
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "<h2>Converged</h2>" in page
+    assert "<td>best-detach-1</td><td>100.00</td><td>100.00</td><td>0.00</td>" in page
+    (about, twice) = json.loads((tmp_path / "out" / "report.json").read_text())["command"].splitlines()
+    assert "--baseline-tries" not in about
+    assert "--recipe best+twice " in twice
+
+
 def test_four_panels_of_another_recipe(swept: Path, clean: Path) -> None:
     """Of frames of its own, in the same folder; no bag is left behind."""
     run(clean, swept, TABLE_ONE, recipes="random", frames="::3")
@@ -151,6 +188,8 @@ def test_the_command_names_the_clouds(swept: Path, clean: Path) -> None:
         ({"cells": ["detach-2"]}, "unknown cell 'detach-2'; known: perturb-0.5, perturb-1, "),
         ({"table": "thesis"}, "unknown table 'thesis'; known: paper"),
         ({"recipes": "worst"}, "unknown recipe 'worst'"),
+        ({"recipes": "best+thrice"}, "unknown variant 'thrice' of recipe best"),
+        ({"recipes": "random-near+twice"}, "recipe random-near does not look at rounds"),
         ({"detector": "large"}, "large"),
         ({"frames": "90:"}, "choose none of the bag's 12 frames"),
         ({"frames": "::3"}, r"holds best-detach-1 of another sweep \(frames 0::2, not 0::3\)"),

@@ -1,7 +1,7 @@
 """Where figures come from."""
 
 from advpipe.stages.evaluate.detection.comparison import Comparison
-from advpipe.stages.evaluate.provenance import transfer_remark
+from advpipe.stages.evaluate.provenance import topic_remark, transfer_remark
 
 
 def test_attack_on_other_weights_is_called_a_transfer():
@@ -10,6 +10,17 @@ def test_attack_on_other_weights_is_called_a_transfer():
 
     assert remark("a" * 64) == remark("") == []
     assert "transfer" in remark("b" * 64)[0]
+    about = {"detector_sha256": "a" * 64, "detector": "small"}
+    (line,) = transfer_remark(Comparison(None, about, (), "mine:One", "b" * 64))
+    assert line == "Attacked against small, evaluated with mine:One: this is a transfer attack."
+
+
+def test_other_clouds_than_the_attacked_ones_are_told():
+    attacked = Comparison(None, {"lidar_topics": '["/ego/roof/points"]'}, ())
+    assert topic_remark(attacked, "/ego/roof/points") == []
+    assert topic_remark(Comparison(None, {}, ()), "/ego/lidar/points") == []
+    (line,) = topic_remark(attacked, "/ego/lidar/points")
+    assert line == "Attacked were the clouds of /ego/roof/points, evaluated were those of /ego/lidar/points."
 
 
 def test_two_detectors_in_one_file_are_two():

@@ -115,8 +115,32 @@ def test_ghost_appears(make_cloud, make_boxes):
     result = Attach(eps_m=0.5, points=6, ghost="car:5:5")(ground, make_boxes(), detector, rng())
     assert len(result.labels) == 6
     assert len(detector.detect(result.cloud)) == 1
-    nowhere = Attach(eps_m=0.5, ghost="car:50:5")(ground, make_boxes(), detector, rng())
-    assert "no object" in nowhere.note
+    bare = ground[ground["x"] < 3]
+    nowhere = Attach(eps_m=0.5, ghost="car:8:5")(bare, make_boxes(), detector, rng())
+    assert (len(nowhere.labels), nowhere.note) == (0, "no ground for the ghost to stand on")
+
+
+@pytest.mark.parametrize(
+    ("ghost", "line"),
+    [
+        ("car:50:5", r"\(50, 5\) m lies outside of the detector's range, x 0 to 10 m and y 0 to 10 m"),
+        ("cyclist:5:5", "the detector finds no cyclist; it finds car"),
+    ],
+)
+def test_a_ghost_that_no_detector_finds_is_refused(make_cloud, make_boxes, make_detector, ghost, line):
+    cloud, boxes, detector = scene_of(make_cloud, make_boxes, make_detector)
+    with pytest.raises(AdvpipeError, match=line):
+        Attach(eps_m=0.5, ghost=ghost)(cloud, boxes, detector, rng())
+
+
+def test_objects_that_are_not_there_are_told(make_cloud, make_boxes, make_detector):
+    cloud, boxes, detector = scene_of(make_cloud, make_boxes, make_detector)
+    some = Attach(eps_m=0.5, points=12, objects=("car0", "bus7"))(cloud, boxes, detector, rng())
+    assert len(some.labels) == 12
+    assert some.note.startswith("not in the ground truth: bus7")
+    none = Attach(eps_m=0.5, points=12, objects=("bus7",))(cloud, boxes, detector, rng())
+    assert len(none.labels) == 0
+    assert none.note == "not in the ground truth: bus7; no object to hide that the detector could find"
 
 
 @pytest.mark.parametrize("recipe", RECIPES)

@@ -250,7 +250,6 @@ def test_bad_reach(eps_cm):
         ({"weight": -1.0}, "weight is -1.0"),
         ({"weight": float("nan")}, "weight is nan"),
         ({"max_points": 0}, "max_points is 0"),
-        ({"recipe": "paper", "intensity": True}, "leaves intensities alone"),
     ],
 )
 def test_bad_parameters(wrong, line):

@@ -6,7 +6,7 @@ import pytest
 from advpipe.pipeline.bag.cloud import POINT_DTYPE, xyz
 from advpipe.pipeline.baselines import points_near_boxes
 from advpipe.pipeline.geometry.boxes import points_in_boxes
-from advpipe.stages.evaluate.detection.baseline import baseline_title, random_baselines
+from advpipe.stages.evaluate.detection.baseline import USUAL_LOOKS, baseline_title, looks_of, random_baselines
 from advpipe.stages.evaluate.detection.cloud_difference import cloud_difference
 from advpipe.stages.evaluate.detection.random_change import Budget, RandomChange, regions
 
@@ -185,3 +185,30 @@ def test_more_tries_leave_the_first_as_it_is():
 def test_titles():
     assert baseline_title("baseline") == "at random"
     assert baseline_title("baseline_near_best") == "at random near objects, best try"
+
+
+def test_as_many_intensities_as_the_attack_changed():
+    clean = cloud()
+    clean["intensity"] = np.random.default_rng(1).uniform(10, 20, len(clean))
+    after = clean.copy()
+    after["intensity"][:9] = 20.0
+    change = cloud_difference(clean, after)
+    assert change.shone.tolist() == list(range(9))
+    assert len(change.moved) == 0
+    budget = Budget.of(clean, after, change, {})
+    clouds = dict(random_baselines(clean, BOXES, budget, no_worth, tries=2, seed=0, index=3))
+    near = points_near_boxes(clean, BOXES)
+    for word, random in clouds.items():
+        drawn = cloud_difference(clean, random)
+        assert len(drawn.shone) == (len(clean) if "full" in word else 9)
+        assert not len(drawn.moved)
+        assert not len(drawn.removed)
+        assert random["intensity"].min() >= clean["intensity"].min()
+        assert random["intensity"].max() <= clean["intensity"].max()
+        assert near[drawn.shone].all() == ("near" in word)
+    assert len(np.unique(clouds["baseline_full"]["intensity"])) > 300
+
+
+def test_an_attack_says_how_often_it_looked():
+    assert looks_of({"looks": "13"}) == 13
+    assert looks_of({}) == USUAL_LOOKS

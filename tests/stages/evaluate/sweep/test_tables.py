@@ -1,7 +1,10 @@
 """Tables and the choice of a frame, of cells written by hand."""
 
+from dataclasses import replace
+
 import pytest
 
+from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.evaluate.sweep.budgets import TABLES, budget_named
 from advpipe.stages.evaluate.sweep.cell import Cell, Settings
 from advpipe.stages.evaluate.sweep.compare import differences
@@ -11,6 +14,8 @@ from advpipe.stages.evaluate.sweep.tables import (
     NOT_RUN,
     baselines_table,
     below_paper,
+    convergence_table,
+    loose_table,
     recipes_of,
     records,
     step,
@@ -18,8 +23,9 @@ from advpipe.stages.evaluate.sweep.tables import (
     table_one,
     table_two,
 )
+from advpipe.stages.evaluate.sweep.variants import split_recipe
 
-SETTINGS = Settings("a" * 64, "small", "b" * 64, "0::2", 0, 5, None, "0.1.0")
+SETTINGS = Settings("a" * 64, "small", "b" * 64, "0::2", 0, 5, None, "0.1.0", "d" * 64)
 
 
 def cell(
@@ -45,6 +51,10 @@ def cell(
         "points_added": 0,
         "points_moved": 50,
         "frames": 3,
+        "looks": 24,
+        "baseline_tries": 5,
+        "map_loose_ratio_percent": ratio + 30,
+        "baseline_map_loose_ratio_percent": 97.0,
     }
     return Cell(budget, recipe, SETTINGS, row, "c" * 64, (0, 2, 4), found, lost, draws, 100.0, 20.0)
 
@@ -131,4 +141,43 @@ def test_a_cell_comes_back_from_its_file():
     again = Cell.from_json(made.to_json())
     assert again == made
     assert differences(made, again) == []
-    assert differences(made, cell("detach-1", 51.0, draws=(48.0, None)))[0].startswith("row.map_ratio_")
+    assert differences(made, cell("detach-1", 51.0, draws=(48.0, None)))[-1].startswith("row.map_ratio_")
+
+
+def test_twice_the_steps_are_laid_beside():
+    cells = [
+        cell("perturb-10", 40.0, draws=(38.0, 42.0)),
+        cell("perturb-10", 38.5, recipe="best+twice", draws=(37.0, 41.0)),
+        cell("detach-1", 50.0, draws=(48.0, 52.0)),
+        cell("detach-1", 45.0, recipe="best+twice", draws=(44.0, 52.5)),
+        cell("attach-1", 20.0, recipe="paper+twice"),  # without the plain one there is nothing to say
+    ]
+    near, far = convergence_table(cells).lines
+    assert near == ("best-perturb-10", "40.00", "38.50", "-1.50", "-1.0…-1.0", "yes", "yes")
+    assert far[:4] == ("best-detach-1", "50.00", "45.00", "-5.00")
+    assert far[5:] == ("no", "no")
+    lines = [line[0] for line in table_two(cells, ["best", "best+twice"], "detach").lines]
+    assert lines[-3:] == ["1 %, best", "1 %, best+twice", "1.5 %, best"]
+    listed = records(cells, ["best", "best+twice"])
+    assert {each["recipe"] for each in listed if each["status"] == NOT_RUN} == {"best"}
+    titles = [title for title, _, _ in curve_points(cells, "perturb")]
+    assert not [title for title in titles if "twice" in title]
+
+
+def test_loose_overlap_is_laid_beside():
+    (line,) = loose_table([cell("perturb-10", 40.0, lost=(1, 2, 0))]).lines
+    assert line == ("best-perturb-10", "40.00", "70.00", "97.00", "3", "9")
+
+
+def test_unknown_variants_are_named():
+    assert split_recipe("best+hide+twice") == ("best", ("hide", "twice"))
+    with pytest.raises(AdvpipeError, match=r"unknown variant 'thrice' of recipe best; known: twice, hide"):
+        split_recipe("best+thrice")
+
+
+def test_other_code_is_no_difference_by_itself():
+    one = cell("detach-1", 50.0)
+    other = replace(one, settings=replace(one.settings, code_sha256="e" * 64), bag_sha256="f" * 64)
+    assert differences(one, other) == []
+    assert differences(one, replace(one, bag_sha256="f" * 64)) != []
+    assert differences(one, replace(other, frames=(0, 2))) == ["frames (0, 2, 4), again (0, 2)"]

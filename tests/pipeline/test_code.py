@@ -1,0 +1,92 @@
+"""The checksum of the code: worked out by hand, and of all that the results hang on."""
+
+import ast
+import hashlib
+import shutil
+
+import pytest
+
+from advpipe.pipeline import code
+from advpipe.pipeline.code import CLOUDS, PACKAGE, code_sha256
+from advpipe.stages.attack.provenance import LIDAR, MESSAGES
+from advpipe.stages.evaluate.provenance import SCORING
+
+NO_FIGURE = {
+    "pipeline/bag/__init__.py",
+    "pipeline/bag/messages.py",
+    "pipeline/bag/provenance.py",
+    "pipeline/bag/reader.py",
+    "pipeline/bag/topics.py",
+    "pipeline/bag/types.py",
+    "pipeline/bag/writer.py",
+    "pipeline/errors.py",
+    "pipeline/jobs.py",
+    "pipeline/scenario/attacks.py",
+    "stages/attack/clouds.py",
+    "stages/attack/job.py",
+    "stages/attack/parameters.py",
+}
+"""What clouds come through, but which decides nothing about them: other code of it reads the same figures."""
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    monkeypatch.setattr(code, "PACKAGE", tmp_path)
+    (tmp_path / "b" / "deep").mkdir(parents=True)
+    (tmp_path / "a.py").write_text("x = 1\n")
+    (tmp_path / "b" / "deep" / "c.py").write_text("y\n")
+    (tmp_path / "b" / "notes.md").write_text("no code")
+    code_sha256.cache_clear()
+    yield tmp_path
+    code_sha256.cache_clear()
+
+
+def test_worked_out_by_hand(package):
+    wanted = hashlib.sha256(b"a.py\x006\x00x = 1\nb/deep/c.py\x002\x00y\n").hexdigest()
+    assert (
+        code_sha256("a.py", "b") == code_sha256("b", "a.py") == code_sha256("a.py", "b", "b/deep") == wanted
+    )
+    (package / "a.py").write_bytes(b"x = 1\r\n")
+    code_sha256.cache_clear()
+    assert code_sha256("a.py", "b") == wanted  # a checkout with other line ends
+
+
+@pytest.mark.parametrize("change", [("a.py", "x = 2\n"), ("b/new.py", ""), ("b/deep/c.py", "z\n")])
+def test_any_change_shows(package, change):
+    before = code_sha256("a.py", "b")
+    (package / change[0]).write_text(change[1])
+    assert code_sha256("a.py", "b") == before  # the code that was loaded
+    code_sha256.cache_clear()
+    assert code_sha256("a.py", "b") != before
+
+
+def test_a_part_that_is_none_is_a_mistake(package):
+    shutil.rmtree(package / "b")
+    with pytest.raises(FileNotFoundError):
+        code_sha256("a.py", "b")
+
+
+@pytest.mark.parametrize("parts", [LIDAR, SCORING])
+def test_what_the_code_imports_is_in_it(parts):
+    """Every module of ours that these import, but for those that decide no figure."""
+    sources = {source for part in parts for source in code._sources(PACKAGE / part)}
+    wanted = {imported for source in sources for imported in _imports(source)}
+    missing = {path.relative_to(PACKAGE).as_posix() for path in wanted - sources}
+    assert missing <= NO_FIGURE
+
+
+def test_the_parts_are_there():
+    assert len({code_sha256(*parts) for parts in (CLOUDS, LIDAR, SCORING, MESSAGES)}) == 4
+
+
+def _imports(source):
+    for node in ast.walk(ast.parse(source.read_text())):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("advpipe."):
+            module = PACKAGE.joinpath(*node.module.split(".")[1:])
+            for name in node.names:
+                if (module / f"{name.name}.py").is_file():
+                    yield module / f"{name.name}.py"
+                elif module.with_suffix(".py").is_file():
+                    yield module.with_suffix(".py")
+                else:
+                    yield module / "__init__.py"
