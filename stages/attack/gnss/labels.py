@@ -10,12 +10,9 @@ import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.stages.attack.gnss.victim import FixRecord, SpoofedVehicle
+from advpipe.stages.attack.v2x.effect import fix_matters
 
 FILE_NAME = "gnss_labels.parquet"
-
-NOISE_BOUND = 7.814727903251178
-"""95 % quantile of chi-square with 3 degrees of freedom: a lie matters that is farther off, in squared
-standard deviations of the receiver's own errors (the covariance in its fix), than 95 % of them are."""
 
 Row = dict[str, object]
 
@@ -26,7 +23,8 @@ def write_labels(vehicles: Sequence[SpoofedVehicle], path: Path) -> None:
     vehicle; fix: counts the vehicle's fixes; stamp_ns; attack: its word, null where none was on; true and
     false latitude_deg, longitude_deg, altitude_m: what the receiver would have said and what it says, null
     without a fix; offset_east_m, offset_north_m, offset_up_m: false minus true; squared_sigmas: the offset in
-    the receiver's own covariance; matters: whether that is above `NOISE_BOUND`, or a fix is missing.
+    the receiver's own covariance; matters: whether it is missing, or as far off as matters in messages, too
+    (`v2x/effect.py`).
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -67,7 +65,7 @@ def label(record: FixRecord) -> Row:
         "stamp_ns": record.stamp_ns,
         "attack": None if record.lie is None else record.lie.attack,
         "squared_sigmas": None if offset_m is None else squared,
-        "matters": is_lost or squared > NOISE_BOUND,
+        "matters": is_lost or (offset_m is not None and fix_matters(*offset_m.tolist())),
     }
     for kind, place in (("true", record.genuine), ("false", record.told)):
         values = [None] * 3 if place is None else place.tolist()

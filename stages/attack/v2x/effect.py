@@ -1,6 +1,7 @@
-"""Whether a lie mattered: how far a message is from what an honest one would have said.
+"""Whether a lie mattered: how far a message, or a fix, is from what an honest one would have said.
 
-Effect-based, as in VeReMi NextGen: a zero-speed report of a standing car is no lie.
+Effect-based, as in VeReMi NextGen: a zero-speed report of a standing car is no lie. One rule for messages and
+fixes: whoever tells a place that a spoofed receiver gave it lies exactly where the receiver was lied to.
 """
 
 from __future__ import annotations
@@ -50,6 +51,11 @@ def matters(true: Values | None, false: Values | None, moved_m: float, expiry_s:
     if any(_differs(name, true[name], false[name]) for name in THRESHOLDS):
         return True
     return _time_apart_ms(true, false) > 1000 * expiry_s
+
+
+def fix_matters(east_m: float, north_m: float, up_m: float) -> bool:
+    """The same of a fix: whether it is that far off as matters in a message that tells it."""
+    return math.hypot(east_m, north_m) > POSITION_M or abs(up_m) > THRESHOLDS["altitude_m"]
 
 
 def _differs(name: str, true: Any, false: Any) -> bool:

@@ -7,7 +7,7 @@ from one_attacker import honest
 
 from advpipe.pipeline.v2x.codec import decode
 from advpipe.stages.attack.v2x.cams import values
-from advpipe.stages.attack.v2x.effect import matters
+from advpipe.stages.attack.v2x.effect import fix_matters, matters
 
 
 def said(time_ms=0, **fields):
@@ -33,6 +33,13 @@ def said(time_ms=0, **fields):
 )
 def test_thresholds(true, false, expected):
     assert matters(said(**true), said(**false), 0.0, 1.1) == expected
+
+
+def test_fixes_as_messages():
+    """0.6 m and 0.8 m aside are 1 m: the bound itself; 5 m in height."""
+    assert not fix_matters(0.6, -0.8, 5.0)
+    assert fix_matters(0.61, -0.8, 0.0)
+    assert fix_matters(0.0, 0.0, -5.1)
 
 
 def test_place_and_time():
