@@ -7,10 +7,12 @@ count. Everything is timed in turns, so that whatever else the machine does weig
 thread computes, as in advpipe; random weights take as long as trained ones.
 
     python benchmarks/detector.py [BAG] [--rounds 9] [--frames 4] [--presets small 360 kitti]
+    python benchmarks/detector.py [BAG] --device cuda [--batches 1 2 4 8 16]
 
 BAG is a recorded drive; by default two seconds of the boulevard are simulated. `spconv` is timed too where
 it is installed: its sparse part, forward, on one thread (two give wrong results on a CPU, and its backward
-needs a GPU).
+needs a GPU). On a GPU there is no floor: seconds and frames a second by the number of clouds in a batch, for
+the step and for detection with everything up to the boxes, and the GPU's memory at its peak.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import torch
@@ -33,42 +35,39 @@ from torch.utils.flop_counter import FlopCounterMode
 from advpipe.pipeline.bag.cloud import xyzi
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
 from advpipe.pipeline.bag.locate import resolve_bag
+from advpipe.pipeline.detector.device import open_device
 from advpipe.pipeline.detector.second.backbone3d import STRIDED
-from advpipe.pipeline.detector.second.model import SecondNet
+from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import PRESETS, Preset
 from advpipe.pipeline.detector.second.voxels import Voxels, voxelise
 from advpipe.pipeline.detector.threads import TORCH_THREADS
+from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.stages.simulate.run import simulate
 
 REACH = {"small": 2.0, "360": 1.3, "kitti": 1.3}
-SYNC = torch.cuda.is_available()
 
 
 def network(preset: Preset) -> SecondNet:
     torch.manual_seed(0)
-    net = SecondNet(preset).eval().requires_grad_(False)
-    return net.cuda() if SYNC else net
+    return SecondNet(preset).eval().requires_grad_(False)
 
 
-def forward(net: SecondNet, points: Tensor) -> Tensor:
-    """Cloud to raw predictions, rules included."""
-    out = net(voxelise([points], net.preset))
+def forward(net: SecondNet, *clouds: Tensor) -> Tensor:
+    """Clouds to raw predictions, rules included."""
+    out = net(voxelise(clouds, net.preset))
     return out.scores.sum() + out.codes.sum() + out.directions.sum()
 
 
-def step(net: SecondNet, points: Tensor) -> Tensor:
+def step(net: SecondNet, *clouds: Tensor) -> tuple[Tensor, ...]:
     """The gradient to the points: what one step of an attack takes."""
-    leaf = points.clone().requires_grad_()
-    (gradient,) = torch.autograd.grad(forward(net, leaf), leaf)
-    return gradient
+    leaves = [points.clone().requires_grad_() for points in clouds]
+    return torch.autograd.grad(forward(net, *leaves), leaves)
 
 
 def seconds(work: Callable[[], object]) -> float:
     start = time.perf_counter()
     work()
-    if SYNC:
-        torch.cuda.synchronize()
     return time.perf_counter() - start
 
 
@@ -80,14 +79,13 @@ def flops(net: SecondNet, points: Tensor) -> float:
 
 
 def gemm(size: int) -> tuple[float, Callable[[], object]]:
-    a = torch.randn(size, size, device="cuda" if SYNC else "cpu")
+    a = torch.randn(size, size)
     return 2.0 * size**3, lambda: a @ a
 
 
 def convolution() -> tuple[float, Callable[[], object]]:
-    device = "cuda" if SYNC else "cpu"
-    x = torch.randn(1, 256, 64, 64, device=device).to(memory_format=torch.channels_last)
-    weight = torch.randn(256, 256, 3, 3, device=device).to(memory_format=torch.channels_last)
+    x = torch.randn(1, 256, 64, 64).to(memory_format=torch.channels_last)
+    weight = torch.randn(256, 256, 3, 3).to(memory_format=torch.channels_last)
     return 2.0 * 64 * 64 * 256 * 256 * 9, lambda: F.conv2d(x, weight, padding=1)
 
 
@@ -148,7 +146,7 @@ def clouds(bag: Path, count: int) -> list[Tensor]:
     for frame in read_frames(bag, FrameSlice.parse("::5")):
         points = torch.from_numpy(xyzi(frame.cloud))
         points = points[torch.isfinite(points).all(1)]
-        made.append(points.cuda() if SYNC else points)
+        made.append(points)
         if len(made) == count:
             break
     return made
@@ -159,7 +157,7 @@ def report(name: str, points: list[Tensor], rounds: int, bag: Path) -> bool:
     net = network(PRESETS[name])
     gemms, (conv_flops, conv) = [gemm(1024), gemm(1536)], convolution()
     work = statistics.mean(flops(net, cloud) for cloud in points)
-    peer = None if SYNC else spconv_backbone(net)
+    peer = spconv_backbone(net)
     if peer is not None:
         voxels = voxelise(points[:1], net.preset)
         theirs, ours = peer(voxels), sparse(net, voxels)
@@ -199,11 +197,35 @@ def report(name: str, points: list[Tensor], rounds: int, bag: Path) -> bool:
         f"  floor of a step {floor_s:.3f} s: x {ratio:.2f}, asked x {REACH[name]:.1f} {verdict} "
         f"(at the rate of convolutions x {ratio * conv_rate / rate:.2f})"
     )
-    if not SYNC and Path("/proc/self/status").exists():
+    if Path("/proc/self/status").exists():
         for kind in ("forward", "step"):
             before, peak = peak_memory_mb(name, bag, kind)
             print(f"  peak memory, {kind:<8} {peak:6,.0f} MB, {before:,.0f} MB of them before it (libraries)")
     return ratio <= REACH[name]
+
+
+def report_batches(
+    name: str, points: Sequence[Tensor], rounds: int, device: torch.device, batches: Sequence[int]
+) -> None:
+    """The lines of one preset on a GPU, where each work ends when its results have come back."""
+    detector = Second(network(PRESETS[name]).to(device))
+    print(f"\n{name}: {sum(p.numel() for p in detector.net.parameters()):,} parameters")
+    for size in batches:
+        batch = [points[place % len(points)].to(device) for place in range(size)]
+        works: dict[str, Callable[[], object]] = {
+            "forward and backward": lambda: [each.cpu() for each in step(detector.net, *batch)],  # noqa: B023
+            "detection": lambda: detector.detect_batch(batch),  # noqa: B023
+        }
+        for what, work in works.items():
+            if device.type == "cuda":
+                torch.cuda.reset_peak_memory_stats(device)
+            times = [seconds(work) for _ in range(rounds + 1)][1:]  # the first round warms up
+            peak = torch.cuda.max_memory_allocated(device) / 1e6 if device.type == "cuda" else float("nan")
+            median = statistics.median(times)
+            print(
+                f"  {what:<20} of {size:>2}: best {min(times):7.4f} s, median {median:7.4f} s, "
+                f"{size / median:7.1f} frames/s, peak memory {peak:7,.0f} MB"
+            )
 
 
 def sparse(net: SecondNet, voxels: Voxels) -> Tensor:
@@ -226,8 +248,14 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=9)
     parser.add_argument("--frames", type=int, default=4)
     parser.add_argument("--presets", nargs="+", choices=list(REACH), default=list(REACH))
+    parser.add_argument("--device", default="cpu", help="cpu, cuda or cuda:N")
+    parser.add_argument("--batches", nargs="+", type=int, default=[1, 2, 4, 8, 16], help="on a GPU")
     parser.add_argument("--memory", nargs=2, help=argparse.SUPPRESS)
     given = parser.parse_args()
+    try:
+        device = open_device(given.device)
+    except AdvpipeError as error:
+        sys.exit(str(error))
     torch.set_num_threads(TORCH_THREADS)
     if given.memory:
         preset, work = given.memory
@@ -247,8 +275,13 @@ def main() -> None:
             simulate(load_scenario("boulevard", ["simulation.duration_s=2"]), bag)
         bag = resolve_bag(bag)
         points = clouds(bag, given.frames)
-        device = torch.cuda.get_device_name() if SYNC else "one thread"
-        print(f"{machine()}; PyTorch {torch.__version__}, {device}; {len(points)} clouds")
+        on_gpu = device.type == "cuda"
+        where = torch.cuda.get_device_name(device) if on_gpu else "one thread"
+        print(f"{machine()}; PyTorch {torch.__version__}, {where}; {len(points)} clouds")
+        if on_gpu:
+            for name in given.presets:
+                report_batches(name, points, given.rounds, device, given.batches)
+            return
         passed = [report(name, points, given.rounds, bag) for name in given.presets]
     sys.exit(0 if all(passed) else 1)
 
