@@ -14,7 +14,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.remains import SCENARIO_NAME, Remains, find_remains
 from advpipe.pipeline.bag.salvage import Salvage
 from advpipe.pipeline.bag.topics import VehicleTopics
-from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.bag.writer import FILES_RECORD, BagWriter
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
 from advpipe.pipeline.partial import FolderKind, staged_folder
 
@@ -163,5 +163,5 @@ def _write(recovery: Recovery, survey: _Survey, bag: Path, overwrite: bool) -> N
                 if (raw.topic.name, raw.log_time_ns) not in lone_clouds:
                     writer.copy(raw)
             for name, record in salvage.metadata.items():
-                if name not in (RECORD_NAME, "rosbag2"):  # which the writer makes anew
+                if name not in (RECORD_NAME, FILES_RECORD, "rosbag2"):  # made anew
                     writer.add_metadata(name, record)

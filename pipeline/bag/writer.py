@@ -22,8 +22,12 @@ from advpipe.pipeline.bag.mcap_writer import COMPRESSIONS, McapWriter
 from advpipe.pipeline.bag.provenance import RECORD_NAME, seal
 from advpipe.pipeline.bag.topics import RawMessage, Topic, qos_to_yaml
 from advpipe.pipeline.bag.types import schema_text, serialise, type_hash
+from advpipe.pipeline.dataset.checksums import digest
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, os_error_line
 from advpipe.pipeline.partial import PartialFolder, final_path
+
+FILES_RECORD = "advpipe_files"
+"""The metadata record with the SHA-256 of each file beside the bag, by its name; none without such files."""
 
 _qos_text = cache(qos_to_yaml)
 
@@ -149,12 +153,22 @@ class BagWriter:
         return channel
 
     def _finish(self) -> None:
+        if beside := self._files_beside():
+            self._mcap.add_metadata(FILES_RECORD, beside)
         information = _single_lines(self._information())
         self._mcap.add_metadata("rosbag2", {"serialized_metadata": information})
         self._mcap.finish()
         self._file.close()
         metadata = f"rosbag2_bagfile_information:\n{indent(information, '  ')}"
         (self._folder.path / METADATA_NAME).write_text(metadata, encoding="utf-8")
+
+    def _files_beside(self) -> dict[str, str]:
+        """The checksums of the files that were put into `folder`: labels, the attack's request."""
+        return {
+            path.name: digest(path)
+            for path in sorted(self.folder.iterdir())
+            if path.is_file() and not path.name.startswith(".") and path.name != self._file_name
+        }
 
     def _discard(self) -> None:
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from advpipe.stages.verify.checks.base import BagCheck, FolderCheck
+from advpipe.stages.verify.checks.beside import FilesBeside
 from advpipe.stages.verify.checks.boxes import BoxesHoldPoints
 from advpipe.stages.verify.checks.cams import Cams
 from advpipe.stages.verify.checks.checksums import Checksums
@@ -15,6 +16,7 @@ from advpipe.stages.verify.checks.points import Points
 from advpipe.stages.verify.checks.provenance import Provenance
 from advpipe.stages.verify.checks.qos import QualityOfService
 from advpipe.stages.verify.checks.rates import Rates
+from advpipe.stages.verify.checks.reports import Reports
 from advpipe.stages.verify.checks.scenario import ScenarioFiles
 from advpipe.stages.verify.checks.signature import Signature
 from advpipe.stages.verify.checks.time import Time
@@ -25,8 +27,10 @@ CHECKS: dict[str, type[FolderCheck] | type[BagCheck]] = {
     "checksums": Checksums,
     "signature": Signature,
     "crcs": Crcs,
+    "reports": Reports,
     "container": Container,
     "metadata": MetadataYaml,
+    "beside": FilesBeside,
     "scenario": ScenarioFiles,
     "provenance": Provenance,
     "types": Types,

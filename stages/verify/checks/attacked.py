@@ -49,11 +49,13 @@ class Attacked:
         """The topics whose clouds an attack may have changed, the one that counts the frames first."""
         if not self.has_clouds:
             return ()
-        found = [topic for topic, _ in groupby(row["topic"] for row in rows(self.table(FRAMES)))]
+        if "lidar_topics" in self.bag.provenance:
+            found = json.loads(self.bag.provenance["lidar_topics"])
+        else:
+            found = [topic for topic, _ in groupby(row["topic"] for row in rows(self.table(FRAMES)))]
         first = next(one for one in self.attacks if _family(one["type"]) == "lidar")
         leading = first.get("lidar") or VehicleTopics(first.get("victim") or "ego").lidar_points.name
-        names = dict.fromkeys(found)
-        return tuple(sorted(names, key=lambda name: name != leading))
+        return tuple(sorted(dict.fromkeys(found), key=lambda name: name != leading))
 
     @cached_property
     def replaced(self) -> frozenset[str]:

@@ -1,0 +1,368 @@
+"""Verify: all that was really made is good, and each thing that is spoilt is found by its own check."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+from advpipe.pipeline.bag import messages
+from advpipe.pipeline.bag.cloud import POINT_DTYPE, cloud_from_cdr, cloud_to_cdr
+from advpipe.pipeline.bag.topics import RawMessage, Topic, VehicleTopics
+from advpipe.pipeline.bag.types import serialise, typestore
+from advpipe.pipeline.dataset import archive, checksums, signature
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.stages.verify.checks.points import Labels, excesses
+from advpipe.stages.verify.run import verify
+
+EGO = VehicleTopics("ego")
+CLOUD = EGO.lidar_points.name
+Messages = Iterable[RawMessage]
+Rewrite = Callable[[Path, Callable[[Messages], Messages]], None]
+
+
+def checks_of(path: Path) -> set[str]:
+    return {finding.check for finding in verify(path).findings}
+
+
+def changed(topic: str, change: Callable[[RawMessage], RawMessage | None], number: int = 1) -> object:
+    """An edit of the topic's message with this number."""
+
+    def edit(stream: Messages) -> Iterator[RawMessage]:
+        seen = 0
+        for raw in stream:
+            seen += raw.topic.name == topic
+            if raw.topic.name != topic or seen != number + 1:
+                yield raw
+            elif (new := change(raw)) is not None:
+                yield new
+
+    return edit
+
+
+def decoded(change: Callable[..., object]) -> Callable[[RawMessage], RawMessage]:
+    """Changes a message's values in place."""
+
+    def edit(raw: RawMessage) -> RawMessage:
+        message = typestore().deserialize_cdr(raw.cdr, raw.topic.type)
+        change(message)
+        return replace(raw, cdr=serialise(message, raw.topic.type))
+
+    return edit
+
+
+def one_point_more(message: object) -> None:
+    message.road_users[0].lidar_points += 1  # type: ignore[attr-defined]
+
+
+def an_earlier_stamp(message: object) -> None:
+    message.header.stamp.sec -= 1  # type: ignore[attr-defined]
+
+
+def another_parent(message: object) -> None:
+    message.transforms[0].header.frame_id = "moon"  # type: ignore[attr-defined]
+
+
+def out_of_order(stream: Messages) -> Iterator[RawMessage]:
+    """Two ticks of the clock change places in the file."""
+    held: list[RawMessage] = []
+    for raw in stream:
+        if raw.topic.name == "/clock" and len(held) < 2:
+            held.append(raw)
+            if len(held) == 2:
+                yield from reversed(held)
+        else:
+            yield raw
+
+
+def other_qos(stream: Messages) -> Iterator[RawMessage]:
+    lax = Topic("/clock", "x").qos
+    for raw in stream:
+        yield replace(raw, topic=replace(raw.topic, qos=lax)) if raw.topic.name == "/clock" else raw
+
+
+def all_but(*topics: str) -> Callable[[Messages], Iterator[RawMessage]]:
+    return lambda stream: (raw for raw in stream if raw.topic.name not in topics)
+
+
+def test_what_was_made_is_good(data_set: Path) -> None:
+    """Every attack on every sensor, in full."""
+    result = verify(data_set)
+    assert result.findings == []
+    assert {gap.check for gap in result.unchecked} == {"checksums"}
+    assert verify(data_set, quick=True).is_good
+
+
+@pytest.mark.parametrize(
+    ("check", "edit"),
+    [
+        ("rates", changed("/clock", lambda raw: None)),
+        ("rates", changed(EGO.imu.name, lambda raw: None)),
+        ("time", out_of_order),
+        ("time", changed(EGO.gnss_fix.name, decoded(an_earlier_stamp))),
+        ("types", changed("/clock", lambda raw: replace(raw, cdr=raw.cdr[:-1]))),
+        ("types", lambda stream: (replace(raw, schema=f"{raw.schema}\n# so") for raw in stream)),
+        ("qos", other_qos),
+        ("transforms", changed("/tf", decoded(another_parent))),
+        ("transforms", all_but("/tf_static")),
+        ("boxes", changed(EGO.road_users.name, decoded(one_point_more))),
+    ],
+)
+def test_a_clean_bag_that_is_wrong(data_set: Path, rewrite: Rewrite, check: str, edit: object) -> None:
+    """Each bag is whole in itself. (The rate of a topic is off by one message in 20, or in 200.)"""
+    rewrite(data_set / "clean", edit)  # type: ignore[arg-type]
+    found = checks_of(data_set / "clean")
+    assert check in found
+    assert found <= {check, "boxes", "rates"}
+
+
+def moved(raw: RawMessage) -> RawMessage:
+    stamp_ns, frame_id, cloud = cloud_from_cdr(raw.cdr)
+    cloud = cloud.copy()
+    cloud["x"][3] += 0.25
+    return replace(raw, cdr=cloud_to_cdr(cloud, stamp_ns, frame_id))
+
+
+def lighter(message: object) -> None:
+    message.payload = message.payload[:-1]  # type: ignore[attr-defined]
+
+
+def north(message: object) -> None:
+    message.latitude += 1e-7  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("bag", "check", "edit"),
+    [
+        ("detach", "points", changed(CLOUD, moved)),
+        ("perturb", "points", changed(CLOUD, moved)),
+        ("attach", "points", changed(CLOUD, moved)),
+        ("detach", "points", changed(CLOUD, lambda raw: None)),
+        ("detach", "copies", changed(EGO.gnss_fix.name, decoded(north))),
+        ("detach", "copies", changed("/clock", lambda raw: None)),
+        ("gnss", "copies", changed(CLOUD, moved)),
+        ("gnss", "fixes", changed(EGO.gnss_fix.name, decoded(north))),
+        ("cam", "cams", changed("/v2x/sent", decoded(lighter))),
+        ("cam", "cams", changed("/v2x/sent", lambda raw: None)),
+        ("delay", "cams", changed("/v2x/sent", lambda raw: None)),
+        ("dos", "cams", changed("/v2x/sent", decoded(lighter), number=20)),
+    ],
+)
+def test_an_attack_that_did_something_else(
+    data_set: Path, rewrite: Rewrite, bag: str, check: str, edit: object
+) -> None:
+    for other in data_set.iterdir():
+        if other.is_dir() and other.name not in ("clean", bag):
+            shutil.rmtree(other)
+    rewrite(data_set / bag, edit)  # type: ignore[arg-type]
+    found = checks_of(data_set)
+    assert check in found
+    assert found <= {check, "time", "types"}
+
+
+@pytest.mark.parametrize("spoil", ["moved farther", "frame", "left out"])
+def test_labels_that_tell_something_else(data_set: Path, spoil: str) -> None:
+    path = data_set / "perturb" / "labels.parquet"
+    table = pq.read_table(path)
+    if spoil == "left out":
+        table = table.slice(1)
+    else:
+        name = {"moved farther": "displacement_m", "frame": "frame"}[spoil]
+        column = table[name].to_numpy().copy()
+        column[7] += 1
+        index = table.column_names.index(name)
+        table = table.set_column(index, table.schema.field(name), pa.array(column, table[name].type))
+    pq.write_table(table, path)
+    assert checks_of(data_set) == {"beside", "points"}
+
+
+def test_a_budget_that_was_not_kept() -> None:
+    """The same labels, under budgets that hold and budgets that do not."""
+    cloud = cloud_from_cdr(cloud_to_cdr(np.zeros(100, POINT_DTYPE), 0, "x")).cloud
+    labels = Labels("t", 0, np.arange(2), np.array(["moved"] * 2), np.array([0.05, 0.1000001]))
+    assert excesses(cloud, labels, [{"eps_cm": 10.0}]) == []
+    assert excesses(cloud, labels, [{"eps_cm": 9.9}]) == ["a point moved 0.100000 m, beyond eps_cm 9.9"]
+    assert excesses(cloud, labels, [{"eps_cm": 9.9}, {"eps_cm": 10.0}]) == []
+    removed = Labels("t", 0, np.arange(2), np.array(["removed"] * 2), np.full(2, np.nan))
+    assert excesses(cloud, removed, [{"ratio": 0.02}]) == []
+    assert excesses(cloud, removed, [{"ratio": 0.01}]) == [
+        "2 points were removed, more than 1, the ratio 0.01"
+    ]
+    added = Labels("t", 0, np.full(2, -1), np.array(["added"] * 2), np.array([0.1, 0.6]))
+    assert excesses(cloud, added, [{"points": 2, "eps_m": 0.6}]) == []
+    assert excesses(cloud, added, [{"points": 3}]) == ["2 points were added, not 3"]
+
+
+def test_files_that_tell_something_else(data_set: Path) -> None:
+    """In each, one sign is another one."""
+    for name, check in (
+        ("scenario.yaml", "scenario"),
+        ("clean/metadata.yaml", "metadata"),
+        ("detach/attack.yaml", "beside"),
+        ("gnss/metadata.yaml", "metadata"),
+    ):
+        path = data_set / name
+        text = path.read_text()
+        path.write_text(text.replace("1", "2", 1))
+        assert {f.check for f in verify(data_set).findings} >= {check}, name
+        path.write_text(text)
+
+
+def test_another_parent(data_set: Path, rewrite: Rewrite) -> None:
+    rewrite(data_set / "clean", lambda stream: (replace(raw, sequence=raw.sequence + 1) for raw in stream))
+    found = verify(data_set).findings
+    assert {finding.check for finding in found} == {"provenance"}
+    assert len(found) == 7
+
+
+def test_an_attack_alone_says_so(data_set: Path, tmp_path: Path) -> None:
+    alone = shutil.move(data_set / "detach", tmp_path / "alone")
+    result = verify(Path(alone))
+    assert result.is_good
+    assert "verified alone" in " ".join(map(str, result.unchecked))
+
+
+def test_an_attack_in_its_data_set_finds_its_parent(data_set: Path) -> None:
+    result = verify(data_set / "detach")
+    assert result.is_good
+    assert "verified alone" not in " ".join(map(str, result.unchecked))
+
+
+def test_a_job_that_has_not_ended(data_set: Path) -> None:
+    (data_set / ".detach.0123456789ab.job").mkdir()
+    assert [str(finding) for finding in verify(data_set).findings] == [
+        ".detach.0123456789ab.job: was left by a job that has not ended [container]"
+    ]
+    with pytest.raises(AdvpipeError, match="unfinished job"):
+        verify(data_set / ".detach.0123456789ab.job")
+
+
+def test_what_is_no_data_set(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("x")
+    for path, words in (("nothing", "does not exist"), ("", "no data set"), ("a.txt", "no data set")):
+        with pytest.raises(AdvpipeError, match=words):
+            verify(tmp_path / path)
+
+
+def test_another_tools_bag(tmp_path: Path) -> None:
+    """rosbags writes no checksums, and no provenance: what can be checked is, and the rest is said."""
+    store = typestore()
+    with Writer(tmp_path / "b", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        clock = writer.add_connection("/clock", "rosgraph_msgs/msg/Clock", typestore=store)
+        for stamp_ns in range(0, 100, 10):
+            writer.write(clock, stamp_ns, serialise(messages.clock(stamp_ns), "rosgraph_msgs/msg/Clock"))
+    result = verify(tmp_path / "b")
+    assert result.findings == []
+    said = " ".join(map(str, result.unchecked))
+    assert "does not say where it comes from" in said
+    assert "none in the bag" in said
+    metadata = tmp_path / "b" / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace("message_count: 10", "message_count: 11"))
+    assert checks_of(tmp_path / "b") == {"metadata"}
+
+
+def test_single_bits(shared: Path) -> None:
+    """60 of them anywhere in a data set, all found; the benchmark does so a thousand times."""
+    rng = np.random.default_rng(5)
+    files = [shared / name for name in (*checksums.listed(shared), checksums.FILE)]
+    sizes = np.array([path.stat().st_size for path in files])
+    ends = np.cumsum(sizes)
+    for place in rng.integers(ends[-1], size=60).tolist() + [int(ends[-1]) - 3, int(ends[-1]) - 40]:
+        index = int(np.searchsorted(ends, place, side="right"))
+        offset = place - int(ends[index] - sizes[index])
+        flip(files[index], offset, int(rng.integers(8)))
+        assert not verify(shared, quick=True).is_good, (files[index], offset)
+        flip(files[index], offset, None)
+    assert verify(shared, quick=True).is_good
+
+
+_before: dict[Path, bytes] = {}
+
+
+def flip(path: Path, offset: int, bit: int | None) -> None:
+    """Turn one bit over; None puts the file back."""
+    if bit is None:
+        path.write_bytes(_before.pop(path))
+        return
+    data = _before.setdefault(path, path.read_bytes())
+    path.write_bytes(data[:offset] + bytes([data[offset] ^ 1 << bit]) + data[offset + 1 :])
+
+
+@pytest.mark.parametrize("name", ["clean", "gnss"])
+def test_single_bits_of_a_lone_bag(data_set: Path, tmp_path: Path, name: str) -> None:
+    """What the bag says of itself finds them all, without SHA256SUMS: CRCs, strict records, its memory."""
+    bag = Path(shutil.move(data_set / name, tmp_path / "alone"))
+    rng = np.random.default_rng(6)
+    mcap = next(bag.glob("*.mcap"))
+    small = [path for path in sorted(bag.iterdir()) if path != mcap]
+    size = mcap.stat().st_size
+    places = [(mcap, int(p)) for p in [*rng.integers(size, size=12), 3, 12, size - 2, size - 20, size - 35]]
+    places += [(path, int(rng.integers(path.stat().st_size))) for path in small for _ in range(2)]
+    for path, offset in places:
+        flip(path, offset, int(rng.integers(8)))
+        result = verify(bag, quick=path == mcap)
+        assert not result.is_good, (path, offset)
+        flip(path, offset, None)
+
+
+@pytest.mark.parametrize("spoil", ["missing", "unlisted", "list"])
+def test_files_and_their_list(shared: Path, spoil: str) -> None:
+    if spoil == "missing":
+        (shared / "detach" / "frames.parquet").unlink()
+    elif spoil == "unlisted":
+        (shared / "more.txt").write_text("x")
+    else:
+        (shared / checksums.FILE).write_text("nonsense")
+    found = verify(shared, quick=True).findings
+    where = {"missing": "detach/frames.parquet", "unlisted": "more.txt", "list": checksums.FILE}[spoil]
+    assert [(finding.check, finding.where) for finding in found] == [("checksums", where)]
+
+
+def test_signatures(shared: Path, tmp_path: Path) -> None:
+    keys = []
+    for name in ("a", "b"):
+        private, public = tmp_path / f"{name}.pem", tmp_path / f"{name}.pub.pem"
+        command = ["openssl", "genpkey", "-algorithm", "ed25519", "-out", str(private)]
+        subprocess.run(command, check=True)
+        subprocess.run(["openssl", "pkey", "-in", private, "-pubout", "-out", public], check=True)
+        keys.append((private, public))
+    assert not verify(shared, quick=True, key=keys[0][1]).is_good  # not signed at all
+    signature.sign(shared, keys[0][0])
+    assert verify(shared, quick=True, key=keys[0][1]).is_good
+    found = verify(shared, quick=True, key=keys[1][1]).findings
+    assert [finding.check for finding in found] == ["signature"]
+    with pytest.raises(AdvpipeError, match="private key"):
+        verify(shared, key=keys[0][0])
+
+
+def test_an_archive(shared: Path, tmp_path: Path) -> None:
+    (path, *_) = archive.pack(archive.contents(shared), tmp_path / "drive.tar")
+    assert verify(path, quick=True).is_good
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    assert [finding.check for finding in verify(path).findings] == ["archive"]
+
+
+def test_the_command(shared: Path) -> None:
+    code = "from advpipe.pipeline.cli import app; app()"
+    command = [sys.executable, "-c", code, "verify", str(shared), "--quick", "--json"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["good"] is True
+    flip(shared / "scenario.yaml", 5, 0)
+    done = subprocess.run(command[:-1], capture_output=True, text=True)
+    assert done.returncode == 1
+    assert done.stderr == ""
+    first, last = done.stdout.splitlines()
+    assert first == "scenario.yaml: has another SHA-256 than SHA256SUMS lists [checksums]"
+    assert last.endswith(": 1 finding")
