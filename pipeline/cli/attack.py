@@ -51,6 +51,7 @@ def attack(
     ] = None,
     frames: Annotated[str, typer.Option(help="start:stop:step; it then holds only these clouds.")] = "::",
     detector: DetectorName = "small",
+    device: Device = "cpu",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the attack's own draws.")] = 0,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes.", show_default="one a core")] = None,
     out: Annotated[
@@ -82,7 +83,7 @@ def attack(
             "detector": detector,
         }
     )
-    request = AttackRequest((spec,), seed)
+    request = AttackRequest((spec,), seed, device)
     target = out or clean.parent / attack_id(request)
     with writing(target):
         print(run(clean, target, request, overwrite=overwrite, workers=workers))

@@ -60,7 +60,7 @@ def attack(
         raise AdvpipeError(f"{out} is or holds the clean bag; choose another output")
     plan = _plan(reader, request)
     for detector in {spec.detector: None for spec in request.lidar}:
-        load_detector(detector)
+        load_detector(detector, request.device)
     provenance = provenance_of(reader, request)
     writer = BagWriter(out, provenance=provenance, overwrite=overwrite)  # refuses a bad output at once
     resolved = resolved_text(provenance)
@@ -69,7 +69,9 @@ def attack(
     with open_job(out, resolved) as job:
         if plan is not None:
             todo = [place for place in range(len(plan.attacked)) if job.load(place) is None]
-            attacker = partial(cloud_attacker, reader.path, request.lidar, plan.attacked, request.seed, job)
+            attacker = partial(
+                cloud_attacker, reader.path, request.lidar, plan.attacked, request.seed, job, request.device
+            )
             run_jobs(attacker, todo, f"attacking: {attack_id(request)}", workers)
         with writer as bag:
             (bag.folder / "attack.yaml").write_text(resolved, encoding="utf-8")

@@ -12,6 +12,7 @@ from advpipe.pipeline.bag.frame_slice import FrameSlice
 from advpipe.pipeline.bag.frames import count_frames
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.recorded_filter import vehicles_with_filter
+from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.geometry.transforms import Float64
@@ -73,7 +74,7 @@ class CooperativeRow:
 
 
 def sections(
-    clean: Path, adversarial: Sequence[Path], seed: int = 0, detector: str = "small"
+    clean: Path, adversarial: Sequence[Path], seed: int = 0, detector: str = "small", device: str = CPU
 ) -> tuple[Section, ...]:
     """One section where two vehicles with LiDARs share and the GPS of one was attacked; else none.
 
@@ -87,7 +88,8 @@ def sections(
     attacked = [bag for bag in adversarial if _moves(reader, BagReader(bag), pair)]
     if not attacked:
         return ()
-    rows = cooperative_rows(reader, pair, {bag_name(bag): BagReader(bag) for bag in attacked}, detector)
+    moved = {bag_name(bag): BagReader(bag) for bag in attacked}
+    rows = cooperative_rows(reader, pair, moved, detector, device)
     return (
         Section(
             key="cooperative",
@@ -101,12 +103,12 @@ def sections(
 
 
 def cooperative_rows(
-    reader: BagReader, pair: Pair, adversarial: Mapping[str, BagReader], detector: str
+    reader: BagReader, pair: Pair, adversarial: Mapping[str, BagReader], detector: str, device: str = CPU
 ) -> list[CooperativeRow]:
     """The fusing vehicle alone, and fused by clean and attacked poses; a row for each class with objects."""
     total = count_frames(reader.path, pair.own.lidar_points.name)
     chosen = FrameSlice(0, total, max(1, -(-total // MOST_FRAMES)))
-    eye, true = Eye(load_detector(detector)), Alignment(reader, pair, true=True)
+    eye, true = Eye(load_detector(detector, device)), Alignment(reader, pair, true=True)
     reported = {
         CLEAN: Alignment(reader, pair),
         **{name: Alignment(other, pair) for name, other in adversarial.items()},
