@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64, wrap_angle
-from advpipe.pipeline.misbehaviour import checks
+from advpipe.pipeline.misbehaviour import checks, tuned
 from advpipe.pipeline.misbehaviour.claim import Claim, Receiver
 
 CATCH_CHECKS = (
@@ -33,7 +33,7 @@ MOST_INTERSECTION_S = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class CatchParameters:
-    """Its parameters, by their published meanings; values within those that NextGen tuned to."""
+    """Its parameters, see `CATCH_MEANINGS`; values within those that NextGen tuned to."""
 
     max_range_m: float = 320.0
     max_speed_mps: float = 40.0
@@ -47,6 +47,26 @@ class CatchParameters:
     margin_up_m: float = 2.1
     margin_down_m: float = 6.2
     off_road_speed_mps: float = 1.0
+
+
+TUNED_CATCH = CatchParameters(**tuned.CATCH)
+"""As found on the drives that our own thresholds come from."""
+
+CATCH_MEANINGS: dict[str, tuple[str, str, str]] = {
+    "max_range_m": ("m", "range", "farthest that a message is heard"),
+    "max_speed_mps": ("m/s", "speed, position_consistency", "fastest that anybody drives"),
+    "max_acceleration_mps2": ("m/s2", "speed_consistency, position_speed", "speeding up"),
+    "max_deceleration_mps2": ("m/s2", "speed_consistency, position_speed", "braking"),
+    "max_heading_change_rad": ("rad", "heading", "between the way driven and the heading told"),
+    "max_intersection_s": ("s", "intersection", "from where on another's box is too old to count"),
+    "max_time_s": ("s", "position_speed", "between messages that are compared"),
+    "max_off_road_m": ("m", "position", "beside the road"),
+    "heading_time_s": ("s", "heading", "between messages that are compared"),
+    "margin_up_m": ("m", "position_speed", "farther than the speeds allow"),
+    "margin_down_m": ("m", "position_speed", "less far than they ask, at standstill"),
+    "off_road_speed_mps": ("m/s", "position", "up to which a car may be parked"),
+}
+"""Unit, the checks that use it, and what it bounds."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +95,7 @@ def catch_messages(claims: Sequence[Claim], receivers: Sequence[Receiver]) -> Ca
     newest: dict[int, int] = {}
     overlap, other_s = np.zeros(len(claims)), np.zeros(len(claims))
     for row, claim in enumerate(claims):
-        if claim.station_id < 0:
+        if not claim.is_cam:
             continue
         before[row] = newest.get(claim.station_id, -1)
         overlap[row], other_s[row] = _overlap(claim, claims, newest)

@@ -49,6 +49,10 @@ class Claim(NamedTuple):
     off_road_m: float = math.nan
     wrong_way_rad: float = math.nan
 
+    @property
+    def is_cam(self) -> bool:
+        return self.station_id >= 0
+
 
 class Receiver(NamedTuple):
     """The receiving vehicle as it knows itself when a message arrives: the middle of its box."""
@@ -72,7 +76,7 @@ def claims_of_cams(
     known = [index for index, cam in enumerate(cams) if cam is not None]
     chosen = [cam for cam in cams if cam is not None]
     reports = reports_of_cams(chosen, [arrivals_ns[index] for index in known], geodesy)
-    claims = [Claim(-1, arrival_ns, arrival_ns, invalid=len(_TOLD)) for arrival_ns in arrivals_ns]
+    claims = [Claim(-1, arrival_ns, arrival_ns) for arrival_ns in arrivals_ns]
     for index, cam, report in zip(known, chosen, reports, strict=True):
         claims[index] = _claim(cam, report, arrivals_ns[index])
     places = [(claim.x_m, claim.y_m, claim.yaw_rad) for claim in claims]

@@ -7,49 +7,71 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import NamedTuple
 
+from advpipe.pipeline.misbehaviour import tuned
+
 
 class Check(NamedTuple):
     """One line of the table of checks.
 
     unit: of the statistic and its threshold; "sigma" is a residual over its standard deviation as the
-    receiver expects it (`Expectation`). threshold: the statistic above which a message is flagged. margin:
-    by which the largest statistic on a clean tuning drive is exceeded, None where the threshold follows from
-    a rule and is not tuned.
+    receiver expects it (`Expectation`). rule: the statistic above which a message is flagged where that
+    follows from a rule, None where it is tuned. margin: by which the largest statistic on clean tuning drives
+    is exceeded. least: what tuning never goes below, since short drives show too little.
     """
 
     unit: str
-    threshold: float
-    margin: float | None
+    rule: float | None
+    margin: float
+    least: float
     meaning: str
     source: str
+
+    @property
+    def is_tuned(self) -> bool:
+        return self.rule is None
+
+
+def _ruled(unit: str, threshold: float, meaning: str, source: str) -> Check:
+    return Check(unit, threshold, 1.0, threshold, meaning, source)
+
+
+def _tuned(unit: str, margin: float, least: float, meaning: str, source: str) -> Check:
+    return Check(unit, None, margin, least, meaning, source)
 
 
 CHECKS: Mapping[str, Check] = MappingProxyType(
     {
-        "format": Check("fields", 0.5, None, "fields left out or out of range, no CAM", "TS 102 894-2"),
-        "identity": Check("1", 0.5, None, "the receiver's own id, or a type that changes", "EN 302 637-2"),
-        "range": Check("m", 2000.0, 1.5, "distance from the receiver", "F2MD range"),
-        "speed": Check("m/s", 60.0, 1.2, "speed", "F2MD speed"),
-        "position": Check("m", 1.5, 1.5, "distance from the nearest lane", "F2MD position"),
-        "wrong_way": Check("rad", 0.63, 1.2, "angle to the direction of every lane near", "F2MD, VASP"),
-        "freshness": Check("s", 0.2, 1.2, "age on arrival, or time from the future", "Artery's LDM"),
-        "frequency": Check("Hz", 12.5, None, "1 / time since the last CAM", "EN 302 637-2, 6.1.3"),
-        "position_speed": Check("sigma", 11.2, 1.1, "way since the last CAM against speeds told", "F2MD"),
-        "drift": Check("sigma", 6.4, 1.2, "the same over the last seconds", "F2MD, over a window"),
-        "heading": Check("sigma", 3.8, 1.1, "direction of that way against headings told", "F2MD"),
-        "turn": Check("sigma", 11.8, 1.1, "heading's change against yaw rates told", "VASP yaw rate"),
-        "acceleration": Check("sigma", 16.2, 1.1, "speed's change against accelerations told", "F2MD"),
-        "impulse": Check("sigma", 4.2, 1.1, "the same over the last seconds", "F2MD, over a window"),
-        "dynamics": Check("m/s2", 6.0, 1.2, "acceleration told, or speed's change over time", "NextGen"),
-        "size": Check("m", 0.15, None, "change of length or width, told in 0.1 m", "VASP dimension"),
-        "overlap": Check("1", 0.4, 1.2, "share of the smaller box that another covers", "F2MD intersection"),
-        "appearance": Check("m", 150.0, 1.1, "how far within earshot a new station is", "F2MD appearance"),
-        "kalman": Check("1", 143.0, 1.2, "innovation squared over its variance, 4 values", "F2MD Kalman"),
-        "branch": Check("1", 0.5, None, "goes on from a message that was flagged", "ours"),
+        "decoding": _ruled("1", 0.5, "bytes that are no CAM", "EN 302 637-2"),
+        "format": _ruled("fields", 0.5, "fields left out or out of range", "TS 102 894-2"),
+        "identity": _ruled("1", 0.5, "the receiver's own id, or a type that changes", "EN 302 637-2"),
+        "range": _tuned("m", 1.5, 1000.0, "distance from the receiver", "F2MD range"),
+        "speed": _tuned("m/s", 1.2, 20.0, "speed", "F2MD speed"),
+        "position": _tuned("m", 1.5, 1.5, "distance from the nearest lane", "F2MD position"),
+        "wrong_way": _tuned("rad", 1.2, 0.6, "angle to the direction of every lane near", "F2MD, VASP"),
+        "freshness": _tuned("s", 1.2, 0.2, "age on arrival, or time from the future", "Artery's LDM"),
+        "frequency": _ruled("Hz", 12.5, "1 / time since the last CAM", "EN 302 637-2, 6.1.3"),
+        "position_speed": _tuned("sigma", 1.1, 3.5, "way since the last CAM against speeds told", "F2MD"),
+        "drift": _tuned("sigma", 1.2, 3.5, "the same over the last seconds", "F2MD, over a window"),
+        "heading": _tuned("sigma", 1.1, 3.0, "direction of that way against headings told", "F2MD"),
+        "turn": _tuned("sigma", 1.1, 3.0, "heading's change against yaw rates told", "VASP yaw rate"),
+        "acceleration": _tuned("sigma", 1.1, 3.5, "speed's change against accelerations told", "F2MD"),
+        "impulse": _tuned("sigma", 1.1, 3.5, "the same over the last seconds", "F2MD, over a window"),
+        "dynamics": _tuned("m/s2", 1.2, 5.0, "acceleration told, or speed's change over time", "NextGen"),
+        "size": _ruled("m", 0.15, "change of length or width, told in 0.1 m", "VASP dimension"),
+        "overlap": _tuned("1", 1.2, 0.4, "share of the smaller box that another covers", "F2MD intersection"),
+        "appearance": _tuned("m", 1.1, 150.0, "how far within earshot a new station is", "F2MD appearance"),
+        "kalman": _tuned("1", 1.2, 20.0, "innovation squared over its variance, 4 values", "F2MD Kalman"),
+        "branch": _ruled("1", 0.5, "goes on from a message that was flagged", "ours"),
     }
 )  # fmt: skip
-"""The thresholds with a margin are those that `tuning.clean_thresholds` finds on 20 s of the default drive
-(`boulevard`, seed 1), save that of the speed, which is far above what is driven there, and of the range."""
+
+THRESHOLDS: Mapping[str, float] = MappingProxyType(
+    {name: tuned.THRESHOLDS[name] if check.rule is None else check.rule for name, check in CHECKS.items()}
+)
+"""Above which each check objects: by its rule, or as `tuned.py` has it."""
+
+NEED_ROADS = ("position", "wrong_way")
+"""Checks that say nothing where the receiver has no map of the roads."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,14 +112,12 @@ class DetectorConfig:
     `impulse`.
     """
 
-    thresholds: Mapping[str, float] = field(
-        default_factory=lambda: {name: check.threshold for name, check in CHECKS.items()}
-    )
+    thresholds: Mapping[str, float] = field(default_factory=lambda: dict(THRESHOLDS))
     expectation: Expectation = Expectation()
     earshot_m: float = 300.0
     settle_s: float = 2.0
     memory_s: float = 4.0
-    pardon_s: float = 10.0
+    pardon_s: float = tuned.PARDON_S
     window_s: float = 3.0
     kalman_acceleration_mps2: float = 2.0
 

@@ -62,8 +62,8 @@ class Detector:
         if self._first_ns is None:
             self._first_ns = claim.arrival_ns
         values = dict.fromkeys(CHECKS, math.nan)
-        values["format"] = float(claim.invalid)
-        if claim.station_id < 0 or not math.isfinite(claim.x_m):
+        values["decoding"], values["format"] = float(not claim.is_cam), float(claim.invalid)
+        if not claim.is_cam or not math.isfinite(claim.x_m):
             return list(values.values()), self._is_bad(list(values.values()))
         self._sweep(claim)
         station = self._stations.setdefault(claim.station_id, _Station())

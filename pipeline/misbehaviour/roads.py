@@ -87,18 +87,20 @@ NO_ROADS = RoadMap(np.zeros((0, 2, 2)), np.zeros(0))
 """Nothing is known of roads: both checks that need them say nothing."""
 
 
-def find_roads(scenario: Mapping[str, object], map_sha256: str) -> RoadMap | None:
+def find_roads(
+    scenario: Mapping[str, object], map_sha256: str, beside: Sequence[Path] = ()
+) -> RoadMap | None:
     """The lanes of the SUMO network that a drive was simulated on; None where that file is not at hand.
 
-    scenario: as `/scenario/info` has it. The file is sought among the shipped ones and where the scenario
-    names it, and is taken only if it is the very same.
+    scenario: as `/scenario/info` has it. The file is sought by the name that the scenario gives it, in these
+    folders, in the working directory and among the shipped ones, and is taken only if it is the very same.
     """
     section = scenario.get("map")
     name = section.get("sumo_net") if isinstance(section, Mapping) else None
     if not isinstance(name, str):
         return None
-    shipped = Path(str(files("advpipe.scenarios"))) / "networks" / Path(name).name
-    for path in (Path(name), shipped):
+    shipped = Path(str(files("advpipe.scenarios"))) / "networks"
+    for path in (Path(name), *(folder / Path(name).name for folder in (*beside, shipped))):
         if path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == map_sha256:
             return RoadMap.of_sumo_net(path)
     return None

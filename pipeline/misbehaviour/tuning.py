@@ -61,9 +61,9 @@ class TunedCatch(NamedTuple):
 
 
 def clean_thresholds(streams: Iterable[Stream], exceeded: float, base: DetectorConfig) -> dict[str, float]:
-    """For every check with a margin: what that share of clean messages exceeds, times the margin.
+    """For every check that is tuned: what that share of clean messages exceeds, times the check's margin.
 
-    A check that never applied, and one without a margin, keeps the threshold of `base`.
+    A check that never applied, and one with a rule, keeps the threshold of `base`.
     """
     watching = base.with_thresholds({})
     tables = [judge_all(each.claims, each.receivers, watching).statistics for each in streams]
@@ -72,51 +72,43 @@ def clean_thresholds(streams: Iterable[Stream], exceeded: float, base: DetectorC
     for column, (name, check) in enumerate(CHECKS.items()):
         values = statistics[:, column]
         values = values[np.isfinite(values)]
-        if check.margin is not None and name in found and len(values):
+        if check.is_tuned and name in found and len(values):
             level = float(np.quantile(values, 1 - exceeded)) * check.margin
             # What honest messages never show at all says nothing of how little a lie shows.
-            found[name] = max(level, LEAST.get(name, 0.0))
+            found[name] = max(level, check.least)
     return found
 
 
-LEAST = {
-    "position": 1.5,
-    "overlap": 0.4,
-    "wrong_way": 0.6,
-    "freshness": 0.2,
-    "appearance": 150.0,
-    "turn": 3.0,
-    "heading": 3.0,
-    "drift": 3.5,
-    "acceleration": 3.5,
-    "impulse": 3.5,
-    "position_speed": 3.5,
-    "speed": 20.0,
-    "range": 1000.0,
-    "dynamics": 5.0,
-    "kalman": 20.0,
-}
-"""Thresholds that tuning never goes below, in the checks' units: a short drive shows too little."""
-
-
 def tune(clean: Sequence[Stream], attacked: Sequence[Stream], base: DetectorConfig | None = None) -> Tuned:
-    """The thresholds and the pardon that serve best.
+    """The thresholds that serve best, and with these, the pardon that does.
 
     Raises ValueError where no setting is within the bound.
     """
     base = base or DetectorConfig()
-    best: Tuned | None = None
-    for exceeded in EXCEEDED:
-        thresholds = clean_thresholds(clean, exceeded, base)
-        for pardon_s in PARDON_S if attacked else (base.pardon_s,):
-            config = replace(base, thresholds=thresholds, pardon_s=pardon_s)
-            rate = _false_positive_rate([judge_all(s.claims, s.receivers, config).flagged for s in clean])
-            if rate > MOST_FALSE_POSITIVES:
-                continue
-            flags = (judge_all(s.claims, s.receivers, config).flagged for s in attacked)
-            mean_f1 = _mean_f1(attacked, flags)
-            if best is None or mean_f1 > best.mean_f1:
-                best = Tuned(config, mean_f1, rate)
+    by_share = [base.with_thresholds(clean_thresholds(clean, share, base)) for share in EXCEEDED]
+    best = _best(by_share, clean, attacked)
+    if not attacked:
+        return best
+    return _best([replace(best.config, pardon_s=pardon_s) for pardon_s in PARDON_S], clean, attacked, best)
+
+
+def _best(
+    configs: Sequence[DetectorConfig],
+    clean: Sequence[Stream],
+    attacked: Sequence[Stream],
+    best: Tuned | None = None,
+) -> Tuned:
+    """Of these and the one that was best before."""
+    for config in configs:
+        if best is not None and config == best.config:
+            continue
+        rate = _false_positive_rate([judge_all(s.claims, s.receivers, config).flagged for s in clean])
+        if rate > MOST_FALSE_POSITIVES:
+            continue
+        flags = (judge_all(s.claims, s.receivers, config).flagged for s in attacked)
+        mean_f1 = _mean_f1(attacked, flags)
+        if best is None or mean_f1 > best.mean_f1:
+            best = Tuned(config, mean_f1, rate)
     if best is None:
         raise ValueError(f"no setting flags less than {MOST_FALSE_POSITIVES:.1%} of the clean messages")
     return best
@@ -140,7 +132,7 @@ def tune_catch(clean: Sequence[Stream], attacked: Sequence[Stream], seed: int = 
     return best
 
 
-_CATCH_RANGES: dict[str, tuple[float, float]] = {
+CATCH_RANGES: dict[str, tuple[float, float]] = {
     "max_range_m": (250.0, 900.0),
     "max_speed_mps": (18.0, 57.0),
     "max_acceleration_mps2": (2.5, 8.0),
@@ -154,6 +146,7 @@ _CATCH_RANGES: dict[str, tuple[float, float]] = {
     "margin_down_m": (0.2, 10.0),
     "off_road_speed_mps": (0.1, 3.0),
 }
+"""Within which the baseline's parameters are tried."""
 
 
 def _catch_draws(seed: int) -> Iterator[CatchParameters]:
@@ -164,7 +157,7 @@ def _catch_draws(seed: int) -> Iterator[CatchParameters]:
         draws = rng.random(len(names)).tolist()
         values = {
             name: low + draw * (high - low)
-            for name, draw, (low, high) in zip(names, draws, (_CATCH_RANGES[n] for n in names), strict=True)
+            for name, draw, (low, high) in zip(names, draws, (CATCH_RANGES[n] for n in names), strict=True)
         }
         yield CatchParameters(**values)
 

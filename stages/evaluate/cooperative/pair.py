@@ -87,6 +87,15 @@ class Alignment:
                 )
             self._ends.append((poses(reader, reported.name), base_SE3_lidar))
 
+    def changed_ns(self, other: Alignment) -> list[int]:
+        """Stamps at which either vehicle's pose is not what the other bag reports."""
+        return [
+            stamp_ns
+            for (own, _), (others, _) in zip(self._ends, other._ends, strict=True)
+            for stamp_ns, pose in own.items()
+            if stamp_ns not in others or not np.array_equal(pose, others[stamp_ns])
+        ]
+
     def at(self, stamp_ns: int) -> Float64:
         """The transform (4, 4) at a stamp; raises AdvpipeError where a pose is missing."""
         map_SE3_lidars = []

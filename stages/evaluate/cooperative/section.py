@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from advpipe.pipeline.bag.frame_slice import FrameSlice
-from advpipe.pipeline.bag.frames import count_frames
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.recorded_filter import vehicles_with_filter
 from advpipe.pipeline.detector.device import CPU
@@ -27,13 +26,17 @@ from advpipe.stages.evaluate.cooperative.pair import (
     misalignment_m,
     shared_frames,
 )
+from advpipe.stages.evaluate.cooperative.picture import Fused, draw_fused
 from advpipe.stages.evaluate.detection.comparison import bag_name
 from advpipe.stages.evaluate.detection.scoring import Eye, ground_truth, match
 from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns
 from advpipe.stages.evaluate.report.numbers import number
-from advpipe.stages.evaluate.report.section import Section, Table
+from advpipe.stages.evaluate.report.pictures import to_png
+from advpipe.stages.evaluate.report.section import SECTION, Picture, Section, Table
 
 MOST_FRAMES = 50
+SHOWN_SCORE = 0.3
+"""Of the boxes in the picture."""
 CRITERIA = ("strict", "loose")
 ALONE, CLEAN = "alone", "clean poses"
 
@@ -53,7 +56,7 @@ FORMULAS = (
         "the shared cloud, or what the detector finds in it, is brought to the fusing vehicle's frame by "
         "the poses that both report (their odometry); truth: objects around the fusing vehicle with at "
         "least 5 points in both clouds together, aligned truly; boxes around the fusing vehicle itself do "
-        "not count",
+        "not count; all at the same instants, while any bag's poses are false",
     ),
     ("misalignment", "distance between where reported and true poses put the other's sensor, the mean"),
 )
@@ -89,13 +92,19 @@ def sections(
     if not attacked:
         return ()
     moved = {bag_name(bag): BagReader(bag) for bag in attacked}
-    rows = cooperative_rows(reader, pair, moved, detector, device)
+    rows, telling = cooperative_rows(reader, pair, moved, detector, device)
+    if telling is None:
+        return ()
+    names = pair.own.vehicle, pair.other.vehicle
+    caption = f"{names[0]} with what {names[1]} shares, at the instant when poses are the most wrong"
+    picture = to_png(draw_fused(telling, *names))
     return (
         Section(
             key="cooperative",
             title="Cooperative perception under GPS attacks",
-            lead=f"{pair.own.vehicle} fuses what {pair.other.vehicle} shares.",
+            lead=f"{names[0]} fuses what {names[1]} shares, while reported poses are false.",
             tables=(_table(rows),),
+            pictures=(Picture(SECTION, "", "cooperative.png", caption, picture),),
             records=tuple({**vars(row)} for row in rows),
             formulas=FORMULAS,
         ),
@@ -104,18 +113,24 @@ def sections(
 
 def cooperative_rows(
     reader: BagReader, pair: Pair, adversarial: Mapping[str, BagReader], detector: str, device: str = CPU
-) -> list[CooperativeRow]:
-    """The fusing vehicle alone, and fused by clean and attacked poses; a row for each class with objects."""
-    total = count_frames(reader.path, pair.own.lidar_points.name)
-    chosen = FrameSlice(0, total, max(1, -(-total // MOST_FRAMES)))
+) -> tuple[list[CooperativeRow], Fused | None]:
+    """The fusing vehicle alone, and fused by clean and attacked poses; a row for each class with objects.
+
+    All of the same instants, from the first to the last at which any bag's poses are others than the clean
+    bag's. The second is what was fused when poses were the most wrong, for a picture; None without instants.
+    """
     eye, true = Eye(load_detector(detector, device)), Alignment(reader, pair, true=True)
     reported = {
         CLEAN: Alignment(reader, pair),
         **{name: Alignment(other, pair) for name, other in adversarial.items()},
     }
+    chosen = _attacked_frames(reader, pair, reported)
+    if chosen is None:
+        return [], None
     arms = [(ALONE, ""), *((name, fusion) for fusion in FUSIONS for name in reported)]
     matches: dict[tuple[str, str, str, str], list[FrameMatches]] = {}
     off_m: dict[str, list[float]] = {name: [] for name in reported}
+    worst_m, telling = -1.0, None
     for frame in shared_frames(reader, pair, chosen):
         eye.forget()
         stamp_ns, own_SE3_other = frame.own.stamp_ns, true.at(frame.own.stamp_ns)
@@ -124,17 +139,35 @@ def cooperative_rows(
         poses = {name: alignment.at(stamp_ns) for name, alignment in reported.items()}
         for name, pose in poses.items():
             off_m[name].append(misalignment_m(pose, own_SE3_other))
+        seen: dict[str, tuple[Float64, Float64]] = {}
         for name, fusion in arms:
             see = eye.detect(frame.own.cloud) if name == ALONE else FUSIONS[fusion](eye, frame, poses[name])
             found = _in_range(eye, without_oneself(see))
+            if fusion == "clouds":
+                seen[name] = poses[name], found.boxes[found.scores >= SHOWN_SCORE]
             for (word, label), one in match(truth, found, eye.classes, CRITERIA).items():
                 matches.setdefault((name, fusion, word, label), []).append(one)
-    return [
+        if (most_m := max(off[-1] for off in off_m.values())) > worst_m:
+            boxes = truth.boxes.geometry[truth.is_evaluated]
+            worst_m, telling = most_m, Fused(frame.own.cloud, frame.other, boxes, seen)
+    rows = [
         _row(name, fusion, label, matches, off_m.get(name, []))
         for name, fusion in arms
         for label in eye.classes
         if sum(one.n_truth for one in matches.get((name, fusion, "strict", label), []))
     ]
+    return rows, telling
+
+
+def _attacked_frames(reader: BagReader, pair: Pair, reported: Mapping[str, Alignment]) -> FrameSlice | None:
+    """At most `MOST_FRAMES`, equally spaced, while any poses are others than the clean ones."""
+    times_ns = reader.log_times_ns(pair.own.lidar_points.name)
+    changed_ns = [time_ns for one in reported.values() for time_ns in one.changed_ns(reported[CLEAN])]
+    if not changed_ns:
+        return None
+    first = int(np.searchsorted(times_ns, min(changed_ns)))
+    last = int(np.searchsorted(times_ns, max(changed_ns), "right"))
+    return FrameSlice(first, last, -(-(last - first) // MOST_FRAMES)) if first < last else None
 
 
 def _row(

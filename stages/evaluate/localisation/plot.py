@@ -13,23 +13,33 @@ from advpipe.stages.evaluate.localisation.track import Bool, Track
 from advpipe.stages.evaluate.report.style import BASELINE, INK, LOST, PREDICTION, TRUTH, plain_axes
 
 SHADE = "#fbe3e4"
+LEAST_HALF_M = 8.0
+"""Half the height of the map from near."""
 
 
 def draw_localisation(clean: Track, adversarial: Track, attacked: Bool) -> Figure:
     """attacked: (K,), the steps whose fix is false or missing."""
-    figure = Figure(figsize=(11, 5.2), dpi=110, facecolor="white", layout="constrained")
+    figure = Figure(figsize=(11.5, 6.6), dpi=110, facecolor="white", layout="constrained")
     grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.2))
-    _draw_map(figure.add_subplot(grid[:, 0]), clean, adversarial, attacked)
+    whole, near = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
+    for axes in (whole, near):
+        _draw_map(axes, clean, adversarial, attacked)
+    _zoom(whole, near, adversarial)
     error, innovation = figure.add_subplot(grid[0, 1]), figure.add_subplot(grid[1, 1])
     time_s = (clean.times_ns - clean.times_ns[0]) / 1e9
     for axes in (error, innovation):
         plain_axes(axes)
-        for begin, end in spans(attacked):
+        for nth, (begin, end) in enumerate(spans(attacked)):
             step_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
-            axes.axvspan(time_s[begin], time_s[end] + step_s, color=SHADE, linewidth=0, zorder=0)
+            label = "_" if nth else "attacked fixes"
+            axes.axvspan(time_s[begin], time_s[end] + step_s, color=SHADE, linewidth=0, zorder=0, label=label)
         axes.set_xlim(time_s[0], time_s[-1])
     _draw_error(error, time_s, clean, adversarial)
     _draw_innovation(innovation, time_s, clean, adversarial)
+    handles, labels = whole.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower left", ncols=4, frameon=False, fontsize=9)
+    handles, labels = error.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower right", ncols=4, frameon=False, fontsize=9)
     return figure
 
 
@@ -53,12 +63,30 @@ def _draw_map(axes: Axes, clean: Track, adversarial: Track, attacked: Bool) -> N
     false = attacked & np.isfinite(fix_m[:, 0])
     genuine = ~attacked & np.isfinite(fix_m[:, 0])
     axes.plot(*clean.true_m[:, :2].T, color=TRUTH, linewidth=2.5, label="true")
-    axes.plot(*fix_m[genuine][:, :2].T, ".", color=BASELINE, markersize=2.5, label="reported")
-    axes.plot(*fix_m[false][:, :2].T, ".", color=LOST, markersize=3.5, label="reported, false")
     axes.plot(*adversarial.estimate_m[:, :2].T, color=PREDICTION, linewidth=1.2, label="estimated")
+    axes.plot(*fix_m[genuine][:, :2].T, ".", color=BASELINE, markersize=3, label="reported")
+    axes.plot(*fix_m[false][:, :2].T, ".", color=LOST, markersize=4, label="reported, false")
     axes.set(xlabel="x [m]", ylabel="y [m]")
     axes.set_aspect("equal", adjustable="datalim")
-    axes.legend(frameon=False, fontsize=9)
+
+
+def _zoom(whole: Axes, near: Axes, track: Track) -> None:
+    """Shows in the second map what is around the largest error, which is a hair's breadth in the first."""
+    off_m = np.linalg.norm(track.error_m[:, :2], axis=1)
+    worst = int(np.argmax(off_m))
+    ends_m = np.array([track.true_m[worst, :2], track.estimate_m[worst, :2]])
+    middle_m, half_m = ends_m.mean(axis=0), max(0.8 * off_m[worst], LEAST_HALF_M)
+    near.plot(*ends_m.T, color=INK, linewidth=1, linestyle="dashed")
+    near.annotate(
+        f"{off_m[worst]:.1f} m", middle_m, (6, 6), textcoords="offset points", fontsize=9, color=INK
+    )
+    near.set_xlim(middle_m[0] - 2 * half_m, middle_m[0] + 2 * half_m)
+    near.set_ylim(middle_m[1] - half_m, middle_m[1] + half_m)
+    near.set_aspect("equal", adjustable="box")
+    near.set_title("around the largest error", loc="left", fontsize=10, color=INK)
+    corners_m = np.array([(-2, -1), (2, -1), (2, 1), (-2, 1), (-2, -1)]) * half_m + middle_m
+    whole.plot(*corners_m.T, color=INK, linewidth=0.8)
+    whole.set_title("the whole drive", loc="left", fontsize=10, color=INK)
 
 
 def _draw_error(axes: Axes, time_s: np.ndarray, clean: Track, adversarial: Track) -> None:
@@ -67,14 +95,16 @@ def _draw_error(axes: Axes, time_s: np.ndarray, clean: Track, adversarial: Track
     axes.plot(time_s, np.abs(adversarial.lateral_m), ":", color=PREDICTION, label="attacked, sideways")
     axes.set(ylabel="error of the estimate [m]")
     axes.set_ylim(bottom=0)
-    axes.legend(frameon=False, fontsize=9)
 
 
 def _draw_innovation(axes: Axes, time_s: np.ndarray, clean: Track, adversarial: Track) -> None:
-    for track, colour in ((adversarial, PREDICTION), (clean, INK)):
-        known = np.isfinite(track.nis)
+    differs = adversarial.nis != clean.nis  # the same ones are those of the clean bag
+    for track, colour, chosen in ((clean, INK, True), (adversarial, PREDICTION, differs)):
+        known = np.isfinite(track.nis) & chosen
         axes.plot(time_s[known], np.maximum(track.nis[known], 1e-2), ".", color=colour, markersize=2.5)
     axes.axhline(gate(), color=BASELINE, linewidth=1)
-    axes.annotate("threshold", (time_s[0], gate()), (3, 3), textcoords="offset points", fontsize=8)
+    axes.annotate(
+        f"threshold {gate():.1f}", (time_s[0], gate()), (3, 3), textcoords="offset points", fontsize=8
+    )
     axes.set_yscale("log")
     axes.set(xlabel="time [s]", ylabel="innovation squared, normalised")

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from advpipe.pipeline.misbehaviour.catch import CatchParameters, catch_flags, catch_messages
+from advpipe.pipeline.misbehaviour.catch import (
+    TUNED_CATCH,
+    CatchParameters,
+    catch_flags,
+    catch_messages,
+)
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
 from advpipe.pipeline.misbehaviour.detector import judge_all
 from advpipe.pipeline.misbehaviour.scores import Bools, Scores, scores
@@ -19,7 +25,7 @@ from advpipe.stages.evaluate.v2x.receptions import Receptions
 
 PUBLISHED_CATCH_F1 = {
     "cam-position-random-offset": 0.940,
-    "cam-speed-constant": 0.907,  # with speed_mps: 0, as there
+    "cam-speed-constant": 0.907,  # zero speed only, see `published_f1`
     "cam-position-offset": 0.846,
     "cam-speed-random-offset": 0.808,
     "cam-speed-offset": 0.637,
@@ -39,20 +45,55 @@ orientation, not for comparison."""
 
 
 @dataclass(frozen=True)
+class Part:
+    """One attack of a bag, scored on its lies and all honest messages; other attacks' lies are left out.
+
+    attack: with the part of a mix, where labels tell. published: F1 of CaTCH on other data, or NaN.
+    """
+
+    attack: str
+    lies: int
+    ours: Scores
+    baseline: Scores
+    published: float
+
+
+@dataclass(frozen=True)
 class Detection:
     """What two detectors made of the messages that all listeners of a bag received.
 
-    attack: empty for a clean bag. messages, lies: received. by_attack: of each attack in a bag of several,
-    the share of its lies that is flagged. objections: flagged lies by the check that objects, most first.
+    attack: empty for a clean bag. messages, lies: received. undecoded: messages that are no CAM and nobody's
+    lie; decoders drop them, and they count neither for nor against a detector. parts: by attack.
+    objections: flagged lies by the check that objects, most first.
     """
 
     attack: str
     messages: int
     lies: int
+    undecoded: int
     ours: Scores
     baseline: Scores
-    by_attack: dict[str, float]
+    parts: tuple[Part, ...]
     objections: dict[str, int]
+
+
+@dataclass(frozen=True)
+class _Heard:
+    """Of M messages that count, (M,) each."""
+
+    numbers: list[int]
+    ours: Bools
+    baseline: Bools
+    liars: np.ndarray[Any, np.dtype[np.int64]]
+    times_s: np.ndarray[Any, np.dtype[np.float64]]
+
+    def scores(self, is_lie: Bools, chosen: Bools) -> tuple[Scores, Scores]:
+        """Ours and the baseline's, on those chosen."""
+        lie, liars, times_s = is_lie[chosen], self.liars[chosen], self.times_s[chosen]
+        return (
+            scores(self.ours[chosen], lie, liars, times_s),
+            scores(self.baseline[chosen], lie, liars, times_s),
+        )
 
 
 def detect(
@@ -60,41 +101,80 @@ def detect(
     labels: Sequence[MessageLabel] = (),
     config: DetectorConfig | None = None,
     parameters: CatchParameters | None = None,
+    told: Mapping[str, Mapping[str, object]] | None = None,
 ) -> Detection:
-    """Runs both detectors over what each listener received, and compares with the labels."""
-    config, parameters = config or DetectorConfig(), parameters or CatchParameters()
-    ours, theirs, truth, liars, times_s, numbers = [], [], [], [], [], []
+    """Runs both detectors, as tuned if left out, over what each listener received; compares with the labels.
+
+    told: the parameters of each attack in the bag, as `attack_parameters` reads them.
+    """
+    config, parameters = config or DetectorConfig(), parameters or TUNED_CATCH
+    ours, theirs, liars, times_s, numbers, decoded = [], [], [], [], [], []
     objections: Counter[str] = Counter()
     for place, each in enumerate(receptions):
         judged = judge_all(each.claims, each.receivers, config)
-        is_lie = lies(each.numbers, labels)
         ours.append(judged.flagged)
         theirs.append(catch_flags(catch_messages(each.claims, each.receivers), parameters))
-        truth.append(is_lie)
         liars.append([place * 2**32 + one.sent.station_id for one in each.received])
         times_s.append([one.arrival_ns / 1e9 for one in each.received])
+        decoded.append([claim.is_cam for claim in each.claims])
         numbers += each.numbers
-        counts = judged.because(config)[is_lie].sum(axis=0).tolist()
+        counts = judged.because(config)[lies(each.numbers, labels)].sum(axis=0).tolist()
         objections.update(dict(zip(CHECKS, counts, strict=True)))
-    is_lie = _joined(truth, bool)
-    who, when_s = _joined(liars, np.int64), _joined(times_s, np.float64)
+    heard = _Heard(
+        numbers,
+        _joined(ours, bool),
+        _joined(theirs, bool),
+        _joined(liars, np.int64),
+        _joined(times_s, np.float64),
+    )
+    is_lie = lies(numbers, labels)
+    counts_at_all = _joined(decoded, bool) | is_lie
     return Detection(
         " + ".join(sorted({label.attack for label in labels})),
         len(is_lie),
         int(is_lie.sum()),
-        scores(_joined(ours, bool), is_lie, who, when_s),
-        scores(_joined(theirs, bool), is_lie, who, when_s),
-        _by_attack(numbers, labels, _joined(ours, bool)),
+        int((~counts_at_all).sum()),
+        *heard.scores(is_lie, counts_at_all),
+        tuple(_parts(heard, labels, is_lie, counts_at_all, told or {})),
         {name: count for name, count in objections.most_common() if count},
     )
 
 
-def _by_attack(numbers: list[int], labels: Sequence[MessageLabel], flagged: Bools) -> dict[str, float]:
-    shares = {}
-    for attack in sorted({label.attack for label in labels}):
-        own = lies(numbers, [label for label in labels if label.attack == attack])
-        shares[attack] = float(flagged[own].mean()) if own.any() else math.nan
-    return shares
+def published_f1(attack: str, parameters: Mapping[str, object]) -> float:
+    """What is published of CaTCH for such an attack; NaN where nothing is.
+
+    Of constant speeds, that is of zero speed only.
+    """
+    if attack == "cam-speed-constant" and parameters.get("speed_mps") != 0:
+        return math.nan
+    return PUBLISHED_CATCH_F1.get(attack, math.nan)
+
+
+def attack_parameters(provenance: Mapping[str, str]) -> dict[str, dict[str, object]]:
+    """The parameters of each attack that an adversarial bag's provenance lists, by its word."""
+    attacks: list[dict[str, Any]] = json.loads(provenance.get("attacks", "[]"))
+    return {one["type"]: one["parameters"] for one in attacks}
+
+
+def _parts(
+    heard: _Heard,
+    labels: Sequence[MessageLabel],
+    is_lie: Bools,
+    counts_at_all: Bools,
+    told: Mapping[str, Mapping[str, object]],
+) -> list[Part]:
+    by_kind: dict[str, list[MessageLabel]] = {}
+    for label in labels:
+        for kind in {label.attack, label.kind}:
+            by_kind.setdefault(kind, []).append(label)
+    parts = []
+    for kind, own in sorted(by_kind.items()):
+        its_lies = lies(heard.numbers, own)
+        attack = own[0].part if own[0].kind == kind and own[0].part else own[0].attack
+        figure = published_f1(attack, told.get(attack, {}))
+        found = heard.scores(its_lies, counts_at_all & (its_lies | ~is_lie))
+        parts.append(Part(kind, int(its_lies.sum()), *found, figure))
+    return parts
 
 
 def _joined(parts: Sequence[Any], kind: type) -> np.ndarray[Any, np.dtype[Any]]:

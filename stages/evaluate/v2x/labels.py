@@ -12,7 +12,9 @@ from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.misbehaviour.scores import Bools
 
 LABELS = "v2x_labels.parquet"
-NOT_SENT = "dropped"
+NOT_SENT, CORRUPT = "dropped", "corrupt"
+PART = "part"
+"""The column, where there is one, that says which attack of a mix a message was touched by."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,20 @@ class MessageLabel:
     time_ns: int
     station_id: int
     """Of the radio that sends it."""
+    part: str = ""
+
+    @property
+    def is_lie(self) -> bool:
+        """Whether receivers hear it and it mattered: a zero-speed report of a standing car is no lie.
+
+        An attacker's message that is no CAM is one: no receiver may believe it.
+        """
+        return self.action != NOT_SENT and (self.mattered or self.action == CORRUPT)
+
+    @property
+    def kind(self) -> str:
+        """The attack, and which part of a mix."""
+        return f"{self.attack} / {self.part}" if self.part else self.attack
 
 
 def read_labels(bag: Path) -> list[MessageLabel]:
@@ -40,9 +56,10 @@ def read_labels(bag: Path) -> list[MessageLabel]:
         return []
     import pyarrow.parquet as pq
 
-    names = ("number", "attack", "attacker", "action", "mattered", "time_ns", "station_id")
+    names = ["number", "attack", "attacker", "action", "mattered", "time_ns", "station_id"]
     try:
-        rows = pq.read_table(path, columns=list(names)).to_pylist()
+        names += [name for name in (PART,) if name in pq.read_schema(path).names]
+        rows = pq.read_table(path, columns=names).to_pylist()
     except (OSError, ValueError, KeyError) as error:
         reason = str(error).splitlines()[0]
         raise AdvpipeError(f"{path} holds no labels of messages: {reason}; attack again") from None
@@ -50,9 +67,6 @@ def read_labels(bag: Path) -> list[MessageLabel]:
 
 
 def lies(numbers: Sequence[int], labels: Iterable[MessageLabel]) -> Bools:
-    """Which messages (M,) an attack touched so that it mattered, by their numbers in /v2x/sent.
-
-    A message that was touched without effect is none: a zero-speed report of a standing car is no lie.
-    """
-    lying = {label.number for label in labels if label.mattered and label.action != NOT_SENT}
+    """Which messages (M,) are lies, by their numbers in /v2x/sent."""
+    lying = {label.number for label in labels if label.is_lie}
     return np.array([number in lying for number in numbers], bool)

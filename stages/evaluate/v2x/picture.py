@@ -10,7 +10,7 @@ import numpy as np
 
 from advpipe.stages.evaluate.report.style import BASELINE, INK, LOST, PREDICTION, SOFT, TRUTH, plain_axes
 from advpipe.stages.evaluate.v2x.collision import known_of_radio
-from advpipe.stages.evaluate.v2x.detection import PUBLISHED_CATCH_F1, Detection
+from advpipe.stages.evaluate.v2x.detection import Detection
 from advpipe.stages.evaluate.v2x.ldm_error import DISPLACED_M, Known, LdmError, Moment
 
 if TYPE_CHECKING:
@@ -70,23 +70,23 @@ def draw_detection(detections: Sequence[Detection]) -> Figure:
     """F1 of each attack: ours, the baseline's, and what is published of CaTCH on other data."""
     from matplotlib.figure import Figure
 
-    names = [each.attack for each in detections]
-    places = np.arange(len(names))[::-1]
-    height = max(2.2, 0.42 * len(names) + 1.1)
+    parts = [part for each in detections for part in each.parts]
+    places = np.arange(len(parts))[::-1]
+    height = max(2.2, 0.42 * len(parts) + 1.1)
     figure = Figure(figsize=(8.6, height), dpi=110, facecolor="white", layout="constrained")
     axes = figure.add_subplot()
     plain_axes(axes)
     for offset, colour, label, values in (
-        (0.18, TRUTH, "ours", [each.ours.f1 for each in detections]),
-        (-0.18, BASELINE, "baseline (CaTCH's checks)", [each.baseline.f1 for each in detections]),
+        (0.18, TRUTH, "ours", [each.ours.f1 for each in parts]),
+        (-0.18, BASELINE, "baseline (CaTCH's checks)", [each.baseline.f1 for each in parts]),
     ):
         axes.barh(places + offset, np.nan_to_num(values), 0.34, color=colour, label=label)
-    published = [PUBLISHED_CATCH_F1.get(name, math.nan) for name in names]
+    published = [each.published for each in parts]
     axes.plot(published, places, "D", color=LOST, markersize=5, label="CaTCH, published, other data")
-    axes.set_yticks(places, names)
+    axes.set_yticks(places, [each.attack for each in parts])
     axes.set(xlim=(0, 1.005))
     axes.set_xlabel("F1 of messages", color=SOFT)
-    axes.legend(fontsize=8, framealpha=0.85, edgecolor="none", loc="lower right")
+    figure.legend(loc="outside lower center", ncols=3, fontsize=8, frameon=False)
     return figure
 
 

@@ -1,19 +1,21 @@
-"""What attacks do to the radio channel: delivery and load of a bag's drive, from its recorded statistics."""
+"""What attacks do to the radio channel: delivery and load of a drive, and delivery of honest messages."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from advpipe.pipeline.v2x.statistics import BIN_M, Statistics
-
-NEAR_M = 300.0
+from advpipe.stages.evaluate.v2x.labels import MessageLabel
+from advpipe.stages.evaluate.v2x.receptions import NEAR_M, Receptions
 
 
 @dataclass(frozen=True)
 class RadioRow:
-    """Messages sent and never sent, the share of pairs of message and receiver within `NEAR_M` that is
-    delivered, channel busy ratios over stations and time, mean delay."""
+    """Messages sent and never sent, of everybody, attackers included; the share of pairs of such a message
+    and a receiver within `NEAR_M` that is delivered; channel busy ratios over stations and time; mean delay.
+    """
 
     cams: int
     dropped: int
@@ -38,3 +40,9 @@ def radio_row(statistics: Statistics | None) -> RadioRow | None:
         max(statistics.busy_max, default=math.nan),
         statistics.delay_mean_s,
     )
+
+
+def honest_delivered(each: Receptions, labels: Sequence[MessageLabel]) -> float:
+    """The share that a listener received of what others sent within `NEAR_M` and no attack touched."""
+    honest = each.near - {label.number for label in labels}
+    return len(honest & set(each.numbers)) / len(honest) if honest else math.nan

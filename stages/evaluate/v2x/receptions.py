@@ -6,7 +6,7 @@ The bag's own receptions are told apart by sending the drive again: the same mes
 from __future__ import annotations
 
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +16,7 @@ from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import SCENARIO_INFO, VehicleTopics
 from advpipe.pipeline.bag.v2x import RadioPlace
-from advpipe.pipeline.bag.v2x_drive import V2xDrive
+from advpipe.pipeline.bag.v2x_drive import V2xDrive, V2xStep
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.geodesy import Geodesy
@@ -27,6 +27,9 @@ from advpipe.pipeline.v2x.cam import Cam
 from advpipe.pipeline.v2x.cam_error import CamError
 from advpipe.pipeline.v2x.cam_tree import cam_of_tree
 
+NEAR_M = 300.0
+"""Within which messages ought to arrive."""
+
 
 @dataclass(frozen=True)
 class Receptions:
@@ -34,6 +37,8 @@ class Receptions:
 
     received: with the message's number and the radio that truly sent it. claims, receivers: what the checks
     work on, the listener's own pose as it estimates it. radios: where the true sender was, None if unknown.
+    near: numbers of all messages that others sent within `NEAR_M`, received or not. has_roads: whether the
+    checks that need a map of the roads have one.
     """
 
     listener: str
@@ -42,6 +47,8 @@ class Receptions:
     claims: tuple[Claim, ...]
     receivers: tuple[Receiver, ...]
     radios: tuple[RadioPlace | None, ...]
+    near: frozenset[int]
+    has_roads: bool
 
     @property
     def numbers(self) -> list[int]:
@@ -58,6 +65,7 @@ def read_receptions(reader: BagReader, listeners: Collection[int] | None = None)
         drive.listeners = {station: drive.stations[station] for station in sorted(listeners)}
     received: dict[str, list[tuple[Received, RadioPlace | None]]] = {}
     own: dict[str, list[tuple[int, RadioPlace]]] = {}
+    near: dict[str, set[int]] = {}
     before: dict[int, RadioPlace] = {}
     air = drive.air()
     for step in drive.steps():
@@ -65,6 +73,7 @@ def read_receptions(reader: BagReader, listeners: Collection[int] | None = None)
         for station, name in drive.listeners.items():
             if station in radios:
                 own.setdefault(name, []).append((step.begin_ns, radios[station]))
+                near.setdefault(name, set()).update(_near(step, radios, radios[station]))
         for one in drive.send(air, step, step.sent).received:
             sender = one.sent.station_id
             received.setdefault(one.listener, []).append((one, radios.get(sender) or before.get(sender)))
@@ -73,9 +82,18 @@ def read_receptions(reader: BagReader, listeners: Collection[int] | None = None)
         _check_arrivals(reader, drive.listeners, received)
     origin = drive.origin
     geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
-    roads = roads_of_bag(reader) or NO_ROADS
+    roads = roads_of_bag(reader)
     return [
-        _of_listener(reader, name, station, received.get(name, []), own.get(name, []), geodesy, roads)
+        _of_listener(
+            reader,
+            name,
+            station,
+            received.get(name, []),
+            own.get(name, []),
+            frozenset(near.get(name, ())),
+            geodesy,
+            roads,
+        )
         for station, name in sorted(drive.listeners.items(), key=lambda item: item[1])
     ]
 
@@ -83,7 +101,18 @@ def read_receptions(reader: BagReader, listeners: Collection[int] | None = None)
 def roads_of_bag(reader: BagReader) -> RoadMap | None:
     """The roads that a drive was simulated on, where their file is at hand."""
     scenario = json.loads(str(next(message for _, message in reader.messages(SCENARIO_INFO.name)).data))
-    return find_roads(scenario, reader.provenance.get("map_sha256", ""))
+    folders = reader.path, *reader.path.parents[:3]
+    return find_roads(scenario, reader.provenance.get("map_sha256", ""), folders)
+
+
+def _near(step: V2xStep, radios: dict[int, RadioPlace], own: RadioPlace) -> Iterator[int]:
+    at_m = own.map_SE3_base[:3, 3]
+    for one in step.sent:
+        sender = radios.get(one.station_id)
+        if sender is None or sender is own:
+            continue
+        if np.linalg.norm(sender.map_SE3_base[:3, 3] - at_m) <= NEAR_M:
+            yield one.number
 
 
 def _check_arrivals(reader: BagReader, listeners: dict[int, str], received: dict[str, list[Any]]) -> None:
@@ -104,8 +133,9 @@ def _of_listener(
     station_id: int,
     received: list[tuple[Received, RadioPlace | None]],
     own: list[tuple[int, RadioPlace]],
+    near: frozenset[int],
     geodesy: Geodesy,
-    roads: RoadMap,
+    roads: RoadMap | None,
 ) -> Receptions:
     cams: dict[int, Cam | None] = {}
     for one, _ in received:
@@ -115,7 +145,7 @@ def _of_listener(
         [cams[one.sent.number] for one, _ in received],
         [one.arrival_ns for one, _ in received],
         geodesy,
-        roads,
+        roads or NO_ROADS,
     )
     size_m = own[0][1].size_m if own else (4.5, 1.8, 1.5)
     times_ns, poses = _own_poses(reader, name, own)
@@ -131,6 +161,8 @@ def _of_listener(
         tuple(claims),
         tuple(receivers),
         tuple(place for _, place in received),
+        near,
+        roads is not None,
     )
 
 

@@ -129,7 +129,7 @@ class _Trace:
         self._drive, self._form, self._folder = drive, form, folder
         self._geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
         self._attacks = dict(numbers)
-        self._type_of_message = {one.number: numbers[one.attack] for one in labels if one.mattered}
+        self._type_of_message = {one.number: numbers[one.attack] for one in labels if one.is_lie}
         self._type_of_station = {one.station_id: numbers[one.attack] for one in reversed(labels)}
         self._id_of = {name: station for station, name in drive.listeners.items()}
         self._index = {station: index for index, station in enumerate(sorted(drive.listeners))}

@@ -87,7 +87,7 @@ def test_intersection(make: Make, ego: Receiver) -> None:
 
 
 def test_flags_what_is_below_one_half(make: Make, ego: Receiver) -> None:
-    claims = [make(0.0), make(0.4), make(0.8, x_m=80.0), Claim(-1, 0, 0, invalid=8)]
+    claims = [make(0.0), make(0.4), make(0.8, x_m=80.0), Claim(-1, 0, 0)]
     flags = catch_flags(catch_messages(claims, [ego] * 4), PARAMETERS)
     assert flags.tolist() == [False, False, True, True]
 

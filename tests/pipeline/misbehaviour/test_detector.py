@@ -17,7 +17,7 @@ Make = Callable[..., Claim]
 SIGMAS = ("position_speed", "drift", "heading", "turn", "acceleration", "impulse")
 CONFIG = DetectorConfig(
     thresholds={
-        **{name: check.threshold for name, check in CHECKS.items()},
+        **{name: check.rule for name, check in CHECKS.items() if check.rule is not None},
         **dict.fromkeys(SIGMAS, 6.0),
         **{"kalman": 40.0, "dynamics": 10.0, "speed": 30.0, "range": 900.0, "overlap": 0.5},
         **{"position": 3.0, "wrong_way": 1.6, "freshness": 0.3, "appearance": math.inf},
@@ -127,7 +127,7 @@ def test_on_top_of_the_receiver(make: Make, ego: Receiver) -> None:
 
 
 def test_no_cam(make: Make, ego: Receiver) -> None:
-    assert reasons(Claim(-1, make(8.0).arrival_ns, 0, invalid=8), drive(make), ego) == {"format"}
+    assert reasons(Claim(-1, make(8.0).arrival_ns, 0), drive(make), ego) == {"decoding"}
 
 
 def test_sudden_appearance(make: Make, ego: Receiver) -> None:
@@ -163,7 +163,7 @@ def test_a_minute_of_a_hundred_stations_is_quick_and_the_same_again(make: Make, 
 
 
 def test_unknown_checks_are_refused() -> None:
-    with pytest.raises(ValueError, match="no check is named hunch; known: format"):
+    with pytest.raises(ValueError, match="no check is named hunch; known: decoding"):
         DetectorConfig(thresholds={"hunch": 1.0})
 
 

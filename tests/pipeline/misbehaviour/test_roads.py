@@ -56,4 +56,13 @@ def test_found_only_if_it_is_the_same_file() -> None:
     digest = hashlib.sha256(BOULEVARD.read_bytes()).hexdigest()
     assert find_roads(scenario, digest) is not None
     assert find_roads(scenario, "0" * 64) is None
+    assert find_roads(scenario, digest, (Path("nowhere"),)) is not None
     assert find_roads({"map": {"opendrive": "town.xodr", "sumo_net": None}}, digest) is None
+
+
+def test_found_beside_the_bag(tmp_path: Path) -> None:
+    text = BOULEVARD.read_bytes() + b"<!-- of one's own -->"
+    (tmp_path / "mine.net.xml").write_bytes(text)
+    scenario, digest = {"map": {"sumo_net": "mine.net.xml"}}, hashlib.sha256(text).hexdigest()
+    assert find_roads(scenario, digest) is None
+    assert find_roads(scenario, digest, (tmp_path / "bag", tmp_path)) is not None

@@ -10,7 +10,7 @@ import pytest
 
 from advpipe.pipeline.misbehaviour.claim import Claim, Receiver
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
-from advpipe.pipeline.misbehaviour.tuning import LEAST, Stream, clean_thresholds, tune, tune_catch
+from advpipe.pipeline.misbehaviour.tuning import Stream, clean_thresholds, tune, tune_catch
 
 Make = Callable[..., Claim]
 
@@ -33,9 +33,9 @@ def test_thresholds_are_what_honest_messages_reach_times_the_margin(make: Make, 
     base = DetectorConfig()
     found = clean_thresholds([stream(make, ego)], 0.0, base)
     farthest_m = max(np.hypot(c.x_m - ego.x_m, c.y_m - ego.y_m) for c in stream(make, ego).claims)
-    assert farthest_m * CHECKS["range"].margin < LEAST["range"] == found["range"]  # type: ignore[operator]
-    assert found["speed"] == LEAST["speed"]
-    assert found["frequency"] == CHECKS["frequency"].threshold  # follows from the rules of CAMs
+    assert farthest_m * CHECKS["range"].margin < CHECKS["range"].least == found["range"]
+    assert found["speed"] == CHECKS["speed"].least
+    assert found["frequency"] == CHECKS["frequency"].rule  # follows from the rules of CAMs
     assert found["position"] == base.thresholds["position"]  # no roads: nothing to learn from
 
 

@@ -46,8 +46,14 @@ def cloud_of(map_m: np.ndarray, map_SE3_base: np.ndarray) -> np.ndarray:
     return cloud
 
 
-def write(path: Path, shift_m: tuple[float, float] = (0.0, 0.0), vehicles=(EGO, OTHER)) -> Path:
-    """`shift_m`: by how much the other's reported place is off."""
+def write(
+    path: Path,
+    shift_m: tuple[float, float] = (0.0, 0.0),
+    vehicles=(EGO, OTHER),
+    false_from: int = 0,
+    false_to: int = 3,
+) -> Path:
+    """`shift_m`: by how much the other's reported place is off, in these of the three frames."""
     ground = np.array([[20.0, 3.0, 0.0]] * 9)  # the ego sees the road only
     seen = {EGO: (MAP_SE3_EGO, ground), OTHER: (MAP_SE3_OTHER, corners())}
     with BagWriter(path, provenance={"kind": "clean"}) as bag:
@@ -56,13 +62,14 @@ def write(path: Path, shift_m: tuple[float, float] = (0.0, 0.0), vehicles=(EGO, 
         for one in vehicles:
             start = messages.initial_pose(STAMPS_NS[0], np.zeros(3), [0, 0, 0, 1], np.eye(6))
             bag.write(one.initial_pose, start, STAMPS_NS[0])
-        for stamp_ns in STAMPS_NS:
+        for frame, stamp_ns in enumerate(STAMPS_NS):
+            is_false = false_from <= frame < false_to
             car = Boxes(np.array([CAR]), np.zeros(1, np.int64), ("car",), np.zeros((1, 3)))
             bag.write(EGO.objects, messages.detections(stamp_ns, "map", car), stamp_ns)
             for one in vehicles:
                 pose, map_m = seen[one]
                 told = pose.copy()
-                told[:2, 3] += shift_m if one is OTHER else (0.0, 0.0)
+                told[:2, 3] += shift_m if one is OTHER and is_false else (0.0, 0.0)
                 for topic, place in ((one.true_odometry, pose), (one.odometry, told)):
                     odometry = messages.odometry(
                         stamp_ns, place, np.zeros(3), np.zeros(3), child_frame_id=one.base_frame
@@ -81,7 +88,10 @@ def test_precision_by_hand(tmp_path: Path) -> None:
     attacked = {
         f"{shift:g} m": BagReader(write(tmp_path / f"{shift}", (shift, 0.0))) for shift in (0.2, 1.0, 3.0)
     }
-    rows = cooperative_rows(clean, find_pair(clean), attacked, DETECTOR)
+    rows, telling = cooperative_rows(clean, find_pair(clean), attacked, DETECTOR)
+    assert list(telling.poses) == ["clean poses", *attacked]
+    assert telling.poses["3 m"][0][0, 3] == pytest.approx(58.0)  # from ego, by the false place
+    assert len(telling.truth) == 1
     found = {(row.poses, row.fusion): (row.ap_strict, row.ap_loose) for row in rows}
     assert found == {
         ("alone", ""): (0, 0),
@@ -93,6 +103,16 @@ def test_precision_by_hand(tmp_path: Path) -> None:
     assert {(row.frames, row.objects) for row in rows} == {(3, 3)}
     off = {row.poses: row.misalignment_m for row in rows if row.poses != "alone"}
     assert off == pytest.approx({"clean poses": 0, "0.2 m": 0.2, "1 m": 1, "3 m": 3}, abs=1e-6)
+
+
+def test_only_instants_with_false_poses_count(tmp_path: Path) -> None:
+    """The other's place is false in the second frame of three."""
+    clean, attacked = write(tmp_path / "clean"), write(tmp_path / "paa", (1.0, 0.0), false_from=1, false_to=2)
+    reader = BagReader(clean)
+    rows, _ = cooperative_rows(reader, find_pair(reader), {"paa": BagReader(attacked)}, DETECTOR)
+    assert {row.frames for row in rows} == {1}
+    (off_m,) = {row.misalignment_m for row in rows if row.poses == "paa"}
+    assert off_m == pytest.approx(1.0)
 
 
 def test_the_others_sensor_in_the_own_frame(tmp_path: Path) -> None:
@@ -133,6 +153,8 @@ def test_a_section_where_gps_was_attacked(tmp_path: Path) -> None:
     (section,) = sections(clean, [clean, attacked], 0, DETECTOR)
     assert {record["poses"] for record in section.records} == {"alone", "clean poses", "paa"}
     assert all(len(line) == len(section.tables[0].heads) for line in section.tables[0].lines)
+    (picture,) = section.pictures
+    assert picture.png.startswith(b"\x89PNG")
     assert sections(clean, [clean], 0, DETECTOR) == ()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,8 @@ import pytest
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.errors import AdvpipeError
-from advpipe.stages.evaluate.v2x.detection import PUBLISHED_CATCH_F1, detect
+from advpipe.pipeline.misbehaviour.claim import Claim
+from advpipe.stages.evaluate.v2x.detection import PUBLISHED_CATCH_F1, detect, published_f1
 from advpipe.stages.evaluate.v2x.labels import LABELS, MessageLabel, lies, read_labels
 from advpipe.stages.evaluate.v2x.receptions import read_receptions
 
@@ -53,7 +55,9 @@ def test_offsets_are_found_out(smoke: Path, offset: Path) -> None:
     assert 0 < found.lies < found.messages
     assert found.ours.recall > 0.7
     assert found.ours.precision > 0.7
-    assert found.by_attack["cam-position-offset"] == pytest.approx(found.ours.recall)
+    (part,) = found.parts
+    assert (part.attack, part.lies, part.ours) == ("cam-position-offset", found.lies, found.ours)
+    assert part.published == 0.846
     assert found.ours.latency_s < 1.0
     assert sum(found.objections.values()) >= found.ours.true_positives
     assert read_labels(smoke) == []
@@ -66,6 +70,63 @@ def test_a_lie_is_one_that_mattered_and_was_sent() -> None:
         MessageLabel(3, "cam-drop", "car", "dropped", True, 0, 7),
     ]
     assert lies([0, 1, 2, 3], labels).tolist() == [False, True, False, False]
+
+
+def test_what_is_no_cam_is_found_by_the_decoder(smoke: Path) -> None:
+    """An attacker's is a lie that is found; anybody else's is dropped, and counts for nothing."""
+    (ego,) = read_receptions(BagReader(smoke))
+    claims = list(ego.claims)
+    for place in (5, 8):
+        claims[place] = Claim(-1, claims[place].arrival_ns, claims[place].arrival_ns)
+    label = MessageLabel(ego.numbers[5], "cam-speed-offset", "car", "corrupt", False, 0, 7)
+    found = detect([replace(ego, claims=tuple(claims))], [label])
+    assert (found.lies, found.undecoded) == (1, 1)
+    assert found.objections == {"decoding": 1}
+    for each in (found.ours, found.baseline):
+        assert each.true_positives == 1
+        assert each.true_positives + each.false_positives + each.true_negatives == len(claims) - 1
+
+
+def test_each_attack_is_scored_without_the_lies_of_others(offset: Path) -> None:
+    """A spoofed GPS in the same bag: one liar's messages are said to be its."""
+    receptions, labels = read_receptions(BagReader(offset)), read_labels(offset)
+    one = labels[0].station_id
+    shared = [replace(label, attack="gnss-bias") if label.station_id == one else label for label in labels]
+    whole, found = detect(receptions, labels), detect(receptions, shared)
+    assert found.attack == "cam-position-offset + gnss-bias"
+    assert (found.ours, found.baseline, found.lies) == (whole.ours, whole.baseline, whole.lies)
+    cam, gnss = found.parts
+    assert (cam.attack, gnss.attack) == ("cam-position-offset", "gnss-bias")
+    assert cam.lies + gnss.lies == whole.lies
+    assert cam.ours.true_positives + gnss.ours.true_positives == whole.ours.true_positives
+    assert cam.ours.false_positives == gnss.ours.false_positives == whole.ours.false_positives
+    assert np.isnan(gnss.published)
+
+
+def test_parts_of_a_mix_have_lines_of_their_own(offset: Path, tmp_path: Path) -> None:
+    """The column `part` of the labels; without it there are none."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    table = pq.read_table(offset / LABELS)
+    words = ["cam-position-offset" if number % 2 else "cam-delay" for number in range(len(table))]
+    columns = dict(zip(table.column_names, table.columns, strict=True))
+    mixed = pa.table(columns | {"attack": ["cam-mix"] * len(table), "part": words})
+    pq.write_table(mixed, tmp_path / LABELS)
+    found = detect(read_receptions(BagReader(offset)), read_labels(tmp_path))
+    parts = ["cam-mix", "cam-mix / cam-delay", "cam-mix / cam-position-offset"]
+    assert [part.attack for part in found.parts] == parts
+    assert [np.isnan(part.published) for part in found.parts] == [True, False, False]
+    assert found.parts[0].ours == found.ours
+    assert sum(part.lies for part in found.parts[1:]) == found.lies
+
+
+def test_published_figures() -> None:
+    """Of constant speeds, that of zero."""
+    assert published_f1("cam-speed-constant", {"speed_mps": 0}) == 0.907
+    assert np.isnan(published_f1("cam-speed-constant", {"speed_mps": None}))
+    assert published_f1("cam-delay", {}) == 0.062
+    assert np.isnan(published_f1("gnss-bias", {}))
 
 
 def test_labels_that_are_none(tmp_path: Path) -> None:

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import shutil
+from dataclasses import asdict, replace
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from advpipe.pipeline.misbehaviour.config import DetectorConfig
+from advpipe.pipeline.misbehaviour.catch import TUNED_CATCH
+from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
 from advpipe.pipeline.misbehaviour.scores import Scores
+from advpipe.pipeline.scenario import load_scenario
+from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.stages.attack.request import AttackRequest
+from advpipe.stages.attack.run import attack
 from advpipe.stages.evaluate.report.section import SECTION, Section
 from advpipe.stages.evaluate.v2x.section import read_drive, section, sections
+from advpipe.stages.simulate.run import simulate
 
 
 @pytest.fixture(scope="module")
@@ -24,11 +32,14 @@ def test_section(found: Section, offset: Path) -> None:
     assert found.key == "v2x"
     for table in found.tables:
         assert all(len(line) == len(table.heads) for line in table.lines)
-    detection, victim, radio, checks = found.tables
+    detection, victim, radio, checks, baseline = found.tables
     assert detection.lines[0][:2] == (offset.name, "cam-position-offset")
     assert [line[0] for line in victim.lines] == ["clean", offset.name]
     assert len(radio.lines) == 2
-    assert len(checks.lines) > 15
+    assert [line[0] for line in checks.lines] == list(CHECKS)
+    assert "off" not in [line[2] for line in checks.lines]
+    assert found.notes == ()
+    assert [line[0] for line in baseline.lines] == list(asdict(TUNED_CATCH))
     assert [picture.file_name for picture in found.pictures] == [
         "v2x-detection.png",
         f"{offset.name}-ldm.png",
@@ -42,6 +53,9 @@ def test_section(found: Section, offset: Path) -> None:
     assert attacked["ldm_displaced"] > clean["ldm_displaced"]  # type: ignore[operator]
     assert clean["radio_delivered"] == attacked["radio_delivered"]  # nothing was added or left out
     assert clean["lies"] == 0
+    assert clean["honest_delivered"] > 0.8  # type: ignore[operator]
+    (one,) = attacked["attacks"]  # type: ignore[misc]
+    assert one["f1"] == attacked["f1"]
 
 
 def test_pictures_are_the_same_again(found: Section, smoke: Path, offset: Path) -> None:
@@ -62,3 +76,24 @@ def test_bags_without_lies_do_not_count_in_the_mean(smoke: Path, offset: Path) -
     lead = section(clean, [lied, replace(lied, name="drop", detection=none)], DetectorConfig()).lead
     assert lead == section(clean, [lied], DetectorConfig()).lead
     assert lead.startswith("Mean F1 over 1 bags with lies ")
+
+
+def test_without_the_road_network_its_checks_are_off_and_the_report_says_so(tmp_path: Path) -> None:
+    """A map of one's own that has moved since; laid beside the bags, it is found again."""
+    shipped = Path(str(files("advpipe.scenarios"))) / "networks" / "boulevard.net.xml"
+    mine, data = tmp_path / "mine.net.xml", tmp_path / "drives" / "one"
+    mine.write_text(shipped.read_text(encoding="utf-8") + "<!-- mine -->", encoding="utf-8")
+    settings = ["simulation.duration_s=1", "sensors.lidars={}", "v2x.penetration=1", f"map.sumo_net={mine}"]
+    simulate(load_scenario("smoke", settings), data)
+    lied = data / "lied"
+    attack(data / "clean", lied, AttackRequest((AttackSpec(type="cam-position-offset"),)))
+    shutil.move(mine, tmp_path / "elsewhere")
+    (off,) = sections(data / "clean", [lied])
+    rows = {line[0]: line for line in off.tables[3].lines}
+    assert [name for name, line in rows.items() if line[2] == "off"] == ["position", "wrong_way"]
+    (note,) = off.notes
+    assert "clean, lied was simulated on is not at hand" in note
+    shutil.move(tmp_path / "elsewhere", data / "mine.net.xml")
+    (on,) = sections(data / "clean", [lied])
+    assert on.notes == ()
+    assert "off" not in [line[2] for line in on.tables[3].lines]

@@ -1,0 +1,110 @@
+"""Everything that is evaluated of one bag's V2X."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from advpipe.pipeline.bag import messages
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.topics import VehicleTopics
+from advpipe.pipeline.bag.v2x_drive import V2xDrive
+from advpipe.pipeline.bag.v2x_statistics import read_statistics
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.misbehaviour.catch import CatchParameters
+from advpipe.pipeline.misbehaviour.config import DetectorConfig
+from advpipe.stages.evaluate.v2x.collision import Warnings, known_of_radio, warnings
+from advpipe.stages.evaluate.v2x.detection import Detection, attack_parameters, detect
+from advpipe.stages.evaluate.v2x.labels import MessageLabel, read_labels
+from advpipe.stages.evaluate.v2x.ldm_error import Known, LdmError, Moment, ldm_error, moments
+from advpipe.stages.evaluate.v2x.radio import RadioRow, honest_delivered, radio_row
+from advpipe.stages.evaluate.v2x.receptions import read_receptions
+
+
+@dataclass(frozen=True)
+class Drive:
+    """One bag under evaluation: the clean one has no labels.
+
+    moments, errors, warned, honest_delivered: by listener. has_roads: whether the checks that need a map of
+    the roads had one.
+    """
+
+    name: str
+    detection: Detection
+    moments: dict[str, list[Moment]]
+    errors: dict[str, LdmError]
+    warned: dict[str, Warnings]
+    honest_delivered: dict[str, float]
+    radio: RadioRow | None
+    labels: list[MessageLabel]
+    has_roads: bool
+
+    def wrong(self, listener: str) -> Float64:
+        """How many entries of a listener's map are wrong or missing, at each of its moments."""
+        error = self.errors[listener]
+        return error.ghosts + error.missing + error.displaced
+
+    @property
+    def most_fooled(self) -> str | None:
+        """The listener whose map is the most wrong; None in a drive without any."""
+        return max(self.errors, key=lambda one: float(np.nansum(self.wrong(one))), default=None)
+
+    def telling(self, listener: str) -> tuple[Moment, Moment]:
+        """The last map before the first lie, or the first of all; and the one that is most wrong after it."""
+        found = self.moments[listener]
+        first_ns = min((label.time_ns for label in self.labels), default=0)
+        before = [index for index, moment in enumerate(found) if moment.time_ns <= first_ns]
+        after = np.array([moment.time_ns > first_ns for moment in found])
+        worst = int(np.argmax(np.where(after, self.wrong(listener), -1.0)))
+        return found[before[-1] if before else 0], found[worst]
+
+
+def read_drive(
+    bag: Path,
+    name: str,
+    config: DetectorConfig | None = None,
+    parameters: CatchParameters | None = None,
+) -> Drive:
+    """Raises AdvpipeError for a bag whose V2X or labels cannot be read."""
+    reader = BagReader(bag)
+    labels = read_labels(bag)
+    drive = V2xDrive(reader)
+    listeners = sorted(drive.listeners.values())
+    receptions = read_receptions(reader)
+    found = {one: list(moments(reader, one, drive.v2x.ldm.expiry_s)) for one in listeners}
+    return Drive(
+        name,
+        detect(receptions, labels, config, parameters, attack_parameters(reader.provenance)),
+        found,
+        {one: ldm_error(found[one]) for one in listeners},
+        {one: warnings(found[one], _believed(reader, one, found[one])) for one in listeners},
+        {each.listener: honest_delivered(each, labels) for each in receptions},
+        radio_row(read_statistics(reader)),
+        labels,
+        all(each.has_roads for each in receptions),
+    )
+
+
+def _believed(reader: BagReader, listener: str, found: Sequence[Moment]) -> list[Known] | None:
+    """What the vehicle takes itself for at each moment: its on-board estimate; None where it made none."""
+    topic = VehicleTopics(listener).odometry.name
+    if topic not in reader.topics:
+        return None
+    times_ns, told = [], []
+    for time_ns, message in reader.messages(topic):
+        pose = messages.se3_from_pose(message.pose.pose)
+        yaw_rad = float(np.arctan2(pose[1, 0], pose[0, 0]))
+        told.append((float(pose[0, 3]), float(pose[1, 3]), yaw_rad, float(message.twist.twist.linear.x)))
+        times_ns.append(time_ns)
+    if not told:
+        return None
+    believed = []
+    for moment in found:
+        truth = known_of_radio(moment.own)
+        nth = int(np.searchsorted(times_ns, moment.time_ns, "right")) - 1
+        x_m, y_m, yaw_rad, speed_mps = told[max(nth, 0)]
+        believed.append(truth._replace(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad, speed_mps=speed_mps))
+    return believed

@@ -1,0 +1,105 @@
+"""The tables of the report's part on V2X."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+
+from advpipe.pipeline.misbehaviour.catch import CATCH_MEANINGS, CatchParameters
+from advpipe.pipeline.misbehaviour.config import CHECKS, NEED_ROADS, DetectorConfig
+from advpipe.pipeline.misbehaviour.scores import Scores
+from advpipe.stages.evaluate.report.numbers import number
+from advpipe.stages.evaluate.report.section import Table
+from advpipe.stages.evaluate.v2x.drive import Drive
+
+
+def detection_table(attacked: Sequence[Drive]) -> Table:
+    """A line for each attack; one for a whole bag before them where it holds several."""
+    heads = (
+        *("bag", "attack", "messages", "lies", "precision", "recall", "F1", "MCC", "latency s", "caught %"),
+        *("baseline precision", "recall", "F1", "MCC", "latency s", "CaTCH published F1"),
+    )
+    lines = []
+    for drive in attacked:
+        each = drive.detection
+        if len(each.parts) != 1:
+            figures = (*_figures(each.ours), number(100 * each.ours.caught, 0), *_figures(each.baseline))
+            lines.append((drive.name, "all", number(each.messages, 0), number(each.lies, 0), *figures, "–"))
+        for part in each.parts:
+            lines.append(
+                (
+                    *(drive.name, part.attack, number(each.messages, 0), number(part.lies, 0)),
+                    *(*_figures(part.ours), number(100 * part.ours.caught, 0)),
+                    *(*_figures(part.baseline), number(part.published, 3)),
+                )
+            )
+    return Table("Detection of lies", heads, tuple(lines))
+
+
+def victim_table(drives: Sequence[Drive]) -> Table:
+    """What each listener knows, what it is warned of, and what it hears of the honest."""
+    heads = (
+        *("bag", "vehicle", "entries", "ghosts", "at most", "missing", "displaced", "error m"),
+        *("alarms", "dangers", "false alarms", "misses", "honest CAMs delivered %"),
+    )
+    lines = []
+    for drive in drives:
+        for listener, error in drive.errors.items():
+            row, warned = error.row(), drive.warned[listener]
+            lines.append(
+                (
+                    *(drive.name, listener, number(row["known"], 1), number(row["ghosts"], 2)),
+                    *(number(row["ghosts_max"], 0), number(row["missing"], 2), number(row["displaced"], 2)),
+                    number(row["error_m"], 2),
+                    *(number(value, 0) for value in (warned.alarms, warned.dangers)),
+                    *(number(value, 0) for value in (warned.false_alarms, warned.misses)),
+                    number(100 * drive.honest_delivered[listener], 1),
+                )
+            )
+    return Table("Local Dynamic Map and collision warning", heads, tuple(lines))
+
+
+def radio_table(drives: Sequence[Drive]) -> Table:
+    """The channel that all share."""
+    heads = ("bag", "messages sent", "dropped", "delivered %", "busy %", "busy at most %", "delay ms")
+    lines = []
+    for drive in drives:
+        if (row := drive.radio) is not None:
+            shares = (row.delivered, row.busy_mean, row.busy_max)
+            lines.append(
+                (
+                    *(drive.name, number(row.cams, 0), number(row.dropped, 0)),
+                    *(number(100 * value, 2) for value in shares),
+                    number(1000 * row.delay_s, 2),
+                )
+            )
+    return Table("Radio channel: messages of everybody, attackers included", heads, tuple(lines))
+
+
+def check_table(config: DetectorConfig, attacked: Sequence[Drive], has_roads: bool) -> Table:
+    """Our checks with their thresholds, and how many lies each objects to."""
+    lines = []
+    for name, check in CHECKS.items():
+        is_on = name in config.thresholds and (has_roads or name not in NEED_ROADS)
+        above = f"{config.thresholds[name]:.3g} {check.unit}" if is_on else "off"
+        how = "tuned" if check.is_tuned else "rule"
+        hits = sum(drive.detection.objections.get(name, 0) for drive in attacked)
+        lines.append((name, check.meaning, above, how, number(hits, 0) if is_on else "–", check.source))
+    heads = ("check", "measures", "objects above", "threshold", "lies it objects to", "after")
+    return Table("Our checks", heads, tuple(lines))
+
+
+def baseline_table(parameters: CatchParameters) -> Table:
+    """The baseline's parameters, as tuned and as published."""
+    published = asdict(CatchParameters())
+    lines = tuple(
+        (name, meaning, checks, f"{value:.3g} {unit}", f"{published[name]:.3g} {unit}")
+        for name, value in asdict(parameters).items()
+        for unit, checks, meaning in (CATCH_MEANINGS[name],)
+    )
+    return Table("The baseline's parameters", ("parameter", "bounds", "checks", "here", "untuned"), lines)
+
+
+def _figures(found: Scores) -> Iterable[str]:
+    shares = (found.precision, found.recall, found.f1, found.mcc)
+    return (*(number(value, 3) for value in shares), number(found.latency_s, 2))
