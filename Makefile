@@ -23,7 +23,7 @@ $(INSTALLED): pyproject.toml constraints.txt
 demo: $(INSTALLED)
 	$(BIN)/advpipe simulate boulevard --overwrite
 	$(BIN)/advpipe attack datasets/boulevard --type detach --ratio 0.01 --frames $(DEMO_FRAMES) --overwrite
-	$(BIN)/advpipe evaluate datasets/boulevard --overwrite
+	$(BIN)/advpipe evaluate datasets/boulevard --baseline-tries 5 --overwrite
 
 test: $(INSTALLED) lint
 	$(BIN)/python -m pytest -n 2 -m "not nightly" tests

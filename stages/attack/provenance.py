@@ -53,6 +53,6 @@ def resolved_text(provenance: dict[str, str]) -> str:
     plain: dict[str, Any] = {
         key: value for key, value in provenance.items() if key not in ("kind", "scenario")
     }
-    for key in {"parameters", "attacks", "versions", "lidar_topics"} & plain.keys():
+    for key in {"parameters", "attacks", "versions", "lidar_topics", "looks"} & plain.keys():
         plain[key] = json.loads(plain[key])
     return yaml.safe_dump(plain, sort_keys=True)

@@ -18,7 +18,7 @@ from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.stages.attack.lidar.attach_game import AttachGame
 from advpipe.stages.attack.lidar.attach_paper import salient_copies
 from advpipe.stages.attack.lidar.attach_places import Places, ball_places, joined, voxel_places
-from advpipe.stages.attack.lidar.base import LidarResult, PointLabels, told, unchanged
+from advpipe.stages.attack.lidar.base import NO_GRADIENT, LidarResult, PointLabels, told, unchanged
 from advpipe.stages.attack.lidar.climb import climb, looks
 from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
 from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners
@@ -150,7 +150,7 @@ class Attach:
         try:
             places, note = self._places(xyzi(scene), goal, detector, rules, rng)
         except NoGradientError:
-            return unchanged(cloud, "no gradient: the detector's loss depends on no point", loss_before)
+            return unchanged(cloud, told(goal.note, NO_GRADIENT), loss_before)
         if len(places) < self.points:
             return unchanged(cloud, "the constraints leave no place for so many points", loss_before)
         added = scene[places.source].copy()

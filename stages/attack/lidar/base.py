@@ -16,6 +16,10 @@ REMOVED = "removed"
 """The action on a point that the adversarial cloud no longer holds."""
 
 
+NO_GRADIENT = "no gradient: the detector's loss depends on no point"
+"""The note on a frame where there is nothing to follow."""
+
+
 @dataclass(frozen=True)
 class PointLabels:
     """What was done to the K touched points of one cloud.

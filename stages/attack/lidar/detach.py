@@ -12,7 +12,7 @@ from advpipe.pipeline.baselines import remove_random_points
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import Boxes
-from advpipe.stages.attack.lidar.base import LidarResult, PointLabels, told, unchanged
+from advpipe.stages.attack.lidar.base import NO_GRADIENT, LidarResult, PointLabels, told, unchanged
 from advpipe.stages.attack.lidar.climb import climb, looks
 from advpipe.stages.attack.lidar.constraints import GOALS, Constraints
 from advpipe.stages.attack.lidar.detach_game import DetachGame
@@ -103,7 +103,7 @@ class Detach:
         try:
             chosen, shortage = self._choose(scene, allowed, budget, goal, detector, rng)
         except NoGradientError:
-            return unchanged(cloud, "no gradient: the detector's loss depends on no point", loss_before)
+            return unchanged(cloud, told(goal.note, NO_GRADIENT), loss_before)
         removed = finite[chosen]
         loss_after = detection_loss(detector, np.delete(scene, chosen), goal.taught)
         note = told(goal.note if len(goal) else "", note, shortage)

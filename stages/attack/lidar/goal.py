@@ -100,9 +100,9 @@ class Goal:
 def goal_of(constraints: Constraints, detector: Detector, cloud: Cloud, boxes: Boxes) -> Goal:
     """The goal under these constraints; of no objects, with a note, where there is nothing to fight over.
 
-    Without further wishes every object's detection is broken: the loss of the truth goes up. Objects are
-    hidden as the loss of a truth without them goes down; a ghost is conjured likewise. Raises AdvpipeError
-    for a ghost that the detector cannot find, wherever it stood.
+    Every object's detection is broken or, on demand, hidden: the loss of the truth goes up. Chosen objects
+    are hidden as the loss of a truth without them goes down; a ghost is conjured likewise. Raises
+    AdvpipeError for a ghost that the detector cannot find, wherever it stood.
     """
     everyone, classes = find_targets(detector, cloud, boxes), detector.classes
     if constraints.ghost:
@@ -115,9 +115,9 @@ def goal_of(constraints: Constraints, detector: Detector, cloud: Cloud, boxes: B
     note = f"not in the ground truth: {', '.join(absent)}" if absent else ""
     if not len(chosen):
         note = told(note, "no object to hide that the detector could find")
-    if constraints.objects or constraints.goal == "hide":
+    if constraints.objects:
         return Goal(chosen, _without(everyone, chosen), -1.0, "hide", classes, note)
-    return Goal(everyone, everyone, 1.0, "break", classes, note)
+    return Goal(everyone, everyone, 1.0, constraints.goal, classes, note)
 
 
 def with_decoys(goal: Goal, detector: Detector, cloud: Cloud, boxes: Boxes) -> Goal:

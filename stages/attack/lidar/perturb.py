@@ -12,7 +12,7 @@ from advpipe.pipeline.bag.cloud import Cloud, xyz, xyzi
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import Boxes
-from advpipe.stages.attack.lidar.base import LidarResult, PointLabels, told, unchanged
+from advpipe.stages.attack.lidar.base import NO_GRADIENT, LidarResult, PointLabels, told, unchanged
 from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
 from advpipe.stages.attack.lidar.crossing import Crossing, Tactics
 from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners, with_decoys
@@ -126,7 +126,7 @@ class Perturb:
         try:
             points, note = self._moved(xyzi(scene), goal, detector, rules, rng)
         except NoGradientError:
-            return unchanged(cloud, "no gradient: the detector's loss depends on no point", loss_before)
+            return unchanged(cloud, told(goal.note, NO_GRADIENT), loss_before)
         adversarial = cloud.copy()
         for column, name in enumerate(("x", "y", "z", "intensity")):
             adversarial[name][finite] = points[:, column]

@@ -13,6 +13,7 @@ from advpipe.stages.attack import contradictions
 from advpipe.stages.attack.parameters import (
     build_lidar_attack,
     known_parameters,
+    looks_of,
     resolved_parameters,
     resolved_recipe,
 )
@@ -32,15 +33,35 @@ class NotCallable:
         pass
 
 
+class Heir(Mine):
+    def __init__(self, *, size_m: float = 5.0, colour: str = "red", **others):
+        super().__init__(size_m=size_m, **others)
+
+
 @pytest.fixture(autouse=True)
 def _my_module(monkeypatch):
     module = types.ModuleType("my_own")
-    module.Mine, module.NotCallable, module.number = Mine, NotCallable, 3
+    module.Mine, module.NotCallable, module.Heir, module.number = Mine, NotCallable, Heir, 3
     monkeypatch.setitem(sys.modules, "my_own", module)
 
 
 def mine(**parameters):
     return AttackSpec(type="my_own:Mine", parameters=parameters)
+
+
+def test_what_a_constructor_hands_on_is_its_parents():
+    known = known_parameters("my_own:Heir")
+    assert list(known.items()) == [
+        ("size_m", 5.0),
+        ("colour", "red"),
+        ("mode", "soft"),
+        ("times", 3),
+        ("hard", False),
+        ("ids", ()),
+    ]
+    with pytest.raises(AdvpipeError, match="times is 'x'"):
+        resolved_parameters(AttackSpec(type="my_own:Heir", parameters={"times": "x"}))
+    assert {"margin_m", "from_speed_mps", "length_m", "dcc"} <= set(known_parameters("cam-ghost-stop"))
 
 
 def test_defaults_are_filled_in_in_the_constructors_order():
@@ -65,6 +86,8 @@ def test_defaults_are_filled_in_in_the_constructors_order():
         ({"size_m": 1, "times": 2.5}, "times is 2.5: Input should be a valid integer"),
         ({"size_m": 1, "mode": 3}, "mode is 3: Input should be a valid string"),
         ({"size_m": 1, "hard": "yes"}, "hard is 'yes': Input should be a valid boolean"),
+        ({"size_m": 1, "ids": ()}, "ids is empty; give it a value, or leave it out"),
+        ({"size_m": 1, "mode": ""}, "mode is empty; give it a value, or leave it out"),
     ],
 )
 def test_bad_parameters_are_one_line(parameters, line):
@@ -79,6 +102,51 @@ def test_recipes():
     assert resolved_recipe(mine(size_m=1)) == ""
     with pytest.raises(AdvpipeError, match="my_own:Mine has no recipes; leave out 'best'"):
         resolved_recipe(AttackSpec(type="my_own:Mine", recipe="best"))
+
+
+@pytest.mark.parametrize(
+    ("word", "recipe", "parameters", "line"),
+    [
+        (
+            "attach",
+            "paper",
+            {"eps_m": 1.0, "intensity": True},
+            "paper does not look at intensity; .*: best,",
+        ),
+        ("attach", "paper", {"eps_m": 1.0, "rounds": 3}, "recipe paper does not look at rounds"),
+        (
+            "attach",
+            "best",
+            {"eps_m": 1.0, "weight": 2.0},
+            "best does not look at weight; .*does: paper",
+        ),
+        ("perturb", "paper", {"eps_cm": 1.0, "intensity": True}, "recipe paper does not look at intensity"),
+        ("perturb", "random", {"eps_cm": 1.0, "steps": 9}, "recipe random does not look at steps"),
+        ("detach", "random-near", {"ratio": 0.1, "rounds": 9}, "recipe random-near does not look at rounds"),
+    ],
+)
+def test_what_a_recipe_would_pass_over_is_refused(word, recipe, parameters, line):
+    with pytest.raises(AdvpipeError, match=line):
+        build_lidar_attack(AttackSpec(type=word, recipe=recipe, parameters=parameters))
+    known = known_parameters(word)
+    usual = {name: known[name] for name in parameters if not name.startswith(("eps", "ratio"))}
+    build_lidar_attack(AttackSpec(type=word, recipe=recipe, parameters=parameters | usual))
+
+
+def test_how_often_an_attack_looks():
+    def looks(word, recipe, **parameters):
+        spec = AttackSpec(type=word, recipe=recipe, parameters=parameters)
+        return looks_of(build_lidar_attack(spec))
+
+    assert looks("perturb", "best", eps_cm=1.0) == looks("perturb", "random-best", eps_cm=1.0) == 24
+    assert looks("perturb", "robust", eps_cm=1.0, steps=7) == 7
+    assert looks("perturb", "paper", eps_cm=1.0) == looks("attach", "paper", eps_m=1.0) == 1
+    assert looks("detach", "best", ratio=0.1) == looks("attach", "best", eps_m=1.0) == 10 + 3
+    assert looks_of(build_lidar_attack(mine(size_m=2))) is None
+    wrong = build_lidar_attack(mine(size_m=2))
+    wrong.looks = 2.5
+    with pytest.raises(AdvpipeError, match=r"Mine: looks is 2\.5, but must be a whole number"):
+        looks_of(wrong)
 
 
 @pytest.mark.parametrize(

@@ -20,11 +20,13 @@ from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import CLOCK
 from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.code import code_sha256
 from advpipe.pipeline.detector.second.checkpoint import save_checkpoint
 from advpipe.pipeline.detector.second.model import SecondNet
 from advpipe.pipeline.detector.second.presets import preset_named
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
 from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.stages.attack import provenance
 from advpipe.stages.attack.run import AttackRequest, attack, attack_id
 
 LIDAR = "/ego/lidar/points"
@@ -120,6 +122,22 @@ def test_provenance_and_resolved_request(clean_bag, tmp_path):
     assert {"ratio": 0.1, "rounds": 10}.items() <= resolved["parameters"].items()
     assert resolved["budget"] == "ratio"
     assert resolved["detector"] == DETECTOR
+    assert resolved["code_sha256"] == record["code_sha256"] == code_sha256(*provenance.LIDAR)
+    assert resolved["lidar_topics"] == [LIDAR]
+    assert resolved["looks"] == 13
+
+
+def test_frames_that_other_code_made_are_done_anew(clean_bag, tmp_path, monkeypatch):
+    interrupted = request(detector="linear_detector:Interrupted")
+    with pytest.raises(KeyboardInterrupt):
+        attack(clean_bag, tmp_path / "adv", interrupted)
+    (before,) = tmp_path.glob(".adv.*.job")
+    monkeypatch.setattr(provenance, "code_sha256", lambda *parts: "7" * 64)
+    linear_detector.Shipped.gradients = 30  # past the one that interrupts
+    attack(clean_bag, tmp_path / "adv", interrupted)
+    assert linear_detector.Shipped.gradients == 30 + 50  # of all five frames with an object
+    assert not before.exists()
+    assert BagReader(tmp_path / "adv").provenance["code_sha256"] == "7" * 64
 
 
 def test_same_request_same_bytes(clean_bag, tmp_path):

@@ -10,6 +10,7 @@ from advpipe.pipeline.bag.cloud import xyz, xyzi
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.attack.lidar.attach import RECIPES, Attach
 from advpipe.stages.attack.lidar.attach_places import voxel_places
+from advpipe.stages.attack.lidar.base import NO_GRADIENT
 from advpipe.stages.attack.lidar.constraints import Constraints
 
 CHANCE = ("random", "random-near", "random-best")
@@ -136,8 +137,10 @@ def test_a_ghost_that_no_detector_finds_is_refused(make_cloud, make_boxes, make_
 def test_objects_that_are_not_there_are_told(make_cloud, make_boxes, make_detector):
     cloud, boxes, detector = scene_of(make_cloud, make_boxes, make_detector)
     some = Attach(eps_m=0.5, points=12, objects=("car0", "bus7"))(cloud, boxes, detector, rng())
-    assert len(some.labels) == 12
-    assert some.note.startswith("not in the ground truth: bus7")
+    assert some.note == "not in the ground truth: bus7; " + NO_GRADIENT  # of a truth without any object
+    near = Attach(eps_m=0.5, points=12, recipe="random-near", objects=("car0", "bus7"))
+    some = near(cloud, boxes, detector, rng())
+    assert (len(some.labels), some.note) == (12, "not in the ground truth: bus7")
     none = Attach(eps_m=0.5, points=12, objects=("bus7",))(cloud, boxes, detector, rng())
     assert len(none.labels) == 0
     assert none.note == "not in the ground truth: bus7; no object to hide that the detector could find"

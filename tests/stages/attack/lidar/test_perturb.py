@@ -7,11 +7,11 @@ import pytest
 import torch
 from linear_detector import LinearVoxelDetector
 
-from advpipe.pipeline.bag.cloud import xyz, xyzi
+from advpipe.pipeline.bag.cloud import POINT_DTYPE, xyz, xyzi
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import points_in_boxes
-from advpipe.stages.attack.lidar.constraints import Constraints
+from advpipe.stages.attack.lidar.constraints import GOALS, Constraints
 from advpipe.stages.attack.lidar.goal import FALSE_WEIGHT, goal_of, with_decoys
 from advpipe.stages.attack.lidar.perturb import RECIPES, Perturb
 from advpipe.stages.attack.lidar.pgd import project
@@ -60,6 +60,7 @@ def test_too_short_a_reach_changes_nothing(hand_worked):
     result = Perturb(eps_cm=15)(*hand_worked, rng())
     assert result.cloud.tobytes() == hand_worked[0].tobytes()
     assert result.loss_after == result.loss_before
+    assert result.note == "nothing moved: no point that may move does harm in its reach"
 
 
 def test_best_raises_the_loss_more_than_the_others(scene):
@@ -342,3 +343,40 @@ def test_robust_moves_points_where_the_reach_is_shorter_than_its_landing(scene):
     result = attack(*scene, rng())
     assert len(result.labels) > 0
     assert result.loss_after > result.loss_before
+
+
+def test_hiding_asks_for_no_box_at_all(make_boxes, make_detector):
+    """Of two boxes over one car, a tight and a loose one: to break one is not to hide it."""
+    truth, off = [4.0, 5.0, 5.0, 6.0, 6.0, 6.0, 0.0], [4.9, 5.0, 5.0, 6.0, 6.0, 6.0, 0.0]
+    detector, boxes = make_detector(np.ones((10, 10, 10)), [truth]), make_boxes(truth)
+    cloud = np.zeros(50, POINT_DTYPE)
+    for name in "xyz":
+        cloud[name] = np.linspace(2, 7, 50)
+    goals = {word: goal_of(Constraints(goal=word), detector, cloud, boxes) for word in GOALS}
+    seen = Detections(np.array([off]), np.array([0.8]), np.zeros(1, np.int64))  # an IoU of 5.1 / 6.9 = 0.74
+    far = Detections(np.array([[5.5, *off[1:]]]), np.array([0.8]), np.zeros(1, np.int64))  # 4.5 / 7.5 = 0.6
+    none = Detections(np.zeros((0, 7)), np.zeros(0), np.zeros(0, np.int64))
+    assert goals["break"].success(seen) == goals["hide"].success(seen) == pytest.approx([-0.8])
+    assert goals["break"].success(far) == pytest.approx([FALSE_WEIGHT * 0.8])  # misplaced: broken
+    assert goals["hide"].success(far) == pytest.approx([-0.8])  # but still seen
+    assert goals["hide"].success(none) == goals["break"].success(none) == 0
+
+
+def test_hiding_hides(hand_worked):
+    cloud, boxes, detector = hand_worked
+    assert len(detector.detect(cloud)) == 1
+    result = Perturb(eps_cm=51, goal="hide")(cloud, boxes, detector, rng())
+    assert len(detector.detect(result.cloud)) == 0
+
+
+def test_intensity_alone_needs_no_reach(scene):
+    """Points stay where they are, to the bit."""
+    for recipe in ("random", "random-near", "random-best", "best"):
+        attack = Perturb(eps_cm=0, recipe=recipe, steps=2, intensity=True)
+        result = attack(*scene, rng())
+        assert xyz(result.cloud).tobytes() == xyz(scene[0]).tobytes()
+        assert not result.labels.displacement_m.any()
+        if recipe.startswith("random") and recipe != "random-best":
+            assert (result.cloud["intensity"] != scene[0]["intensity"]).any()
+    with pytest.raises(AdvpipeError, match="eps_cm is 0, but must lie above 0"):
+        Perturb(eps_cm=0)
