@@ -17,7 +17,7 @@ from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.mcap_file import McapFile, in_time_order
 from advpipe.pipeline.bag.provenance import RECORD_NAME, unseal
 from advpipe.pipeline.bag.topics import RawMessage, TopicInfo
-from advpipe.pipeline.bag.types import schema_text, typestore
+from advpipe.pipeline.bag.types import missing_field, schema_text, typestore
 from advpipe.pipeline.errors import AdvpipeError
 
 
@@ -85,6 +85,8 @@ class BagReader:
         """The message as a dataclass with the fields of its type as the bag defines it."""
         try:
             return self._store_for(raw).deserialize_cdr(raw.cdr, raw.topic.type)
+        except AdvpipeError:
+            raise
         except Exception:  # rosbags makes code of the bag's definitions: they can fail in any way
             raise AdvpipeError(
                 f"{self.path}: a message of {raw.topic.name} at {raw.log_time_ns} ns is no {raw.topic.type}"
@@ -94,6 +96,8 @@ class BagReader:
         """The RIHS01 hash (REP-2011) of a message's type as the bag defines it."""
         try:
             return self._store_for(raw).hash_rihs01(raw.topic.type)
+        except AdvpipeError:
+            raise
         except Exception:  # as above
             raise AdvpipeError(f"{self.path}: the definition of {raw.topic.type} is damaged") from None
 
@@ -114,5 +118,10 @@ class BagReader:
             store = Typestore()
             is_idl = raw.schema_encoding == "ros2idl"
             store.register(get_types_from_idl(raw.schema) if is_idl else get_types_from_msg(raw.schema, name))
+            if name in typestore().types and (field := missing_field(store, name)):
+                raise AdvpipeError(
+                    f"{self.path}: {raw.topic.name} has another release's {name}, without our {field}; "
+                    "advpipe reads those of Humble and later"
+                )
             self._stores[name] = store
         return self._stores[name]

@@ -6,6 +6,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
@@ -45,6 +46,23 @@ def schema_text(type_name: str) -> str:
 def type_hash(type_name: str) -> str:
     """The RIHS01 hash (REP-2011) by which ROS 2 tells two types of one name apart."""
     return _store_of(type_name).hash_rihs01(type_name)
+
+
+def missing_field(store: Typestore, type_name: str) -> str:
+    """The first field of one of our types, or of a type inside it, that another store defines otherwise.
+
+    "" where the store's type has all of ours; it may have more.
+    """
+    theirs = dict(store.fielddefs[type_name][1])
+    for name, description in typestore().fielddefs[type_name][1]:
+        if theirs.get(name) != description:
+            return f"{type_name}.{name}"
+        kind, inner = description
+        if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+            kind, inner = inner[0]
+        if kind == Nodetype.NAME and (found := missing_field(store, str(inner))):
+            return found
+    return ""
 
 
 def serialise(message: object, type_name: str) -> bytes:

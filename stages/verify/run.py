@@ -102,6 +102,11 @@ def _check_bag(bag: Bag, names: tuple[str, ...], result: Verification) -> None:
             result.add(name, check.check())
         except AdvpipeError as error:
             result.add(name, [Fault(bag.place, str(error))])
-        except (LookupError, TypeError, ValueError) as error:  # a record of another shape than ours
+        except (
+            LookupError,
+            TypeError,
+            ValueError,
+            AttributeError,
+        ) as error:  # a record of another shape than ours
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             result.add(name, [Fault(bag.place, f"what it says of itself cannot be understood: {reason}")])

@@ -7,9 +7,9 @@ from textwrap import indent
 from typing import Any
 
 import yaml
-from rosbags.rosbag2.metadata import parse_qos
 
 from advpipe.pipeline.bag.files import METADATA_NAME, read_information
+from advpipe.pipeline.bag.topics import qos_from_yaml
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.verify.checks.base import BagCheck
 from advpipe.stages.verify.result import Fault, Gap, Result
@@ -75,7 +75,7 @@ def _differences(information: dict[str, Any], walks: list[Walk]) -> Iterator[str
             yield f"{name}: the type {topic['type']} is told, the bag has {real[name].type}"
         profiles = topic["offered_qos_profiles"]
         text = profiles if isinstance(profiles, str) else yaml.safe_dump(profiles)
-        if tuple(parse_qos(text)) != real[name].qos:
+        if qos_from_yaml(text) != real[name].qos:
             yield f"{name}: another QoS is told than the bag has"
 
 

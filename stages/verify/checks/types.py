@@ -17,12 +17,13 @@ class Types(MessageCheck):
     def __init__(self, bag: Bag) -> None:
         super().__init__(bag)
         self._known: set[str] = set()
+        self._of_others: set[str] = set()
 
     def see(self, seen: Seen) -> Iterator[Result]:
         if seen.raw.topic.name not in self._known:
             self._known.add(seen.raw.topic.name)
             yield from self._definition(seen)
-        if seen.message is None:
+        if seen.message is None and seen.raw.topic.name not in self._of_others:
             yield Fault(seen.where, seen.error)
 
     def check(self) -> Iterator[Result]:
@@ -43,7 +44,9 @@ class Types(MessageCheck):
         try:
             real = self.bag.reader.type_hash(raw)
         except AdvpipeError as error:
-            yield Fault(seen.where, str(error))
+            self._of_others.add(raw.topic.name)
+            said = Gap if expected and not self.bag.provenance else Fault
+            yield said(seen.where, f"messages cannot be read: {error}")
             return
         if raw.topic.type_hash not in ("", real):
             yield Fault(seen.where, f"states another type hash than its definition of {name} has")
