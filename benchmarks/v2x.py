@@ -51,7 +51,7 @@ STEP_NS = 100_000_000
 CODEC = (
     (generation, "encode_cam"),
     (air_module, "decode"),
-    (air_module, "cam_of_tree"),
+    (air_module, "core_of_tree"),
     (bag_v2x, "decode"),
     (bag_v2x, "cam_cdr"),
     (bag_v2x, "udp_packet_cdr"),

@@ -50,7 +50,8 @@ class Attacked:
 
     def prepare(self) -> None:
         """Reads what `forge` has to know beforehand; not timed."""
-        self._change, self._air = forge(self._reader, [self._attack], 1), self._drive.air()
+        self._change = forge(self._reader, [self._attack], 1)
+        self._air = self._change.air()
 
     def send(self) -> None:
         """Every step through the attack, its labels, the radio and the map."""

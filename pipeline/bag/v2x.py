@@ -40,8 +40,8 @@ class RadioPlace(NamedTuple):
 def stations_of(v2x: V2x, places: Sequence[RadioPlace]) -> Stations:
     """The radios as the medium knows them, their antennas above their vehicles' middles."""
     ids = np.array([place.station_id for place in places], np.int64)
-    ground_m = np.array([place.map_SE3_base[:3, 3] for place in places]).reshape(-1, 3)
-    return Stations(ids, ground_m + (0.0, 0.0, v2x.radio.antenna_height_m))
+    poses = np.array([place.map_SE3_base for place in places]).reshape(-1, 4, 4)
+    return Stations(ids, poses[:, :3, 3] + (0.0, 0.0, v2x.radio.antenna_height_m))
 
 
 def stations_message(stamp_ns: int, stations: Sequence[RadioPlace], frame_id: str = "map") -> StampedCdr:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import shapely
@@ -17,6 +17,7 @@ from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.scenario.map import Origin
 from advpipe.pipeline.scenario.v2x import V2x
 from advpipe.pipeline.v2x.air import Air, Heard, Sent
+from advpipe.pipeline.v2x.codec import CamTree
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 
 
@@ -66,10 +67,10 @@ class V2xDrive:
         }
         self.listeners = {number: name for number, name in self.stations.items() if name in names}
 
-    def air(self) -> Air:
-        """The medium and the maps as they were when the drive began."""
+    def air(self, decoder: Callable[[bytes], CamTree] | None = None) -> Air:
+        """The medium and the maps as they were when the drive began. decoder: see `Air`."""
         geodesy = Geodesy(self.origin.latitude_deg, self.origin.longitude_deg, self.origin.altitude_m)
-        return Air(self.v2x, self.seed, geodesy, self.listeners, self._buildings())
+        return Air(self.v2x, self.seed, geodesy, self.listeners, self._buildings(), decoder)
 
     def steps(self) -> Iterator[V2xStep]:
         """All steps of the drive, in order."""

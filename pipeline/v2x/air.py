@@ -6,16 +6,16 @@ again, with some of them changed. The same messages meet the same fates.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.scenario.v2x import V2x
-from advpipe.pipeline.v2x.cam import Cam
+from advpipe.pipeline.v2x.cam import CamCore
 from advpipe.pipeline.v2x.cam_error import CamError
-from advpipe.pipeline.v2x.cam_tree import cam_of_tree
+from advpipe.pipeline.v2x.cam_tree import core_of_tree
 from advpipe.pipeline.v2x.codec import CamTree, decode
 from advpipe.pipeline.v2x.ldm import LocalDynamicMap, Report, Snapshot, Verdict, reports_of_cams
 from advpipe.pipeline.v2x.radio.buildings import Buildings
@@ -69,7 +69,8 @@ class Air:
     """The radio medium, and the Local Dynamic Maps of those who listen.
 
     listeners: station ids of the vehicles whose receptions count, with their names. Everybody else's
-    reception is decided as well, for the statistics, but not decoded.
+    reception is decided as well, for the statistics, but not decoded. decoder: as `codec.decode`, which it is
+    if left out; whoever has decoded what was sent may hand out its values again.
     """
 
     def __init__(
@@ -79,7 +80,9 @@ class Air:
         geodesy: Geodesy,
         listeners: Mapping[int, str],
         buildings: Buildings | None = None,
+        decoder: Callable[[bytes], CamTree] | None = None,
     ) -> None:
+        self._decoder = decoder
         self._medium = Medium(v2x.radio, seed, buildings)
         self._geodesy = geodesy
         self._listeners = dict(listeners)
@@ -147,11 +150,12 @@ class Air:
     def _open(self, first_arrivals_ns: Mapping[int, int]) -> dict[int, tuple[CamTree | None, Report | None]]:
         """What messages say, by their numbers: each is decoded once, however many receive it."""
         opened: dict[int, tuple[CamTree | None, Report | None]] = {}
-        cams: dict[int, Cam] = {}
+        cams: dict[int, CamCore] = {}
+        opens = self._decoder or decode
         for number in first_arrivals_ns:
             try:
-                tree = decode(self._on_air[number].payload)
-                cams[number] = cam_of_tree(tree)
+                tree = opens(self._on_air[number].payload)
+                cams[number] = core_of_tree(tree)
             except CamError:
                 opened[number] = None, None
             else:

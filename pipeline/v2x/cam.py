@@ -98,6 +98,21 @@ class Cam:
     special_vehicle: Any = None
 
 
+class CamCore(NamedTuple):
+    """What a Local Dynamic Map takes of a CAM; fields as in `Cam`."""
+
+    station_id: int
+    station_type: int
+    generation_delta_time_ms: int
+    latitude_deg: float | None
+    longitude_deg: float | None
+    altitude_m: float | None
+    heading_rad: float | None = None
+    speed_mps: float | None = None
+    length_m: float | None = None
+    width_m: float | None = None
+
+
 def cam_of_state(state: StationState, low_frequency: LowFrequency | None = None) -> Cam:
     """The CAM of a vehicle in this state; its time is that of the state, not that of sending."""
     semi_major_m, semi_minor_m, semi_major_rad = confidence_ellipse(state.east_north_covariance_m2)

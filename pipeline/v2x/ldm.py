@@ -12,7 +12,7 @@ import numpy as np
 
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.scenario.v2x import LdmRules
-from advpipe.pipeline.v2x.cam import Cam
+from advpipe.pipeline.v2x.cam import Cam, CamCore
 from advpipe.pipeline.v2x.timestamps import generation_time_ns
 
 _NORTHWARD_DEG = 1e-4
@@ -62,7 +62,7 @@ class Report:
         return x_m - back_m * math.cos(self.yaw_rad), y_m - back_m * math.sin(self.yaw_rad), z_m
 
 
-def report_of_cam(cam: Cam, received_ns: int, geodesy: Geodesy) -> Report | None:
+def report_of_cam(cam: Cam | CamCore, received_ns: int, geodesy: Geodesy) -> Report | None:
     """The CAM on the map; None where it tells no position, or one on the other side of the Earth.
 
     Without an altitude it is on the map's zero level. Of the times that its generationDeltaTime may mean,
@@ -71,7 +71,9 @@ def report_of_cam(cam: Cam, received_ns: int, geodesy: Geodesy) -> Report | None
     return reports_of_cams([cam], [received_ns], geodesy)[0]
 
 
-def reports_of_cams(cams: Sequence[Cam], received_ns: Sequence[int], geodesy: Geodesy) -> list[Report | None]:
+def reports_of_cams(
+    cams: Sequence[Cam | CamCore], received_ns: Sequence[int], geodesy: Geodesy
+) -> list[Report | None]:
     """`report_of_cam` of each; the projection takes many places in little more time than one."""
     places = np.array(
         [(_number(cam.latitude_deg), _number(cam.longitude_deg), _number(cam.altitude_m)) for cam in cams]
@@ -79,7 +81,9 @@ def reports_of_cams(cams: Sequence[Cam], received_ns: Sequence[int], geodesy: Ge
     with np.errstate(invalid="ignore"):
         (told,) = np.nonzero((np.abs(places[:, 0]) < 90) & (np.abs(places[:, 1]) <= 180))
     places = places[told].T
-    places[2] = np.where(np.isfinite(places[2]), places[2], geodesy.to_geographic([0.0, 0.0, 0.0])[2])
+    is_flat = ~np.isfinite(places[2])
+    if is_flat.any():
+        places[2, is_flat] = geodesy.to_geographic([0.0, 0.0, 0.0])[2]
     northward = places + np.array([[_NORTHWARD_DEG], [0.0], [0.0]])
     fronts_m, norths_m = np.split(geodesy.to_map(np.hstack([places, northward])), 2, axis=1)
     reports: list[Report | None] = [None] * len(cams)
@@ -89,7 +93,7 @@ def reports_of_cams(cams: Sequence[Cam], received_ns: Sequence[int], geodesy: Ge
     return reports
 
 
-def _report(cam: Cam, received_ns: int, front_m: list[float], north_m: list[float]) -> Report:
+def _report(cam: Cam | CamCore, received_ns: int, front_m: list[float], north_m: list[float]) -> Report:
     """north_m: a place a little to the north of the front."""
     x_m, y_m, z_m = front_m
     yaw_rad = math.atan2(north_m[1] - y_m, north_m[0] - x_m) - _number(cam.heading_rad)

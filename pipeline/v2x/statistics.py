@@ -137,13 +137,15 @@ class Tally:
     def add(self, step: Step) -> None:
         """Counts what became known in a step of the medium."""
         fates = step.fates
-        others = fates.outcome != Outcome.OWN
         is_received = fates.outcome == Outcome.RECEIVED
-        pairs, received = delivery_by_distance(fates.distance_m[others], is_received[others])
+        outcomes = np.bincount(fates.outcome.ravel(), minlength=len(Outcome))
+        pairs, received = delivery_by_distance(fates.distance_m.ravel(), is_received.ravel())
+        pairs[0] -= outcomes[Outcome.OWN]  # who sends is no distance from itself
         self._pairs += pairs
         self._received += received
-        self._outcomes += np.bincount(fates.outcome.ravel(), minlength=len(Outcome))
-        delays_ns = (fates.arrival_ns - fates.request_ns[:, None])[is_received]
+        self._outcomes += outcomes
+        row, column = np.nonzero(is_received)
+        delays_ns = fates.arrival_ns[row, column] - fates.request_ns[row]
         self._delay_sum_ns += int(delays_ns.sum())
         self._delay_max_ns = max(self._delay_max_ns, int(delays_ns.max(initial=0)))
         self._dropped += len(fates.dropped)

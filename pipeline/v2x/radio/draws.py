@@ -23,9 +23,12 @@ _FACTORS = (np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB))
 
 def mix(state: UInt64) -> UInt64:
     """SplitMix64's output for each state: a bijection in which every bit depends on every bit."""
-    mixed = (state ^ (state >> _SHIFTS[0])) * _FACTORS[0]
-    mixed = (mixed ^ (mixed >> _SHIFTS[1])) * _FACTORS[1]
-    return mixed ^ (mixed >> _SHIFTS[2])
+    mixed = state ^ (state >> _SHIFTS[0])
+    mixed *= _FACTORS[0]
+    mixed ^= mixed >> _SHIFTS[1]
+    mixed *= _FACTORS[1]
+    mixed ^= mixed >> _SHIFTS[2]
+    return mixed
 
 
 def message_keys(station_ids: npt.ArrayLike, times_ns: npt.ArrayLike, copies: npt.ArrayLike = 0) -> UInt64:
@@ -58,4 +61,7 @@ class Draws:
 
 def _uniform(bits: UInt64) -> Float64:
     """The middles of 2^53 equal parts of the unit interval, so never 0 or 1."""
-    return ((bits >> np.uint64(11)).astype(np.float64) + 0.5) * 2.0**-53
+    uniform = (bits >> np.uint64(11)).astype(np.float64)
+    uniform += 0.5
+    uniform *= 2.0**-53
+    return uniform

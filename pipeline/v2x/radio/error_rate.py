@@ -7,6 +7,7 @@ error rate model in ns-3", 2010: the union bound over the convolutional code's d
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -85,3 +86,15 @@ def success_rate(snr_db: Float64, bits: npt.ArrayLike, channel_bitrate_mbps: flo
     event = series * bhattacharyya ** (code.distances[0] - step) / (2 * code.bits)
     rate: Float64 = np.exp(np.asarray(bits) * np.log1p(-np.minimum(event, 1 - 1e-16)))
     return rate
+
+
+@cache
+def flawless_db(channel_bitrate_mbps: float) -> float:
+    """A ratio from which on `success_rate` is 1, to the last bit, for any message that the radio can send."""
+    ratios_db = np.arange(0.0, 60.0, 0.25)
+    is_certain = success_rate(ratios_db, _MANY_BITS, channel_bitrate_mbps) == 1.0
+    return float(ratios_db[~is_certain][-1] + 0.25)
+
+
+_MANY_BITS = 2**20
+"""Some thirty times those of the longest frame, 4095 bytes."""

@@ -25,11 +25,12 @@ def dual_slope_db(distance_m: Float64, radio: Radio) -> Float64:
 
     Cheng et al., IEEE JSAC 25(8), 2007, equation 3.
     """
-    nearer_m = np.clip(distance_m, REFERENCE_M, radio.critical_distance_m)
-    farther = np.maximum(distance_m / radio.critical_distance_m, 1.0)
-    at_reference_db = free_space_db(np.array(REFERENCE_M), radio)
-    near_db = 10 * radio.near_exponent * np.log10(nearer_m / REFERENCE_M)
-    return at_reference_db + near_db + 10 * radio.far_exponent * np.log10(farther)
+    critical_m = np.array(radio.critical_distance_m)
+    is_far = distance_m > critical_m
+    logarithm = np.log10(np.where(is_far, distance_m / critical_m, np.maximum(distance_m, REFERENCE_M)))
+    near_db = 10 * radio.near_exponent * np.where(is_far, np.log10(critical_m), logarithm)
+    far_db = 10 * radio.far_exponent * np.where(is_far, logarithm, 0.0)
+    return free_space_db(np.array(REFERENCE_M), radio) + near_db + far_db
 
 
 PATH_LOSS: dict[str, Callable[[Float64, Radio], Float64]] = {

@@ -9,7 +9,7 @@ import numpy as np
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.scenario.v2x import Radio
 from advpipe.pipeline.v2x.radio.draws import Draws
-from advpipe.pipeline.v2x.radio.error_rate import success_rate
+from advpipe.pipeline.v2x.radio.error_rate import flawless_db, success_rate
 from advpipe.pipeline.v2x.radio.frame import Frame
 from advpipe.pipeline.v2x.radio.path_loss import SPEED_OF_LIGHT_MPS
 from advpipe.pipeline.v2x.radio.stations import Bool, Fates, Int64, Outcome, Stations, UInt8, UInt64
@@ -28,6 +28,7 @@ class Receiver:
         self._radio = radio
         self._draws = draws
         self._channel_bitrate_mbps = radio.bitrate_mbps * 10 / radio.bandwidth_mhz
+        self._flawless_db = max(flawless_db(self._channel_bitrate_mbps), radio.snir_threshold_db)
 
     def fates(
         self, final: Sequence[Frame], on_air: Sequence[Frame], stations: Stations, dropped: Int64
@@ -41,16 +42,21 @@ class Receiver:
 
         snr_db = power_dbm - radio.noise_dbm
         noise_mw = 10 ** (radio.noise_dbm / 10)
-        sinr_db = snr_db - 10 * np.log10(1 + interference_mw / noise_mw)
+        sinr_db = snr_db.copy()
+        disturbed: Bool = interference_mw.max(axis=1, initial=0.0) > 0
+        sinr_db[disturbed] -= 10 * np.log10(1 + interference_mw[disturbed] / noise_mw)
         keys = key.view(np.uint64)
         is_audible = power_dbm >= radio.sensitivity_dbm
         outcome: UInt8 = np.full(power_dbm.shape, Outcome.RECEIVED, np.uint8)
-        row, column = np.nonzero(is_audible)
+        row, column = np.nonzero(is_audible & (sinr_db < self._flawless_db))
         luck = self._draws.of_pairs("errors", keys[row], stations.ids[column].astype(np.uint64))
         fails = luck > self._success(sinr_db[row, column], bits[row])
         row, column, luck = row[fails], column[fails], luck[fails]
-        fails_anyway = luck > self._success(snr_db[row, column], bits[row])
-        outcome[row, column] = np.where(fails_anyway, Outcome.NOISE, Outcome.INTERFERENCE)
+        outcome[row, column] = Outcome.NOISE
+        among = disturbed[row]
+        row, column, luck = row[among], column[among], luck[among]
+        saved = luck <= self._success(snr_db[row, column], bits[row])
+        outcome[row[saved], column[saved]] = Outcome.INTERFERENCE
         outcome[is_busy] = Outcome.BUSY
         outcome[~is_audible] = Outcome.WEAK
         outcome[is_sending] = Outcome.SENDING

@@ -31,7 +31,7 @@ class Stations:
     def __post_init__(self) -> None:
         if self.antenna_m.shape != (len(self.ids), 3) or not np.isfinite(self.antenna_m).all():
             raise ValueError(f"antenna_m has to be finite and ({len(self.ids)}, 3)")
-        if len(np.unique(self.ids)) != len(self.ids):
+        if len(set(self.ids.tolist())) != len(self.ids):
             raise ValueError("two stations have the same id")
 
     def columns_of(self, ids: Int64) -> Int64:
@@ -129,10 +129,11 @@ class Fates:
 
     def receptions(self, receivers: Int64 | None = None) -> list[Reception]:
         """What was received, by these stations or by all, in order of arrival."""
-        wanted = self.outcome == Outcome.RECEIVED
+        columns = np.arange(len(self.receivers))
         if receivers is not None:
-            wanted = wanted & np.isin(self.receivers, receivers)
-        row, column = np.nonzero(wanted)
+            columns = columns[np.isin(self.receivers, receivers)]
+        row, nth = np.nonzero(self.outcome[:, columns] == Outcome.RECEIVED)
+        column = columns[nth]
         order = np.lexsort((self.receivers[column], self.messages[row], self.arrival_ns[row, column]))
         row, column = row[order], column[order]
         return [

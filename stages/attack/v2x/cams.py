@@ -56,6 +56,10 @@ class Cams:
                 self._trees[payload] = None
         return self._trees[payload]
 
+    def decode(self, payload: bytes) -> CamTree:
+        """As `codec.decode`, also for those who receive what was opened or closed here."""
+        return self._trees.get(payload) or decode(payload)
+
     def close(self, tree: CamTree) -> bytes:
         """The CAM in UPER. Raises CamError for values that the ASN.1 does not allow."""
         payload = encode(tree)
@@ -63,7 +67,7 @@ class Cams:
         return payload
 
     def forget(self) -> None:
-        """Ends a step."""
+        """Begins a step."""
         self._trees.clear()
 
 

@@ -120,8 +120,7 @@ def _schedule(spec: AttackSpec, recording: Recording, seed: int) -> Callable[[in
 class V2xChange:
     """A `Change` of all that V2X writes into a bag; memory holds one step, and the labels.
 
-    topics: those that are replaced wholly. corrupt: how many messages of attackers are no CAMs; they are kept
-    as they are. held_back: how many messages the others' congestion control held back.
+    held_back: how many messages the others' congestion control held back.
     """
 
     def __init__(
@@ -155,10 +154,6 @@ class V2xChange:
         self._stage = "new"
 
     @property
-    def corrupt(self) -> int:
-        return self._labels.corrupt
-
-    @property
     def held_back(self) -> int:
         return self._congestion.held_back if self._congestion else 0
 
@@ -183,19 +178,31 @@ class V2xChange:
             raise RuntimeError("labels are known once all messages have been taken")
         self._labels.write(folder)
 
+    def counts(self) -> Counter[str]:
+        """How many CAMs were changed, added, delayed, dropped, made invalid, were corrupt before an attack
+        that left them so, and were held back by others' congestion control."""
+        counts = Counter({f"CAMs {what}": count for what, count in self._labels.counts.items()})
+        if self._congestion:
+            counts["CAMs held back by others' congestion control"] = self.held_back
+        return counts
+
+    def air(self) -> Air:
+        """For what is sent instead: what was opened or closed on the way is not decoded again."""
+        return self._drive.air(self._cams.decode)
+
     def edited(self, step: V2xStep) -> list[Sent]:
         """What is sent in a step instead; `messages` asks for one after the other."""
+        self._cams.forget()
         self._labels.begin(step.sent)
         sent = list(step.sent)
         for place, editor in enumerate(self._editors):
             before, sent = sent, sorted(editor.edit(step, tuple(sent)), key=_order)
             self._labels.compare(place, editor, before, sent)
-        self._cams.forget()
         return self._congestion.allowed(step, sent) if self._congestion else sent
 
     def _stamped(self) -> Iterator[StampedCdr]:
         """As the simulation records them: all of a step, in the order of its stamps."""
-        air, pending, last_ns = self._drive.air(), list[StampedCdr](), 0
+        air, pending, last_ns = self.air(), list[StampedCdr](), 0
         for recorded in self._drive.steps():
             step = recorded._replace(radios=(*recorded.radios, *self._units))
             last_ns = step.begin_ns

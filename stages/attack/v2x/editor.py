@@ -32,6 +32,7 @@ import zlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import count
 from typing import ClassVar, Protocol
 
@@ -88,9 +89,14 @@ class AttackContext:
     numbers: Numbers
     _copies: count[int] = field(default_factory=lambda: count(1))
 
+    @cached_property
+    def attacking(self) -> frozenset[int]:
+        """The attackers again, to look one up."""
+        return frozenset(self.attackers)
+
     def acts(self, sent: Sent) -> bool:
         """Whether an attacker's radio sends this message at a time at which the attack acts."""
-        return sent.station_id in self.attackers and self.active(sent.request_ns)
+        return sent.station_id in self.attacking and self.active(sent.request_ns)
 
     def rng(self, *names: str | int) -> np.random.Generator:
         """A generator of its own for each use, under the attack's name."""
@@ -137,6 +143,10 @@ class V2xAttack(ABC):
     @property
     def name(self) -> str:
         return self.context.name
+
+    def part(self, attacker: int) -> V2xAttack:
+        """The attack that this attacker carries out: itself, but for a mix of attacks."""
+        return self
 
     @abstractmethod
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:

@@ -57,11 +57,11 @@ class Falsification(V2xAttack):
         of time."""
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
-        cams, edited = self.context.cams, list(sent)
+        cams, attacking, edited = self.context.cams, self.context.attacking, list(sent)
         found = [
             (index, one, tree, is_lie)
             for index, one in enumerate(sent)
-            if one.station_id in self.context.attackers
+            if one.station_id in attacking
             and ((is_lie := self.context.active(one.request_ns)) or self._path is not None)
             and (tree := cams.open(one.payload)) is not None
         ]

@@ -10,7 +10,7 @@ import pytest
 
 from advpipe.pipeline.v2x.cam import Cam, LowFrequency, PathPoint, cam_of_state
 from advpipe.pipeline.v2x.cam_error import CamError
-from advpipe.pipeline.v2x.cam_tree import cam_of_tree, cam_tree, decode_cam, encode_cam
+from advpipe.pipeline.v2x.cam_tree import cam_of_tree, cam_tree, core_of_tree, decode_cam, encode_cam
 from advpipe.pipeline.v2x.codec import decode, encode
 from advpipe.pipeline.v2x.codes import AccelerationControl, DriveDirection, ExteriorLights, VehicleRole
 from advpipe.pipeline.v2x.station_state import StationState
@@ -42,6 +42,14 @@ def test_nothing_is_lost_between_values_and_si_units(random_cam_tree: Callable[.
     for _ in range(500):
         tree = normal(random_cam_tree(rng))
         assert cam_tree(cam_of_tree(tree)) == tree
+
+
+def test_the_core_says_what_the_whole_does(random_cam_tree: Callable[..., CamTree]) -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        tree = random_cam_tree(rng)
+        core, cam = core_of_tree(tree), cam_of_tree(tree)
+        assert core == tuple(getattr(cam, name) for name in core._fields)
 
 
 def test_the_vector_in_si_units(cam_vector: bytes) -> None:

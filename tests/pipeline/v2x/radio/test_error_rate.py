@@ -7,6 +7,7 @@ from advpipe.pipeline.v2x.radio.error_rate import (
     THREE_QUARTERS,
     TWO_THIRDS,
     Code,
+    flawless_db,
     success_rate,
 )
 
@@ -63,6 +64,14 @@ def test_success_rises_from_none_to_all(rate: float) -> None:
     assert (np.diff(rates) >= -1e-12).all()
     assert rates[0] == 0
     assert rates[-1] == 1
+
+
+@pytest.mark.parametrize("rate", MODULATIONS)
+def test_flawless_is_certain(rate: float) -> None:
+    """Above it, the longest frame of 4095 bytes has a chance of one to the last bit; a little below, not."""
+    sure_db = flawless_db(rate)
+    assert (success_rate(np.linspace(sure_db, 200, 5000), 8 * 4095, rate) == 1.0).all()
+    assert success_rate(np.array(sure_db - 3), 8 * 4095, rate) < 1.0
 
 
 def test_faster_needs_more() -> None:
