@@ -128,7 +128,9 @@ class AttackSpec(Section):
     )
     seed_name: str = Field("", description="draws differ between attacks of different names")
     dcc_reacts: bool = Field(
-        False, description="whether other stations' congestion control answers to forged messages"
+        False,
+        description="whether other stations' congestion control answers to the load of forged messages: it "
+        "then holds back what comes too early; as it is off, they send what they sent",
     )
     lidar: str | None = Field(None, description="topic of the attacked clouds, among several")
     frames: str = Field("::", description="which clouds its bag holds, start:stop:step; of a LiDAR attack")
@@ -167,6 +169,8 @@ class AttackSpec(Section):
             strange = [key for key in keys if key in given]
             if self.family != family and strange:
                 raise ValueError(f"{self.type} has no use for {strange[0]}; leave it out")
+        if self.attackers is not None and self.victim in self.attackers.vehicles:
+            raise ValueError(f"{self.victim} is both attacker and victim of {self.type}; name another")
         return self
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
@@ -23,6 +24,9 @@ class Change(Protocol):
 
     def write_labels(self, folder: Path) -> None:
         """Parquet files that say what was changed, beside the bag."""
+
+    def counts(self) -> Counter[str]:
+        """How much of what was changed, in the words of the summary; after `write_labels`."""
 
 
 def changed_messages(reader: BagReader, changes: Sequence[Change]) -> Iterator[RawMessage]:

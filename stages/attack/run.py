@@ -83,6 +83,7 @@ def attack(
             for change in changes:
                 summary.replaced |= change.topics & set(reader.topics)
                 change.write_labels(bag.folder)
+                summary.counts.update(change.counts())
     return summary
 
 

@@ -17,7 +17,7 @@ class AttackSummary:
 
     losses: the detector's loss before and after, for each frame with an object to take it for.
     notes: what the user must know, with the number of frames that it concerns.
-    replaced: topics whose messages are new.
+    replaced: topics whose messages are new. counts: of what was done to messages, by what it is.
     """
 
     bag: Path
@@ -28,6 +28,7 @@ class AttackSummary:
     losses: list[tuple[float, float]] = field(default_factory=list)
     notes: Counter[str] = field(default_factory=Counter)
     replaced: frozenset[str] = frozenset()
+    counts: Counter[str] = field(default_factory=Counter)
 
     def add(self, points_clean: int, result: LidarResult) -> None:
         """Count one frame."""
@@ -44,6 +45,7 @@ class AttackSummary:
         parts = [self._clouds()] if self.frames else []
         if self.replaced:
             parts.append(f"new messages on {', '.join(sorted(self.replaced))}")
+        parts += [f"{count:,} {what}" for what, count in sorted(self.counts.items()) if count]
         notes = [f"  {count} of {self.frames} frames: {note}" for note, count in sorted(self.notes.items())]
         return "\n".join([f"{self.bag}: {'; '.join(parts)}", *notes])
 

@@ -9,7 +9,6 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.estimate import Innovation
 
@@ -58,13 +57,6 @@ class GnssAttack(Protocol):
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
         """The attack on one victim; all its draws come from `rng`."""
-
-
-def check(attack: str, name: str, value: object, least: float = 0.0, most: float = 1e6) -> None:
-    """Raises AdvpipeError for a parameter that is no number from `least` to `most`."""
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not is_number or not math.isfinite(value) or not least <= value <= most:  # type: ignore[arg-type, operator]
-        raise AdvpipeError(f"{attack}: {name} is {value!r}; give a number from {least:g} to {most:g}")
 
 
 def level(angle_rad: float) -> Float64:

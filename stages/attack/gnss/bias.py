@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.pipeline.localisation.gnss import HEIGHT_FACTOR
-from advpipe.stages.attack.gnss.base import Sight, Spoofer, check
+from advpipe.stages.attack.bounds import number
+from advpipe.stages.attack.gnss.base import Sight, Spoofer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,8 +25,8 @@ class Bias:
     bound_up_m: float = 3.0 * HEIGHT_FACTOR
 
     def __post_init__(self) -> None:
-        check("gnss-bias", "bound_m", self.bound_m)
-        check("gnss-bias", "bound_up_m", self.bound_up_m, most=1e4)
+        number("gnss-bias", "bound_m", self.bound_m, 0, 1e6)
+        number("gnss-bias", "bound_up_m", self.bound_up_m, 0, 1e4)
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
         """Draws the bias."""

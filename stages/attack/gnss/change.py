@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -71,6 +72,11 @@ class GnssChange:
     def write_labels(self, folder: Path) -> None:
         """gnss_labels.parquet; see `labels.write_labels`. Of CAMs, V2X's own labels tell."""
         write_labels(self.vehicles, folder / FILE_NAME)
+
+    def counts(self) -> Counter[str]:
+        """How many fixes the attacks made false, and how many they took away."""
+        struck = [record for one in self.vehicles for record in one.records if record.lie is not None]
+        return Counter("fixes missing" if record.told is None else "fixes spoofed" for record in struck)
 
     def editors(self) -> tuple[MessageEditor, ...]:
         """What puts the lies into the victims' CAMs, at the begin of a drive; none for a bag without CAMs."""

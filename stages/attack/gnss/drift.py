@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from advpipe.stages.attack.gnss.base import Sight, Spoofer, check, level
+from advpipe.stages.attack.bounds import number
+from advpipe.stages.attack.gnss.base import Sight, Spoofer, level
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,9 +25,9 @@ class Drift:
     most_m: float = 50.0
 
     def __post_init__(self) -> None:
-        check("gnss-drift", "rate_mps", self.rate_mps, most=1e4)
-        check("gnss-drift", "angle_deg", self.angle_deg, -360.0, 360.0)
-        check("gnss-drift", "most_m", self.most_m)
+        number("gnss-drift", "rate_mps", self.rate_mps, 0, 1e4)
+        number("gnss-drift", "angle_deg", self.angle_deg, -360.0, 360.0)
+        number("gnss-drift", "most_m", self.most_m, 0, 1e6)
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
         """Draws nothing."""

@@ -9,7 +9,8 @@ import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.estimate import Innovation
-from advpipe.stages.attack.gnss.base import Sight, Spoofer, check, level
+from advpipe.stages.attack.bounds import number
+from advpipe.stages.attack.gnss.base import Sight, Spoofer, level
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,11 +32,11 @@ class DriftAware:
     gate_probability: float = 0.999
 
     def __post_init__(self) -> None:
-        check("gnss-drift-aware", "rate_mps", self.rate_mps, most=1e4)
-        check("gnss-drift-aware", "angle_deg", self.angle_deg, -360.0, 360.0)
-        check("gnss-drift-aware", "most_m", self.most_m)
-        check("gnss-drift-aware", "share", self.share, 0.01, 1.0)
-        check("gnss-drift-aware", "gate_probability", self.gate_probability, 0.5, 1 - 1e-9)
+        number("gnss-drift-aware", "rate_mps", self.rate_mps, 0, 1e4)
+        number("gnss-drift-aware", "angle_deg", self.angle_deg, -360.0, 360.0)
+        number("gnss-drift-aware", "most_m", self.most_m, 0, 1e6)
+        number("gnss-drift-aware", "share", self.share, 0.01, 1.0)
+        number("gnss-drift-aware", "gate_probability", self.gate_probability, 0.5, 1 - 1e-9)
 
     @property
     def allowed_nis(self) -> float:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from advpipe.stages.attack.bounds import one_of
-from advpipe.stages.attack.gnss.base import Sight, Spoofer, any_direction, check
+from advpipe.stages.attack.bounds import number, one_of
+from advpipe.stages.attack.gnss.base import Sight, Spoofer, any_direction
 
 MODES = ("glitch", "step")
 
@@ -26,8 +26,8 @@ class Jump:
 
     def __post_init__(self) -> None:
         one_of("gnss-jump", "mode", self.mode, MODES)
-        check("gnss-jump", "distance_m", self.distance_m)
-        check("gnss-jump", "probability", self.probability, most=1.0)
+        number("gnss-jump", "distance_m", self.distance_m, 0, 1e6)
+        number("gnss-jump", "probability", self.probability, 0, 1.0)
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
         """Two draws for each attacked fix."""

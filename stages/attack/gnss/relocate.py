@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.pipeline.errors import AdvpipeError
-from advpipe.stages.attack.bounds import one_of
-from advpipe.stages.attack.gnss.base import Sight, Spoofer, any_direction, check
+from advpipe.stages.attack.bounds import number, one_of
+from advpipe.stages.attack.gnss.base import Sight, Spoofer, any_direction
 
 MODES = ("offset", "place")
 
@@ -30,8 +30,8 @@ class Relocate:
 
     def __post_init__(self) -> None:
         one_of("gnss-relocate", "mode", self.mode, MODES)
-        check("gnss-relocate", "least_m", self.least_m, 10.0)
-        check("gnss-relocate", "most_m", self.most_m, 10.0)
+        number("gnss-relocate", "least_m", self.least_m, 10.0, 1e6)
+        number("gnss-relocate", "most_m", self.most_m, 10.0, 1e6)
         if self.least_m > self.most_m:
             raise AdvpipeError(f"gnss-relocate: least_m {self.least_m:g} is above most_m {self.most_m:g}")
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from advpipe.stages.attack.gnss.base import Sight, Spoofer, check
+from advpipe.stages.attack.bounds import number
+from advpipe.stages.attack.gnss.base import Sight, Spoofer
 
 NS_PER_S = 1e9
 
@@ -23,7 +24,7 @@ class Replay:
     delay_s: float = 2.0
 
     def __post_init__(self) -> None:
-        check("gnss-replay", "delay_s", self.delay_s)
+        number("gnss-replay", "delay_s", self.delay_s, 0, 1e6)
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
         """Draws nothing."""

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from advpipe.stages.attack.gnss.base import Sight, Spoofer, check
+from advpipe.stages.attack.bounds import number
+from advpipe.stages.attack.gnss.base import Sight, Spoofer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,8 +24,8 @@ class Walk:
     most_m: float = 50.0
 
     def __post_init__(self) -> None:
-        check("gnss-walk", "stddev_m", self.stddev_m)
-        check("gnss-walk", "most_m", self.most_m)
+        number("gnss-walk", "stddev_m", self.stddev_m, 0, 1e6)
+        number("gnss-walk", "most_m", self.most_m, 0, 1e6)
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
         """Two draws for each attacked fix; those of a span's first count for nothing."""

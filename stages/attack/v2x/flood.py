@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -40,7 +41,9 @@ class Flood(V2xAttack):
     needs_traffic = False
     sybil = False
 
-    def __init__(self, context: AttackContext, *, rate_hz: float, ahead_s: float, dcc: bool) -> None:
+    def __init__(
+        self, context: AttackContext, *, rate_hz: float = RATE_HZ, ahead_s: float = 0.0, dcc: bool = False
+    ) -> None:
         super().__init__(context)
         self._interval_ns = round(1e9 / number(context.name, "rate_hz", rate_hz, 0.001, MAX_RATE_HZ))
         self._ahead_ns = round(number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
@@ -100,10 +103,8 @@ class Dos(Flood):
 
     needs_traffic = True
 
-    def __init__(
-        self, context: AttackContext, *, rate_hz: float = RATE_HZ, ahead_s: float = 0.0, dcc: bool = False
-    ) -> None:
-        super().__init__(context, rate_hz=rate_hz, ahead_s=ahead_s, dcc=dcc)
+    def __init__(self, context: AttackContext, **others: Any) -> None:
+        super().__init__(context, **others)
         self._own: dict[int, tuple[int, CamTree]] = {}
 
     def _remember(self, step: V2xStep, sent: Sequence[Sent]) -> None:
@@ -130,13 +131,11 @@ class DosRandom(Flood):
         self,
         context: AttackContext,
         *,
-        rate_hz: float = RATE_HZ,
         extent_m: float = 500.0,
         speed_max_mps: float = 40.0,
-        ahead_s: float = 0.0,
-        dcc: bool = False,
+        **others: Any,
     ) -> None:
-        super().__init__(context, rate_hz=rate_hz, ahead_s=ahead_s, dcc=dcc)
+        super().__init__(context, **others)
         self._extent_m = number(context.name, "extent_m", extent_m, 0, 20_000)
         self._speed_max_mps = number(context.name, "speed_max_mps", speed_max_mps, 0, 163)
         self._base: tuple[CamTree, float, float] | None = None
@@ -187,13 +186,11 @@ class DosDisruptive(Flood):
         self,
         context: AttackContext,
         *,
-        rate_hz: float = RATE_HZ,
         memory_s: float = 10.0,
         range_m: float = HEARING_M,
-        ahead_s: float = 0.0,
-        dcc: bool = False,
+        **others: Any,
     ) -> None:
-        super().__init__(context, rate_hz=rate_hz, ahead_s=ahead_s, dcc=dcc)
+        super().__init__(context, **others)
         memory_s = number(context.name, "memory_s", memory_s, 0, 600)
         self._ears = Ears(context.attackers, number(context.name, "range_m", range_m, 0), memory_s)
 

@@ -6,6 +6,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -14,8 +15,8 @@ from advpipe.pipeline.bag.v2x_drive import V2xStep
 from advpipe.pipeline.geometry.transforms import Float64, transform_points
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.stages.attack.bounds import number
-from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack
-from advpipe.stages.attack.v2x.phantoms import Braking, Key, Motion, Phantoms
+from advpipe.stages.attack.v2x.editor import AttackContext
+from advpipe.stages.attack.v2x.phantoms import Braking, Key, Motion, PhantomAttack
 
 NEAR_M = 300.0
 """Ghosts farther than that from their target no longer frighten it."""
@@ -30,7 +31,7 @@ class _Laid:
     senders: dict[int, int] = field(default_factory=dict)
 
 
-class GhostsAhead(V2xAttack):
+class GhostsAhead(PhantomAttack):
     """Ghosts on the straight line ahead of a target: the victim, or without one each attacker's own way.
 
     They are laid out when the attack acts first and the target drives at least `from_speed_mps`; once the
@@ -39,22 +40,9 @@ class GhostsAhead(V2xAttack):
     the road goes to the nearest.
     """
 
-    always_matters = True
-    needs_traffic = False
-
-    def __init__(
-        self,
-        context: AttackContext,
-        *,
-        from_speed_mps: float,
-        length_m: float,
-        width_m: float,
-        ahead_s: float,
-        dcc: bool,
-    ) -> None:
-        super().__init__(context)
+    def __init__(self, context: AttackContext, *, from_speed_mps: float = 3.0, **others: Any) -> None:
+        super().__init__(context, **others)
         self._from_mps = number(context.name, "from_speed_mps", from_speed_mps, 0)
-        self._phantoms = Phantoms(context, length_m=length_m, width_m=width_m, ahead_s=ahead_s, dcc=dcc)
         self._laid: dict[int, _Laid] = {}
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
@@ -122,20 +110,9 @@ class GhostStop(GhostsAhead):
         margin_m: float = 2.0,
         reaction_s: float = 1.0,
         deceleration_mps2: float = 6.0,
-        from_speed_mps: float = 3.0,
-        length_m: float = 4.5,
-        width_m: float = 1.8,
-        ahead_s: float = 0.0,
-        dcc: bool = False,
+        **others: Any,
     ) -> None:
-        super().__init__(
-            context,
-            from_speed_mps=from_speed_mps,
-            length_m=length_m,
-            width_m=width_m,
-            ahead_s=ahead_s,
-            dcc=dcc,
-        )
+        super().__init__(context, **others)
         self._margin_m = number(context.name, "margin_m", margin_m, 0)
         self._reaction_s = number(context.name, "reaction_s", reaction_s, 0)
         self._deceleration_mps2 = number(context.name, "deceleration_mps2", deceleration_mps2, 0.1)
@@ -158,20 +135,9 @@ class GhostBrake(GhostsAhead):
         headway_s: float = 1.0,
         cruise_s: float = 2.0,
         deceleration_mps2: float = 8.0,
-        from_speed_mps: float = 3.0,
-        length_m: float = 4.5,
-        width_m: float = 1.8,
-        ahead_s: float = 0.0,
-        dcc: bool = False,
+        **others: Any,
     ) -> None:
-        super().__init__(
-            context,
-            from_speed_mps=from_speed_mps,
-            length_m=length_m,
-            width_m=width_m,
-            ahead_s=ahead_s,
-            dcc=dcc,
-        )
+        super().__init__(context, **others)
         self._headway_s = number(context.name, "headway_s", headway_s, 0)
         self._cruise_s = number(context.name, "cruise_s", cruise_s, 0)
         self._deceleration_mps2 = number(context.name, "deceleration_mps2", deceleration_mps2, 0.1)

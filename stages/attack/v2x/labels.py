@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,6 +27,7 @@ class _Row(NamedTuple):
     one: Sent
     time_ns: int
     attack: str
+    part: str
     attacker: str
     sender: str
     action: str
@@ -40,15 +42,17 @@ class Labels:
 
     Columns of `v2x_labels.parquet`: `number` and `station_id` of the message as in /v2x/sent (the radio's,
     whatever is claimed), `time_ns` when it was handed to the radio (as recorded), `sent_ns` the same after
-    the attack (null: never), `attack`, `attacker` (the vehicle or roadside unit; empty where it is not the
-    sender who lies, as with a spoofed GPS), `sender`, `action` (changed, added, delayed, dropped, or corrupt:
-    no CAM, left as it is), `fields` that the attack changed, `mattered` (see `effect.py`), and `true_...` and
-    `false_...` of each field of a CAM, with x and y in the map's frame.
+    the attack (null: never), `attack`, `part` (of a mix, the attack that its attacker carries out; else
+    empty), `attacker` (the vehicle or roadside unit; empty where it is not the sender who lies, as with a
+    spoofed GPS), `sender`, `action` (changed, added, delayed, dropped, or corrupt: no CAM, left as it is),
+    `fields` that the attack changed, `mattered` (see `effect.py`), and `true_...` and `false_...` of each
+    field of a CAM, with x and y in the map's frame.
 
     True values are those of the recorded message. Of one that was added or delayed, they are what the station
     that it claims to be from had said itself by then; null for a station that does not exist.
 
-    corrupt: how many messages of active attackers are no CAMs.
+    counts: of the messages by action, and "made invalid": of those, how many were CAMs and no longer are.
+    Those held back count as dropped once the file is written.
     """
 
     def __init__(self, cams: Cams, geodesy: Geodesy, names: dict[int, str], expiry_s: float) -> None:
@@ -60,7 +64,7 @@ class Labels:
         self._newest: dict[int, bytes] = {}
         self._step: dict[int, Sent] = {}
         self._by_station: dict[int, list[Sent]] = {}
-        self.corrupt = 0
+        self.counts: Counter[str] = Counter()
 
     def begin(self, recorded: Sequence[Sent]) -> None:
         """A step, with what was recorded."""
@@ -88,7 +92,6 @@ class Labels:
                 original = self._step.get(one.number, old)
                 self._add(editor, "changed", one, original.request_ns, old.payload, original.payload)
             elif isinstance(editor, V2xAttack) and self._is_corrupt(editor, one):
-                self.corrupt += 1
                 self._add(editor, "corrupt", one, one.request_ns, one.payload, one.payload)
         for number, one in olds.items():
             self._held[place, number] = one
@@ -145,20 +148,23 @@ class Labels:
         is_sent: bool = True,
     ) -> None:
         sender = self._names.get(one.station_id, "")
-        is_attack = isinstance(editor, V2xAttack)
+        part = editor.part(one.station_id) if isinstance(editor, V2xAttack) else None
         row = _Row(
             one,
             time_ns,
             editor.name,
-            sender if is_attack else "",
+            "" if part in (None, editor) else part.name,
+            "" if part is None else sender,
             sender,
             action,
-            isinstance(editor, V2xAttack) and editor.always_matters,
+            part is not None and part.always_matters,
             said := self._values(before),
             said if true is before else self._values(true),
             self._values(one.payload if is_sent else None),
         )
         self._rows.append(row)
+        self.counts[action] += 1
+        self.counts["made invalid"] += is_sent and row.before is not None and row.false is None
 
     def _values(self, payload: bytes | None) -> Values | None:
         tree = None if payload is None else self.cams.open(payload)
@@ -182,7 +188,7 @@ class Labels:
             ),
             **{
                 name: pa.array([getattr(row, name) for row in rows], pa.string())
-                for name in ("attack", "attacker", "sender", "action")
+                for name in ("attack", "part", "attacker", "sender", "action")
             },
             "fields": pa.array([_changed(row) for row in rows], pa.list_(pa.string())),
             "mattered": pa.array(

@@ -12,30 +12,58 @@ from advpipe.stages.attack.registry import ATTACKS, find_attack
 from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack
 
 WORD = "cam-mix"
-THREE = "cam-position-offset,cam-speed-random-offset,cam-sudden-stop"
-"""NextGen's mixThree."""
+THREE = ("cam-position-offset", "cam-speed-random-offset", "cam-sudden-stop")
+NEXTGEN = (
+    *("cam-position-offset", "cam-position-random-offset", "cam-position-mirrored", "cam-speed-offset"),
+    *("cam-speed-random-offset", "cam-speed-constant", "cam-speed-frozen", "cam-heading-reversed"),
+    *("cam-feigned-braking", "cam-acceleration", "cam-delay", "cam-dos", "cam-sybil-congestion"),
+    *("cam-sudden-stop", "cam-replay"),
+)
+F2MD = (
+    *("cam-position-constant", "cam-position-offset", "cam-position-random", "cam-position-random-offset"),
+    *("cam-speed-constant", "cam-speed-offset", "cam-speed-random", "cam-speed-random-offset"),
+    *("cam-eventual-stop", "cam-disruptive-replay", "cam-replay", "cam-stale", "cam-dos", "cam-dos-random"),
+    *("cam-dos-disruptive", "cam-sybil-grid", "cam-sybil-replay", "cam-dos-random-sybil"),
+    "cam-dos-disruptive-sybil",
+)
+MIXES: dict[str, tuple[str, ...]] = {
+    "three": THREE,
+    "nextgen": NEXTGEN,
+    "f2md": F2MD,
+    "all": tuple(dict.fromkeys((*F2MD, *NEXTGEN))),
+}
+"""NextGen's mixThree, its mixAll, the same of the 19 of F2MD, and of both catalogues together."""
 
 
 class Mix(V2xAttack):
     """Each attacker draws one of these attacks, which it carries out with the defaults.
 
-    attacks: words with commas between them. NextGen's mixAll is the list of all of its attacks. Labels and
-    draws have the name of the mix.
+    attacks: three, nextgen, f2md or all (see `MIXES`), or words with commas between them. Labels name the one
+    that was drawn as the `part`.
     """
 
-    def __init__(self, context: AttackContext, *, attacks: str = THREE) -> None:
+    def __init__(self, context: AttackContext, *, attacks: str = "three") -> None:
         super().__init__(context)
-        words = [word.strip() for word in attacks.split(",")]
+        words = MIXES.get(attacks, tuple(word.strip() for word in attacks.split(",")))
         for word in words:
             if word not in ATTACKS or not word.startswith("cam-") or word == WORD:
                 known = ", ".join(one for one in ATTACKS if one.startswith("cam-") and one != WORD)
-                raise AdvpipeError(f"{context.name}: {word!r} is no attack to mix; known: {known}")
-        drawn = {one: words[int(context.rng("mix", one).integers(len(words)))] for one in context.attackers}
-        self._attacks: list[V2xAttack] = []
-        for word in dict.fromkeys(words):
-            attackers = tuple(one for one in context.attackers if drawn[one] == word)
-            if attackers:
-                self._attacks.append(find_attack(word)(replace(context, attackers=attackers)))
+                raise AdvpipeError(
+                    f"{context.name}: {word!r} is no attack to mix; known: {', '.join(MIXES)}, {known}"
+                )
+        drawn: dict[str, list[int]] = {word: [] for word in words}
+        for one in context.attackers:
+            drawn[words[int(context.rng("mix", one).integers(len(words)))]].append(one)
+        own = replace(context, seed_name=f"{WORD} {context.seed_name}")
+        self._attacks: list[V2xAttack] = [
+            find_attack(word)(replace(own, name=word, attackers=tuple(attackers)))
+            for word, attackers in drawn.items()
+            if attackers
+        ]
+        self._parts = {one: attack for attack in self._attacks for one in attack.context.attackers}
+
+    def part(self, attacker: int) -> V2xAttack:
+        return self._parts[attacker]
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         for attack in self._attacks:

@@ -19,7 +19,7 @@ from advpipe.pipeline.v2x.own_state import Accuracy, Identity, own_state
 from advpipe.pipeline.v2x.reference_point import ReferencePoint, reference_points
 from advpipe.pipeline.v2x.station_state import StationState
 from advpipe.stages.attack.bounds import number
-from advpipe.stages.attack.v2x.editor import AttackContext
+from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack
 from advpipe.stages.attack.v2x.gate import Gate
 
 Key = tuple[int, ...]
@@ -122,6 +122,25 @@ class Phantoms:
             acceleration_mps2=motion.acceleration_mps2,
             yaw_rate_radps=motion.yaw_rate_radps,
         )
+
+
+class PhantomAttack(V2xAttack):
+    """An attack by phantoms, which take the last four parameters; see there."""
+
+    always_matters = True
+    needs_traffic = False
+
+    def __init__(
+        self,
+        context: AttackContext,
+        *,
+        length_m: float = 4.5,
+        width_m: float = 1.8,
+        ahead_s: float = 0.0,
+        dcc: bool = False,
+    ) -> None:
+        super().__init__(context)
+        self._phantoms = Phantoms(context, length_m=length_m, width_m=width_m, ahead_s=ahead_s, dcc=dcc)
 
 
 class Companion:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from advpipe.pipeline.bag.v2x_drive import V2xStep
 from advpipe.pipeline.errors import AdvpipeError
@@ -15,21 +16,19 @@ from advpipe.stages.attack.v2x.cams import retold
 from advpipe.stages.attack.v2x.ears import HEARING_M, Ears, later
 from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack
 from advpipe.stages.attack.v2x.ghosts import GhostsAhead
-from advpipe.stages.attack.v2x.phantoms import Braking, Companion, Key, Motion, Phantoms
+from advpipe.stages.attack.v2x.phantoms import Braking, Companion, Key, Motion, PhantomAttack
 
 AROUND = ("attacker", "victim")
 MOST_GHOSTS = 1000
 
 
-class SybilGrid(V2xAttack):
+class SybilGrid(PhantomAttack):
     """Ghosts on a grid that moves with a vehicle, as F2MD's grid Sybil: 5 m apart, in lanes 2 m apart.
 
-    around: each attacker itself, or the victim. The cells next to the vehicle are taken first, those ahead
-    before those behind, left before right; jitter_m: each stands up to so far from its cell.
+    around: each attacker itself, or the victim, around which attackers take the cells in turns: no two ghosts
+    share one. The cells next to the vehicle are taken first, those ahead before those behind, left before
+    right; ghosts: of each attacker; jitter_m: each stands up to so far from its cell.
     """
-
-    always_matters = True
-    needs_traffic = False
 
     def __init__(
         self,
@@ -41,24 +40,22 @@ class SybilGrid(V2xAttack):
         lanes: int = 3,
         jitter_m: float = 0.0,
         around: str = "attacker",
-        length_m: float = 4.5,
-        width_m: float = 1.8,
-        ahead_s: float = 0.0,
-        dcc: bool = False,
+        **others: Any,
     ) -> None:
-        super().__init__(context)
+        super().__init__(context, **others)
         name = context.name
         self._around_victim = one_of(name, "around", around, AROUND) == "victim"
         if self._around_victim and context.victim is None:
             raise AdvpipeError(f"{name}: around is 'victim', but there is none; name one")
         self._jitter_m = number(name, "jitter_m", jitter_m, 0)
-        self._cells = grid_cells(
-            whole(name, "ghosts", ghosts, 1, MOST_GHOSTS),
+        grids = len(context.attackers) if self._around_victim else 1
+        cells = grid_cells(
+            whole(name, "ghosts", ghosts, 1, MOST_GHOSTS) * grids,
             number(name, "spacing_m", spacing_m, 0),
             number(name, "lane_m", lane_m, 0),
             whole(name, "lanes", lanes, 1, 99),
         )
-        self._phantoms = Phantoms(context, length_m=length_m, width_m=width_m, ahead_s=ahead_s, dcc=dcc)
+        self._cells = {one: cells[nth % grids :: grids] for nth, one in enumerate(context.attackers)}
         self._companions: dict[int, list[Companion]] = {}
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
@@ -82,11 +79,11 @@ class SybilGrid(V2xAttack):
         return edited
 
     def _crowd(self, attacker: int) -> list[Companion]:
-        rng = self.context.rng("grid", attacker)
-        jitters_m = rng.uniform(-self._jitter_m, self._jitter_m, (len(self._cells), 2)).tolist()
+        rng, cells = self.context.rng("grid", attacker), self._cells[attacker]
+        jitters_m = rng.uniform(-self._jitter_m, self._jitter_m, (len(cells), 2)).tolist()
         return [
             Companion((ahead_m + jitter_m[0], left_m + jitter_m[1]))
-            for (ahead_m, left_m), jitter_m in zip(self._cells, jitters_m, strict=True)
+            for (ahead_m, left_m), jitter_m in zip(cells, jitters_m, strict=True)
         ]
 
 
@@ -122,19 +119,9 @@ class SybilCongestion(GhostsAhead):
         jitter_m: float = 1.0,
         speed_spread: float = 0.05,
         from_speed_mps: float = 0.0,
-        length_m: float = 4.5,
-        width_m: float = 1.8,
-        ahead_s: float = 0.0,
-        dcc: bool = False,
+        **others: Any,
     ) -> None:
-        super().__init__(
-            context,
-            from_speed_mps=from_speed_mps,
-            length_m=length_m,
-            width_m=width_m,
-            ahead_s=ahead_s,
-            dcc=dcc,
-        )
+        super().__init__(context, from_speed_mps=from_speed_mps, **others)
         name = context.name
         self._ghosts_laid = whole(name, "ghosts", ghosts, 1, MOST_GHOSTS)
         self._lanes = whole(name, "lanes", lanes, 1, 99)

@@ -100,6 +100,11 @@ def test_words(word: str, name: str, family: str) -> None:
         ({"type": "cam-replay", "recipe": "best"}, "cam-replay has no use for recipe; leave it out"),
         ({"type": "gnss-bias", "frames": "1:2"}, "gnss-bias has no use for frames"),
         ({"type": "detach", "attackers": {"share": 0.1}}, "detach has no use for attackers"),
+        (
+            {"type": "cam-dos", "attackers": {"vehicles": ["a", "ego"]}, "victim": "ego"},
+            "ego is both attacker and victim of cam-dos; name another",
+        ),
+        ({"type": "gnss-bias", "dcc_reacts": True}, "gnss-bias has no use for dcc_reacts"),
         ({"type": "detach", "frames": "::0"}, "the step must be at least 1"),
         ({"type": "detach", "parameters": {"ratio": float("nan")}}, "ratio is nan; it has to be finite"),
         ({"type": "detach", "parameters": {"ratio": {"a": 1}}}, "ratio is a dict; give a number"),

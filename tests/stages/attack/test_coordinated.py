@@ -11,6 +11,7 @@ import yaml
 
 from advpipe.pipeline.bag.frames import read_frames
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.v2x import stations_of_message
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
@@ -87,6 +88,56 @@ def test_three_families_strike_in_the_same_second(drive, tmp_path):
     assert len(list(read_frames(tmp_path / "adv"))) == 6  # the truth still fits the clouds
 
 
+def test_the_shipped_coordinated_attack_strikes_one_victim_at_one_time(drive, tmp_path):
+    """The scenario's own attacks, in the second second of a short drive: jam, false GPS, hidden points."""
+    shipped = load_scenario("coordinated", []).attacks["coordinated"]
+    assert [spec.type for spec in shipped] == ["cam-sybil-congestion", "gnss-relocate", "detach"]
+    assert {(spec.victim, spec.schedule) for spec in shipped} == {("ego", shipped[0].schedule)}
+    ours = {"schedule": SPAN}
+    ours_lidar = {"recipe": "random", "detector": "linear_detector:Shipped", "frames": "::3"}
+    specs = [spec.model_copy(update=ours | (ours_lidar if spec.type == "detach" else {})) for spec in shipped]
+    summary = attack(drive, tmp_path / "adv", AttackRequest(tuple(specs), 1))
+    fixes, messages, frames, points = (
+        pq.read_table(str(tmp_path / "adv" / f"{name}.parquet"))
+        for name in ("gnss_labels", "v2x_labels", "frames", "labels")
+    )
+    reader = BagReader(drive)
+    clouds_ns = reader.log_times_ns(LIDAR)
+    start_ns = min(int(times[0]) for times in map(reader.log_times_ns, reader.topics) if len(times))
+    lied = [row for row in fixes.to_pylist() if row["attack"] is not None]
+    jam = [row for row in messages.to_pylist() if row["attack"] == "cam-sybil-congestion"]
+    hit = [row for row in frames.to_pylist() if row["attack"] == "detach"]
+    assert {row["vehicle"] for row in lied} == {"ego"}
+    assert {row["topic"] for row in hit} == {LIDAR}
+    assert points.num_rows > 0
+    spans_s = [
+        (min(times) / 1e9, max(times) / 1e9)
+        for times in (
+            [row["stamp_ns"] - start_ns for row in lied],
+            [row["time_ns"] - start_ns for row in jam],
+            [int(clouds_ns[row["frame"]]) - start_ns for row in hit],
+        )
+    ]
+    assert all(1 <= first < last < 2 for first, last in spans_s)
+    assert max(first for first, _ in spans_s) < min(last for _, last in spans_s) - 0.5
+    # All ghosts stand ahead of the same vehicle: within the jam's reach of where it truly is, not astern.
+    places = {radio.vehicle: radio.map_SE3_base for radio in _radios_at(reader, start_ns + 1_500_000_000)}
+    for row in jam:
+        ahead_m, left_m = (
+            np.linalg.inv(places["ego"]) @ [row["false_x_m"], row["false_y_m"], places["ego"][2, 3], 1]
+        )[:2]
+        assert -5 < ahead_m < 100
+        assert abs(left_m) < 15
+    text = str(summary)
+    assert f"{len(lied)} fixes spoofed" in text
+    assert f"{len(jam):,} CAMs added" in text
+
+
+def _radios_at(reader, time_ns):
+    stations = [raw for raw in reader.raw_messages(["/v2x/stations"]) if raw.log_time_ns <= time_ns]
+    return stations_of_message(reader.decode(stations[-1]))
+
+
 def test_messages_alone_need_no_clouds_and_keep_all(drive, tmp_path):
     attack(drive, tmp_path / "adv", AttackRequest((SPEED,), 7))
     clean, struck = by_topic(drive), by_topic(tmp_path / "adv")
@@ -154,6 +205,8 @@ def test_attacks_that_do_not_meet_are_none(drive, tmp_path):
         ([AttackSpec(type="cam-dos", attackers={"vehicles": ["nobody"]})], "attacker 'nobody' has no radio"),
         ([AttackSpec(type="cam-dos", schedule={"from_s": 3.5})], "begins at 3.5 s, but the recording ends"),
         ([AttackSpec(type="gnss-drift", victim="nobody")], "no vehicle 'nobody' with GPS"),
+        ([AttackSpec(type="cam-ghost-stop", victim="nobody")], "victim 'nobody' has no radio"),
+        ([detach(victim="nobody")], "no clouds of the victim 'nobody'"),
         (
             [AttackSpec(type="cam-speed-constant", parameters={"speed": 1})],
             "unknown parameter 'speed'",

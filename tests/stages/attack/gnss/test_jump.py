@@ -31,7 +31,7 @@ def test_always_and_never(follow):
 
 
 def test_refuses():
-    with pytest.raises(AdvpipeError, match=r"gnss-jump: probability is 1\.5; give a number from 0 to 1"):
+    with pytest.raises(AdvpipeError, match=r"gnss-jump: probability is 1\.5; it takes a number, 0 to 1"):
         Jump(probability=1.5)
     with pytest.raises(AdvpipeError, match="mode is 'hop'"):
         Jump(mode="hop")

@@ -34,7 +34,7 @@ def test_distances_are_uniform(follow):
 
 
 def test_refuses_what_is_no_relocation():
-    with pytest.raises(AdvpipeError, match="least_m is 1; give a number from 10"):
+    with pytest.raises(AdvpipeError, match="least_m is 1; it takes a number, 10"):
         Relocate(least_m=1)
     with pytest.raises(AdvpipeError, match="least_m 50 is above most_m 20"):
         Relocate(most_m=20)

@@ -1,9 +1,17 @@
 from __future__ import annotations
 
+from pathlib import Path
+
+import pyarrow.parquet as pq
 import pytest
 from one_attacker import honest
 
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.scenario.attacks import attack_spec
+from advpipe.stages.attack.v2x.change import forge
+from advpipe.stages.attack.v2x.mix import MIXES
+
+README = Path(__file__).parents[4] / "README.md"
 
 
 def test_each_attacker_draws_one(strike):
@@ -19,3 +27,45 @@ def test_each_attacker_draws_one(strike):
 def test_no_attack(strike):
     with pytest.raises(AdvpipeError, match="'cam-mix' is no attack to mix"):
         strike("cam-mix", [honest(0)], attacks="cam-dimensions, cam-mix")
+
+
+def test_mixes_are_those_of_the_catalogues():
+    """The README's table has a column for each; mixing is not mixed."""
+    rows = [
+        line.split("|")[1:-1] for line in README.read_text(encoding="utf-8").splitlines() if "| `cam-" in line
+    ]
+    words = [(f2md.strip(), nextgen.strip(), word.strip(" `")) for _, f2md, nextgen, word in rows]
+    assert len(words) > 20
+    assert set(MIXES["f2md"]) == {word for f2md, _, word in words if f2md}
+    assert len(MIXES["f2md"]) == 19
+    assert set(MIXES["nextgen"]) == {word for _, nextgen, word in words if nextgen} - {"cam-mix"}
+    assert len(MIXES["nextgen"]) == 15
+    assert set(MIXES["all"]) == {*MIXES["f2md"], *MIXES["nextgen"]}
+
+
+def test_labels_name_the_part(recorded, tmp_path):
+    """Each attacker carries out one part; what it changes is what that part changes."""
+    spec = attack_spec(
+        {
+            "type": "cam-mix",
+            "parameters": {"attacks": "cam-heading-reversed, cam-dimensions, cam-drop"},
+            "attackers": {"share": 1.0},
+        }
+    )
+    change = forge(recorded(), [spec], 1)
+    change.write_labels(tmp_path)
+    rows = pq.read_table(tmp_path / "v2x_labels.parquet").to_pylist()
+    assert {row["attack"] for row in rows} == {"cam-mix"}
+    assert {row["part"] for row in rows} == {"cam-heading-reversed", "cam-dimensions", "cam-drop"}
+    assert len({(row["attacker"], row["part"]) for row in rows}) == len({row["attacker"] for row in rows})
+    fields = {
+        "cam-heading-reversed": {"heading_rad"},
+        "cam-dimensions": {"length_m", "width_m"},
+        "cam-drop": set(),
+    }
+    for row in rows:
+        assert set(row["fields"]) <= fields[row["part"]]
+        assert (row["action"] == "dropped") == (row["part"] == "cam-drop")
+    counts = change.counts()
+    assert counts["CAMs changed"] + counts["CAMs dropped"] == len(rows)
+    assert counts["CAMs dropped"] == sum(row["part"] == "cam-drop" for row in rows) > 0

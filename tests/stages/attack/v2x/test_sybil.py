@@ -49,6 +49,19 @@ def test_the_grid_drives_along(around, x_m):
     assert places_m == set(grid_cells(5, 5.0, 2.0, 3))
 
 
+def test_attackers_share_the_cells_around_a_victim():
+    """Two attackers, five ghosts each: the ten cells next to the victim, each taken once."""
+    attack = SybilGrid(context("cam-sybil-grid", attackers=(1, 3), victim=2), around="victim")
+    told = ghosts(attack, lane({1: 0.0, 2: 50.0, 3: 100.0}, 30))
+    cells = {}
+    for station_id, messages in by_ghost(told).items():
+        ahead_m, left_m = np.subtract(said(messages[-1])[1].centre_m[:2], (50.0, 0.0))
+        at_s = (said(messages[-1])[1].generation_ns - BEGIN_NS) / 1e9
+        cells[station_id] = round(ahead_m - 10 * at_s, 1) + 0.0, round(left_m, 1) + 0.0
+    assert sorted(cells.values()) == sorted(grid_cells(10, 5.0, 2.0, 3))
+    assert [sum(one.station_id == sender for one in told) > 0 for sender in (1, 2, 3)] == [True, False, True]
+
+
 def test_the_grid_keeps_the_generation_rules():
     """4 m and more are exceeded at 10 m/s after 0.4 to 0.5 s, and each ghost has a phase of its own."""
     found = by_ghost(ghosts(SybilGrid(context("cam-sybil-grid")), DRIVE))
