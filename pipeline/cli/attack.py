@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from advpipe.pipeline.cli.shared import DetectorName, Overwrite
+from advpipe.pipeline.cli.shared import DetectorName, Device, LidarTopic, Overwrite, Workers
 
 USUAL_BUDGETS: dict[str, dict[str, float]] = {
     "detach": {"ratio": 0.01},
@@ -34,6 +34,10 @@ def attack(
         str | None,
         typer.Option(help="best, paper (as published) or random (the baseline).", show_default="best"),
     ] = None,
+    goal: Annotated[
+        str | None,
+        typer.Option(help="break detections (misplaced ones too), or hide objects.", show_default="break"),
+    ] = None,
     settings: Annotated[
         list[str] | None, typer.Option("--set", help="A parameter of the attack: name=value; repeatable.")
     ] = None,
@@ -44,16 +48,22 @@ def attack(
     victim: Annotated[
         str | None, typer.Option(help="Vehicle whose GPS or LiDAR is attacked, or that CAMs aim at.")
     ] = None,
+    dcc_reacts: Annotated[
+        bool,
+        typer.Option(
+            "--dcc-reacts",
+            help="Others' congestion control holds back CAMs when a V2X attack fills the channel; "
+            "without it, they send what they sent.",
+        ),
+    ] = False,
     from_s: Annotated[float, typer.Option("--from", help="Begin, in seconds of the recording.")] = 0.0,
     to_s: Annotated[float | None, typer.Option("--to", help="End.", show_default="of the recording")] = None,
-    lidar: Annotated[
-        str | None, typer.Option(help="Topic of the clouds, such as /ego/lidar/points, among several.")
-    ] = None,
+    lidar: LidarTopic = None,
     frames: Annotated[str, typer.Option(help="start:stop:step; it then holds only these clouds.")] = "::",
     detector: DetectorName = "small",
     device: Device = "cpu",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the attack's own draws.")] = 0,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes.", show_default="one a core")] = None,
+    workers: Workers = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Adversarial bag.", show_default="beside the clean one")
     ] = None,
@@ -67,7 +77,7 @@ def attack(
     from advpipe.stages.attack.run import attack as run
 
     clean = resolve_bag(bag or newest_dataset(Path("datasets")))
-    options = {"ratio": ratio, "eps_cm": eps_cm, "points": points, "eps_m": eps_m}
+    options = {"ratio": ratio, "eps_cm": eps_cm, "points": points, "eps_m": eps_m, "goal": goal}
     given = {name: value for name, value in options.items() if value is not None}
     given |= {"along_ray": True} if along_ray else {}
     spec = attack_spec(
@@ -78,6 +88,7 @@ def attack(
             "schedule": {"from_s": from_s, "to_s": to_s},
             "attackers": _attackers(attacker or []),
             "victim": victim,
+            "dcc_reacts": dcc_reacts,
             "lidar": lidar,
             "frames": frames,
             "detector": detector,

@@ -58,6 +58,8 @@ def test_options_become_an_attack(bag: Path, monkeypatch: pytest.MonkeyPatch) ->
     spec = requested(bag, monkeypatch, kind="cam-dos", attacker=["10%"], victim="ego", from_s=2.0, to_s=5.0)
     assert spec.attackers is not None
     assert (spec.attackers.share, spec.victim, spec.schedule.to_s) == (0.1, "ego", 5.0)
+    assert not spec.dcc_reacts
+    assert requested(bag, monkeypatch, kind="cam-dos", dcc_reacts=True).dcc_reacts
     assert spec.parameters == {}
 
 
