@@ -20,27 +20,20 @@ Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 
+_OF_POINTS_THAT_STAY = (
+    "along_ray",
+    "keep_occlusion_order",
+    "near_objects_m",
+    "goal",
+    "objects",
+    "ghost",
+    "intensity",
+)
+
 APPLIES: Mapping[str, tuple[str, ...]] = {
-    "perturb": (
-        "along_ray",
-        "keep_occlusion_order",
-        "near_objects_m",
-        "goal",
-        "objects",
-        "ghost",
-        "max_points",
-        "intensity",
-    ),
+    "perturb": (*_OF_POINTS_THAT_STAY, "max_points"),
     "detach": ("near_objects_m", "goal", "objects", "max_points"),
-    "attach": (
-        "along_ray",
-        "keep_occlusion_order",
-        "near_objects_m",
-        "goal",
-        "objects",
-        "ghost",
-        "intensity",
-    ),
+    "attach": _OF_POINTS_THAT_STAY,
 }
 """The options that mean something for each attack. A removed point goes nowhere and has no intensity, nor
 does a hole make a ghost; how many points `attach` adds is its budget already."""

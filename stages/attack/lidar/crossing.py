@@ -42,7 +42,7 @@ class Tactics:
     from the best that was kept. jitter_m: standard deviation of the noise under which gains are asked for.
     groups: whole voxels may be emptied together. keep: judge attempts and keep the best. decoys: false
     detections of the clean cloud are made surer. lie: every other gradient is that of a truth which holds the
-    decoys alone; the focal loss of what is sure is flat, that of what should not be there is steep.
+    decoys alone, if any; the focal loss of what is sure is flat, that of what should not be there is steep.
     """
 
     margin_m: float = 1.0
@@ -108,7 +108,7 @@ class Crossing:
             phase = number % cycle
             if phase == 0:
                 choice = kept.copy()
-            self._ask(choice, lie=tactics.lie and self.goal.kind == "break" and number % 2 == 1)
+            self._ask(choice, lie=tactics.lie and self.goal.sign > 0 and number % 2 == 1)
             share = phase / max(1, cycle - 1)
             choice = self._cross(choice, tactics.eager + (tactics.calm - tactics.eager) * share)
             current = self.placed(choice)

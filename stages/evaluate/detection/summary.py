@@ -197,7 +197,7 @@ def _notes_on_baselines(row: Row) -> list[str]:
     words, tries, looks = row["baselines"], row["baseline_tries"], row["looks"]
     notes = []
     if isinstance(tries, int) and isinstance(looks, int) and 0 < tries < looks:
-        notes = [f"Random baselines have {tries} tries at most, the attack looked at {looks}: it had more."]
+        notes = [f"The random baselines are the best of {tries}, the attack is the best of {looks} tries."]
     if row["beats_random"] is not False or not isinstance(words, list):
         return notes
     unbeaten = [baseline_title(word) for word in words if not row[f"beats_{word}"]]

@@ -49,6 +49,8 @@ def swept(clean: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_one_point_decides(swept: Path) -> None:
     rows = {cell.budget: cell.row for cell in Store(swept).cells()}
     assert [rows[name]["map_ratio_percent"] for name in ("detach-1", "detach-1.5")] == [100.0, 0.0]
+    fewer = "The random baselines are the best of 1, the attack is the best of 13 tries."
+    assert all(fewer in rows[name]["notes"] for name in rows)  # type: ignore[operator]
     assert [rows[name]["points_removed"] for name in ("detach-1", "detach-1.5")] == [6 * 6, 6 * 9]
     (draws,) = {cell.map_ratio_draws for cell in Store(swept).cells() if cell.budget == "detach-1.5"}
     assert set(draws) == {0.0}
@@ -151,6 +153,7 @@ def test_twice_the_steps_and_as_many_tries(clean: Path, tmp_path: Path) -> None:
         (13, 13),
         (23, 23),
     ]
+    assert not [note for row in rows.values() for note in row["notes"] if "the best of" in note]  # type: ignore[attr-defined]
     assert rows["best+twice"]["parameters"]["rounds"] == 20  # type: ignore[index]
     page = (tmp_path / "out" / "report.html").read_text()
     assert "<h2>Converged</h2>" in page
@@ -211,7 +214,7 @@ def test_a_damaged_cell_is_named(swept: Path, clean: Path, tmp_path: Path) -> No
     broken.parent.mkdir(parents=True)
     for text in (whole.read_text()[:200], "[]", whole.read_text().replace("detach-1", "detach-9")):
         broken.write_text(text)
-        with pytest.raises(AdvpipeError, match=r"best-detach-1\.json is damaged or no cell of a sweep"):
+        with pytest.raises(AdvpipeError, match=r"best-detach-1\.json is damaged, or no cell of this version"):
             run(clean, tmp_path / "out", ["detach-1"])
 
 

@@ -260,6 +260,7 @@ def test_constraints_without_a_place_are_said(hand_worked):
         ({"eps_m": 5.01}, "eps_m is 5.01"),
         ({"points": 0}, "points is 0"),
         ({"points": 2.5}, "points is 2.5"),
+        ({"points": 100_001}, "points is 100001, but must be 100000 at most"),
         ({"points": float("nan")}, "points is nan"),
         ({"rounds": 0}, "rounds is 0"),
         ({"weight": -1.0}, "weight is -1"),

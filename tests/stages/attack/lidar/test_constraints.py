@@ -119,6 +119,8 @@ def test_from_plain_values():
         ({"max_points": 0}, "max_points is 0"),
         ({"max_points": 2.5}, "max_points is 2.5"),
         ({"objects": "a", "ghost": "car:1:2"}, "two attacks"),
+        ({"goal": "hide", "ghost": "car:1:2"}, "two attacks"),
+        ({"goal": "misplace"}, "goal is 'misplace'; known: break, hide"),
         ({"ghost": "car:1"}, "CLASS:X:Y"),
         ({"ghost": "car:1:east"}, "CLASS:X:Y"),
         ({"ghost": "tank:1:2"}, "unknown class 'tank'"),
@@ -132,6 +134,7 @@ def test_bad_options(options, said):
 
 
 SET = {
+    "goal": "hide",
     "along_ray": True,
     "keep_occlusion_order": True,
     "near_objects_m": 1.0,
