@@ -19,6 +19,7 @@ from advpipe.pipeline.dataset import checksums, layout, tar_header
 from advpipe.pipeline.dataset.parts import PartsReader, PartsWriter, existing_parts, sums_path, whole_name
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, writing
 from advpipe.pipeline.partial import PartialFolder
+from advpipe.pipeline.progress import track
 
 _COPY_BYTES = 1 << 20
 
@@ -53,7 +54,7 @@ def pack(
         raise AdvpipeError(f"{archive}: an archive's name ends in .tar")
     if split_size_bytes is not None and split_size_bytes < tar_header.RECORD_BYTES:
         raise AdvpipeError(f"parts of {split_size_bytes} bytes are too small; choose 1 MB or more")
-    sums = checksums.parse(checksums.read_bytes(files[checksums.FILE]), files[checksums.FILE])
+    sums = checksums.of_files(files)
     old = _refuse_existing(archive, overwrite)
     partial = PartialFolder(archive)
     try:
@@ -81,7 +82,7 @@ def _refuse_existing(archive: Path, overwrite: bool) -> list[Path]:
 
 
 def _write(files: Mapping[str, Path], sums: Mapping[str, str], out: PartsWriter, top: str) -> None:
-    for name in sorted(files, key=str.encode):
+    for name in track(sorted(files, key=str.encode), f"packing {top}.tar"):
         size_bytes = files[name].stat().st_size
         out.write(tar_header.header(f"{top}/{name}", size_bytes))
         sha256, left_bytes = hashlib.sha256(), size_bytes
@@ -90,7 +91,7 @@ def _write(files: Mapping[str, Path], sums: Mapping[str, str], out: PartsWriter,
                 sha256.update(block)
                 out.write(block)
                 left_bytes -= len(block)
-        if left_bytes or (name not in checksums.UNLISTED and sha256.hexdigest() != sums.get(name)):
+        if left_bytes or (name not in checksums.UNLISTED and sha256.hexdigest() != sums[name]):
             raise AdvpipeError(f"{files[name]} changed while it was packed; nothing was written, run again")
         out.write(bytes(tar_header.padding(size_bytes)))
     out.write(bytes(_end_bytes(out.count_bytes)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 
 from advpipe.pipeline.dataset import layout
@@ -22,16 +22,10 @@ _BLOCK_BYTES = 1 << 20
 
 def digest(path: Path) -> str:
     """SHA-256 of a file, 64 hexadecimal digits in lower case."""
-    return digests([path])
-
-
-def digests(paths: Iterable[Path]) -> str:
-    """SHA-256 over the bytes of several files, one after the other."""
     sha256 = hashlib.sha256()
-    for path in paths:
-        with path.open("rb") as stream:
-            while block := stream.read(_BLOCK_BYTES):
-                sha256.update(block)
+    with path.open("rb") as stream:
+        while block := stream.read(_BLOCK_BYTES):
+            sha256.update(block)
     return sha256.hexdigest()
 
 
@@ -40,13 +34,9 @@ def listed(folder: Path) -> list[str]:
     return [name for name in layout.files(folder) if name not in UNLISTED]
 
 
-def write(folder: Path, known: Mapping[str, str] | None = None) -> Path:
-    """Write the checksums of every file below a folder; returns the list's path.
-
-    known: digests that were computed already, by relative path.
-    """
-    known = known or {}
-    sums = {name: known.get(name) or digest(folder / name) for name in listed(folder)}
+def write(folder: Path) -> Path:
+    """Write the checksums of every file below a folder; returns the list's path."""
+    sums = {name: digest(folder / name) for name in listed(folder)}
     (folder / FILE).write_bytes(to_text(sums).encode())
     return folder / FILE
 
@@ -93,6 +83,18 @@ def parse(data: bytes, path: Path) -> dict[str, str]:
         if name.encode() <= last:
             raise AdvpipeError(f"{path}:{number}: {name!r} is listed twice or out of order")
         sums[name], last = match[1], name.encode()
+    return sums
+
+
+def of_files(files: Mapping[str, Path]) -> dict[str, str]:
+    """What the SHA256SUMS among some files says, where it lists just these.
+
+    files: by relative path in the data set. Raises AdvpipeError for one too many or too few.
+    """
+    sums = parse(read_bytes(files[FILE]), files[FILE])
+    for name in sorted(set(sums) ^ (set(files) - set(UNLISTED))):
+        what = "is missing, though it lists it" if name in sums else "is not listed"
+        raise AdvpipeError(f"{files[FILE]}: {name} {what}")
     return sums
 
 

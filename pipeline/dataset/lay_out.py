@@ -33,13 +33,13 @@ def lay_out(files: Mapping[str, Path], folder: Path, *, overwrite: bool = False)
                 f"{folder} is no shared data set (it has no {checksums.FILE}), not replacing it; choose "
                 "another name"
             )
-    sums = checksums.parse(checksums.read_bytes(files[checksums.FILE]), files[checksums.FILE])
+    sums = checksums.of_files(files)
     partial = PartialFolder(folder)
     try:
         with writing(folder):
             for name in track(sorted(files), f"copying to {folder}"):
                 digest = _copy(files[name], partial.path / name)
-                if name not in checksums.UNLISTED and digest != sums.get(name):
+                if name not in checksums.UNLISTED and digest != sums[name]:
                     raise AdvpipeError(f"{files[name]} changed while it was copied; nothing was written")
         partial.commit(may_replace)
     except BaseException:

@@ -119,21 +119,23 @@ class PartsReader:
 
     def read(self, size_bytes: int) -> bytes:
         """Exactly so many bytes; raises AdvpipeError where the archive ends before."""
-        data = bytearray()
-        while len(data) < size_bytes:
+        blocks: list[bytes] = []
+        left_bytes = size_bytes
+        while left_bytes:
             if self._stream is None and not self._open():
                 raise AdvpipeError(
-                    f"{self.archive}: cut off after {self.position_bytes + len(data)} bytes; fetch it again"
+                    f"{self.archive}: cut off after {self.length_bytes} bytes; fetch it again"
                     + (" (a last part may be missing)" if len(self._paths) > 1 else "")
                 )
             assert self._stream is not None
-            block = self._stream.read(size_bytes - len(data))
+            block = self._stream.read(left_bytes)
             self._hash.update(block)
-            data += block
+            blocks.append(block)
+            left_bytes -= len(block)
             if not block:
                 self._end_part()
         self.position_bytes += size_bytes
-        return bytes(data)
+        return blocks[0] if len(blocks) == 1 else b"".join(blocks)
 
     def finish(self) -> None:
         """Check the last part; everything was read."""

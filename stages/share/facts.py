@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import re
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 
 from advpipe.pipeline.bag.inspect import BagDescription, describe
@@ -14,7 +14,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import TF, TF_STATIC, RawMessage, VehicleTopics, is_truth
 
 CLOUD_TYPE = "sensor_msgs/msg/PointCloud2"
-_HEADER_FIRST = re.compile(r"(?:\s*(?:#[^\n]*)?\n)*\s*std_msgs/(?:msg/)?Header\s+header\b")
+_HEADER_TYPES = ("std_msgs/Header", "std_msgs/msg/Header", "Header")
 _HEADER = struct.Struct("<iII")  # seconds, nanoseconds, length of the frame's name
 _MOST_FRAMES = 8
 
@@ -61,7 +61,7 @@ class TopicFacts:
     def _add_header(self, cdr: bytes) -> None:
         if not self.has_good_stamps:
             return
-        if len(cdr) < 16 or cdr[1] != 1 or not _HEADER_FIRST.match(self.schema):
+        if len(cdr) < 16 or cdr[1] != 1 or not _starts_with_header(self.schema):
             self.has_good_stamps = False
             return
         seconds, nanoseconds, length = _HEADER.unpack_from(cdr, 4)
@@ -71,6 +71,16 @@ class TopicFacts:
         frame = cdr[16 : 15 + length].decode("utf-8", "replace")
         if frame and frame not in self.frames and len(self.frames) < _MOST_FRAMES:
             self.frames.append(frame)
+
+
+@lru_cache(256)
+def _starts_with_header(schema: str) -> bool:
+    """Whether a type's first field, after comments and constants, is a header."""
+    for line in schema.splitlines():
+        words = line.split("#")[0].split()
+        if words and "=" not in line.split("#")[0]:
+            return words[0] in _HEADER_TYPES and words[1:] == ["header"]
+    return False
 
 
 @dataclass
@@ -109,6 +119,17 @@ class BagFacts:
         found = {topic.name.split("/")[1] for topic in self.lidars if topic.name.count("/") > 1}
         found |= {name.split("/")[1] for name in self.topics if name.endswith("/ground_truth/odometry")}
         return sorted(found, key=lambda name: (name != VehicleTopics().vehicle, name))
+
+    @property
+    def ego(self) -> str:
+        """The vehicle that is looked at."""
+        return self.vehicles[0] if self.vehicles else VehicleTopics().vehicle
+
+    @property
+    def ego_frame(self) -> str:
+        """The ego's own frame where transforms lead to it."""
+        frame = VehicleTopics(self.ego).base_frame
+        return frame if any(frame in pair for pair in self.transforms) else self.root_frame
 
     @property
     def root_frame(self) -> str:

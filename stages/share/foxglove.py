@@ -16,10 +16,9 @@ def foxglove_layout(bag: BagFacts) -> str:
 
     Panels and keys are those of the layouts that Foxglove exports (version 2 of its 3D panel).
     """
-    vehicle = bag.vehicles[0] if bag.vehicles else VehicleTopics().vehicle
-    panels: dict[str, Any] = {_SCENE: _scene(bag, vehicle)}
+    panels: dict[str, Any] = {_SCENE: _scene(bag)}
     below = []
-    if (odometry := VehicleTopics(vehicle).true_odometry.name) in bag.topics:
+    if (odometry := VehicleTopics(bag.ego).true_odometry.name) in bag.topics:
         panels[_SPEED] = _plot(f"{odometry}.twist.twist.linear.x", "speed, m/s")
         below.append(_SPEED)
     if bag.truths:
@@ -39,7 +38,7 @@ def foxglove_layout(bag: BagFacts) -> str:
     return json.dumps(document, indent=1) + "\n"
 
 
-def _scene(bag: BagFacts, vehicle: str) -> dict[str, Any]:
+def _scene(bag: BagFacts) -> dict[str, Any]:
     topics: dict[str, Any] = {
         lidar.name: {
             "visible": True,
@@ -65,7 +64,7 @@ def _scene(bag: BagFacts, vehicle: str) -> dict[str, Any]:
             "far": 5000,
         },
         "followMode": "follow-pose",
-        "followTf": _followed_frame(bag, vehicle),
+        "followTf": bag.ego_frame,
         "scene": {"backgroundColor": "#10141a"},
         "transforms": {},
         "topics": topics,
@@ -74,7 +73,7 @@ def _scene(bag: BagFacts, vehicle: str) -> dict[str, Any]:
                 "visible": True,
                 "layerId": "foxglove.Grid",
                 "instanceId": "grid",
-                "frameId": _followed_frame(bag, vehicle),
+                "frameId": bag.ego_frame,
                 "size": 200,
                 "divisions": 20,
                 "lineWidth": 1,
@@ -95,9 +94,3 @@ def _plot(path: str, label: str) -> dict[str, Any]:
         "isSynced": True,
         "xAxisVal": "timestamp",
     }
-
-
-def _followed_frame(bag: BagFacts, vehicle: str) -> str:
-    """The vehicle's own frame where transforms lead to it."""
-    frame = VehicleTopics(vehicle).base_frame
-    return frame if any(frame in pair for pair in bag.transforms) else bag.root_frame

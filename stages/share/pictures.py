@@ -24,7 +24,7 @@ from advpipe.pipeline.birds_eye import (
 )
 
 REACH_M = 45.0
-SIDE_IN, HEAD_IN = 6.2, 0.55
+SIDE_IN, HEAD_IN = 6.2, 0.4
 _POINTS = 9.0  # size of the points that an attack took or made
 
 

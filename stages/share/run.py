@@ -64,10 +64,9 @@ def share(dataset: Path, out: Path, options: ShareOptions = NOTHING_SAID) -> Sha
     with tempfile.TemporaryDirectory() as scratch:
         made = Path(scratch)
         write_additions(made, name, found, bags, sums, clean_sha256, options, remarks)
-        files |= {added: made / added for added in layout.files(made)}
         sums |= {added: checksums.digest(made / added) for added in layout.files(made)}
         _write_sums(made, sums, options)
-        files |= {added: made / added for added in checksums.UNLISTED if (made / added).is_file()}
+        files |= {added: made / added for added in layout.files(made)}
         size_bytes = sum(path.stat().st_size for path in files.values())
         if _is_archive(out):
             outputs = tuple(pack(files, out, options.split_size_bytes, overwrite=options.overwrite))

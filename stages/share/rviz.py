@@ -17,8 +17,6 @@ def rviz_config(bag: BagFacts) -> str:
 
     Classes and properties are those of rviz_default_plugins from Humble on.
     """
-    vehicle = bag.vehicles[0] if bag.vehicles else VehicleTopics().vehicle
-    base_frame = VehicleTopics(vehicle).base_frame
     odometry = [VehicleTopics(name).odometry.name for name in bag.vehicles]
     displays = [
         {"Class": f"{_DEFAULT}/Grid", "Name": "Grid", "Enabled": True, "Cell Size": 10,
@@ -49,7 +47,7 @@ def rviz_config(bag: BagFacts) -> str:
                 "Current": {
                     "Class": f"{_DEFAULT}/Orbit",
                     "Name": "Current View",
-                    "Target Frame": base_frame,
+                    "Target Frame": bag.ego_frame,
                     "Distance": 60,
                     "Pitch": 0.6,
                     "Yaw": 3.14,

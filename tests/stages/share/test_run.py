@@ -1,0 +1,258 @@
+"""What sharing makes, checked by tools of others, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.types import message_class, serialise, typestore
+from advpipe.pipeline.dataset import checksums, signature
+from advpipe.pipeline.dataset.archive import contents, unpack
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.stages.share.options import citation_text
+from advpipe.stages.share.run import ShareOptions, share
+
+BAGS = ("clean", "false_speed", "fewer_points")
+BIN = Path(sys.executable).parent
+
+
+def bytes_of(folder: Path) -> dict[str, bytes]:
+    return {name: path.read_bytes() for name, path in contents(folder).items()}
+
+
+def test_all_that_was_recorded_is_there_as_it_was(recorded: Path, shared: Path) -> None:
+    found = bytes_of(shared)
+    assert found.items() >= bytes_of(recorded).items()
+    added = {"README.md", "SHA256SUMS", "play/foxglove.json", "play/scene.rviz", "figures/clean.png"}
+    added |= {f"checks/{bag}.{kind}" for bag in BAGS for kind in ("baglint.yaml", "tracecheck.json")}
+    assert added < set(found)
+    assert {"figures/fewer_points.png", "figures/v2x.png", "msgs/advpipe_msgs/package.xml"} < set(found)
+    sums = checksums.read(shared)
+    assert sums == {name: checksums.digest(shared / name) for name in found if name != "SHA256SUMS"}
+
+
+@pytest.mark.oracle
+@pytest.mark.parametrize("bag", BAGS)
+def test_baglint_passes_what_is_promised_and_fails_what_is_not(shared: Path, bag: str) -> None:
+    pytest.importorskip("baglint")
+    (mcap,) = (shared / bag).glob("*.mcap")
+
+    def lint(spec: str) -> subprocess.CompletedProcess[str]:
+        words = [BIN / "baglint", "--strict", mcap, "--spec", shared / "checks" / spec]
+        return subprocess.run(words, capture_output=True, text=True, check=False)
+
+    result = lint(f"{bag}.baglint.yaml")
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "no findings" in result.stdout
+    spec = yaml.safe_load((shared / "checks" / f"{bag}.baglint.yaml").read_text(encoding="utf-8"))
+    assert set(spec["topics"]) == {n for n, info in BagReader(shared / bag).topics.items() if info.count}
+    assert ["map", "ego/lidar"] in spec["transforms"]["required"]
+    if bag == "fewer_points":  # two frames of ten
+        assert lint("clean.baglint.yaml").returncode == 1
+
+
+@pytest.mark.oracle
+@pytest.mark.parametrize("bag", BAGS)
+def test_tracecheck_passes_what_is_promised_and_fails_what_is_not(
+    shared: Path, tmp_path: Path, bag: str
+) -> None:
+    pytest.importorskip("tracecheck")
+
+    def check(contract: str) -> dict[str, object]:
+        out = tmp_path / contract
+        words = [BIN / "tracecheck", "check", shared / bag, "--contract", shared / "checks" / contract]
+        subprocess.run([*words, "--out", out, "--quiet"], capture_output=True, check=False)
+        report: dict[str, object] = json.loads((out / "report.json").read_text(encoding="utf-8"))
+        return report
+
+    report = check(f"{bag}.tracecheck.json")
+    assert report["overall"] == "pass"
+    assert report["status_counts"]["warn"] == 0  # type: ignore[index]
+    others = "false_speed" if bag == "clean" else "clean"
+    assert check(f"{others}.tracecheck.json")["overall"] == "fail"
+
+
+def card_of(folder: Path) -> str:
+    return (folder / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_card_tells_what_is_in_the_bags(recorded: Path, shared: Path) -> None:
+    card = card_of(shared)
+    front = yaml.safe_load(card.split("---")[1])
+    assert front["license"] == "cc-by-4.0"
+    assert {"lidar", "v2x", "adversarial-attacks"} <= set(front["tags"])
+    reader = BagReader(shared / "clean")
+    for name, info in reader.topics.items():
+        if info.count:
+            assert f"| `{name}` | {info.type.replace('/msg/', '/')} | {info.count:,} |" in card
+    assert "| `/ego/imu` | sensor_msgs/Imu | 90 | 100.0 Hz | ego/imu |" in card
+    assert "| `lidar` | ego | 16 | 72,000 | 10.0 | 100.0 m | 0.0, 0.0, 1.8 m |" in card
+    assert f"| map's SHA-256 | {reader.provenance['map_sha256']} |" in card
+    assert checksums.digest(next((shared / "clean").glob("*.mcap"))) in card
+    row = json.loads((recorded / "reports" / "small" / "report.json").read_text())["rows"][0]
+    assert (
+        f"| {row['lost_objects']} of {row['objects_found_clean']} | {row['chamfer_distance_m2']:.4f} |"
+        in card
+    )
+    assert "| detach, recipe random |" in card
+    assert "### Effect on V2X (small)" in card
+    assert "A. Author, 2026" in card
+    assert str(recorded) not in card
+    for link in re.findall(r"\]\(([^)#]+)\)", card):
+        assert link.startswith("https://") or (shared / link).exists(), link
+
+
+def test_the_cards_python_reads_the_clouds(shared: Path) -> None:
+    (program,) = re.findall(r"```python\n(.*?)```", card_of(shared), flags=re.DOTALL)
+    run = subprocess.run([sys.executable, "-c", program], cwd=shared, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    reader = BagReader(shared / "clean")
+    expected = [
+        f"{raw.log_time_ns} {len(reader.cloud(raw).cloud)} {reader.cloud(raw).cloud['x'].mean()!s}"
+        for raw in reader.raw_messages(["/ego/lidar/points"])
+    ]
+    assert run.stdout.splitlines() == expected
+
+
+def test_layouts_name_topics_and_frames_that_are_there(shared: Path) -> None:
+    topics = BagReader(shared / "clean").topics
+    layout = json.loads((shared / "play" / "foxglove.json").read_text(encoding="utf-8"))
+    scene = layout["configById"]["3D!scene"]
+    assert set(scene["topics"]) == {"/ego/lidar/points", "/ego/markers"} < set(topics)
+    assert scene["followTf"] == "ego/base_link"
+    assert set(re.findall(r'"(\w+!\w+)"', json.dumps(layout["layout"]))) == set(layout["configById"])
+    (path,) = layout["configById"]["Plot!speed"]["paths"]
+    assert path["value"].split(".")[0] in topics
+    rviz = yaml.safe_load((shared / "play" / "scene.rviz").read_text(encoding="utf-8"))[
+        "Visualization Manager"
+    ]
+    assert rviz["Global Options"]["Fixed Frame"] == "map"
+    shown = {display["Topic"]["Value"] for display in rviz["Displays"] if "Topic" in display}
+    assert shown == {"/ego/lidar/points", "/ego/markers", "/ego/odometry"} < set(topics)
+
+
+def test_an_archive_in_signed_parts_comes_back_whole(recorded: Path, tmp_path: Path) -> None:
+    key = tmp_path / "key.pem"
+    cryptography = pytest.importorskip("cryptography.hazmat.primitives.asymmetric.ed25519")
+    serialization = pytest.importorskip("cryptography.hazmat.primitives.serialization")
+    key.write_bytes(
+        cryptography.Ed25519PrivateKey.generate().private_bytes(
+            serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+        )
+    )
+    options = ShareOptions(sign=key, split_size_bytes=200_000)
+    made = share(recorded, tmp_path / "tiny.tar", options).made
+    assert [path.name for path in made[:2]] == ["tiny.tar.000", "tiny.tar.001"]
+    again = share(recorded, tmp_path / "b" / "tiny.tar", options).made
+    assert [path.read_bytes() for path in made] == [path.read_bytes() for path in again]
+    folder = unpack(made[0])
+    assert folder == tmp_path / "tiny"
+    signature.verify(folder)
+    assert "openssl pkeyutl -verify" in card_of(folder)
+    assert bytes_of(folder).items() >= bytes_of(recorded).items()
+
+
+def test_sharing_again_replaces_what_sharing_made_and_keeps_the_authors_words(
+    shared: Path, dataset: Path, tmp_path: Path
+) -> None:
+    options = ShareOptions(licence="CC-BY-4.0", citation="A. Author, 2026")
+    share(shared, tmp_path / "tiny", options)
+    assert bytes_of(tmp_path / "tiny") == bytes_of(shared)
+    (dataset / "README.md").write_text("Recorded on a rainy day.", encoding="utf-8")
+    (dataset / ".DS_Store").write_text("x")
+    with pytest.raises(AdvpipeError, match="tiny exists already, not overwriting"):
+        share(dataset, tmp_path / "tiny", options)
+    share(dataset, tmp_path / "tiny", ShareOptions(licence="CC-BY-4.0", overwrite=True))
+    assert "## From its author\n\nRecorded on a rainy day." in card_of(tmp_path / "tiny")
+    assert not (tmp_path / "tiny" / ".DS_Store").exists()
+    (tmp_path / "mine").mkdir()
+    with pytest.raises(AdvpipeError, match="mine is no shared data set"):
+        share(dataset, tmp_path / "mine", ShareOptions(overwrite=True))
+
+
+def test_a_bag_of_another_parent_is_refused(dataset: Path, tmp_path: Path) -> None:
+    clean = dataset / "clean"
+    shutil.rmtree(clean)
+    write_foreign(clean)
+    with pytest.raises(AdvpipeError, match="false_speed was made from another bag"):
+        share(dataset, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def write_foreign(path: Path) -> None:
+    with Writer(path, version=8, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection("/talk", "std_msgs/msg/String", typestore=typestore())
+        message = message_class("std_msgs/msg/String")(data="hello")
+        for stamp_ns in (1, 2):
+            writer.write(connection, stamp_ns, serialise(message, "std_msgs/msg/String"))
+
+
+def test_another_tools_bag_is_shared_with_what_is_known(tmp_path: Path) -> None:
+    write_foreign(tmp_path / "theirs" / "clean")
+    summary = share(tmp_path / "theirs", tmp_path / "out")
+    assert any("no licence is stated" in remark for remark in summary.remarks)
+    assert any("clean carries no chunk checksums" in remark for remark in summary.remarks)
+    card = card_of(tmp_path / "out")
+    assert "another tool than advpipe" in card
+    assert "simulated" not in card.split("## Notes")[0]
+    assert "| `/talk` | std_msgs/String | 2 |" in card
+
+
+@pytest.mark.parametrize(
+    ("path", "message"),
+    [
+        (".detach.0123456789ab.job/000000.npz", "a job has not ended"),
+        (".detach.partial-x1/x.mcap", "a job has not ended"),
+        ("reports/.small.partial-x1/report.json", "a job has not ended"),
+        ("checks/metadata.yaml", "a name that a shared data set needs itself"),
+    ],
+)
+def test_unfinished_jobs_and_taken_names_are_refused(
+    dataset: Path, tmp_path: Path, path: str, message: str
+) -> None:
+    (dataset / path).parent.mkdir(parents=True)
+    (dataset / path).write_text("x")
+    with pytest.raises(AdvpipeError, match=message):
+        share(dataset, tmp_path / "out")
+
+
+def test_bad_requests_are_refused(recorded: Path, dataset: Path, tmp_path: Path) -> None:
+    for folder, message in (
+        (recorded / "clean", "is no data set: it holds no clean/metadata.yaml"),
+        (tmp_path / "none", "does not exist"),
+        (recorded / "scenario.yaml", "is no folder"),
+    ):
+        with pytest.raises(AdvpipeError, match=message):
+            share(folder, tmp_path / "out")
+    for out in (recorded, recorded / "in", recorded.parent):
+        with pytest.raises(AdvpipeError, match="choose another output"):
+            share(recorded, out)
+    with pytest.raises(AdvpipeError, match="only an archive can be split"):
+        share(recorded, tmp_path / "out", ShareOptions(split_size_bytes=10**6))
+    with pytest.raises(AdvpipeError, match="is no SPDX identifier"):
+        ShareOptions(licence="free for all!")
+    (dataset / "link").symlink_to(recorded)
+    with pytest.raises(AdvpipeError, match="is a link"):
+        share(dataset, tmp_path / "out")
+    (dataset / "link").unlink()
+    (dataset / "reports" / "small" / "report.json").write_text("{")
+    with pytest.raises(AdvpipeError, match=r"report\.json is no JSON"):
+        share(dataset, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_citation_is_a_text_or_a_file(tmp_path: Path) -> None:
+    (tmp_path / "cite.bib").write_text("@misc{x}\n", encoding="utf-8")
+    assert citation_text(str(tmp_path / "cite.bib")) == "@misc{x}"
+    assert citation_text("A. Author\n2026") == "A. Author\n2026"
+    assert citation_text("x" * 5000) == "x" * 5000
+    assert citation_text(None) is None
