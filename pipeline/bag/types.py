@@ -11,6 +11,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 _PACKAGE_FOLDERS = {"vision_msgs": "vision_msgs", "udp_msgs": "udp_msgs", "advpipe_msgs": "msg"}
+_LISTS = (Nodetype.ARRAY, Nodetype.SEQUENCE)
 _CAM_PACKAGE = "etsi_its_cam_msgs/"
 
 
@@ -57,10 +58,8 @@ def missing_field(store: Typestore, type_name: str) -> str:
     for name, description in typestore().fielddefs[type_name][1]:
         if theirs.get(name) != description:
             return f"{type_name}.{name}"
-        kind, inner = description
-        if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
-            kind, inner = inner[0]
-        if kind == Nodetype.NAME and (found := missing_field(store, str(inner))):
+        item: Any = description[1][0] if description[0] in _LISTS else description  # kind, and its name
+        if item[0] == Nodetype.NAME and (found := missing_field(store, item[1])):
             return found
     return ""
 

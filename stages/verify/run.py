@@ -9,12 +9,11 @@ from pathlib import Path
 
 from advpipe.pipeline.dataset import archive
 from advpipe.pipeline.dataset.parts import existing_parts, whole_name
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, os_error_line
 from advpipe.pipeline.progress import track
 from advpipe.stages.verify.checks.base import BagCheck, FolderCheck, MessageCheck, Seen
-from advpipe.stages.verify.checks.signature import Signature
 from advpipe.stages.verify.registry import CHECKS, QUICK
-from advpipe.stages.verify.result import Fault, Gap, Verification
+from advpipe.stages.verify.result import Fault, Gap, Result, Verification
 from advpipe.stages.verify.subject import Bag, Subject, find_subject
 from advpipe.stages.verify.walk import Walk
 
@@ -36,7 +35,8 @@ def verify(path: Path, *, quick: bool = False, key: Path | None = None) -> Verif
     result = Verification(str(path), names)
     with _opened(Path(path), result) as subject:
         if subject is not None:
-            _run(subject, names, key, result)
+            subject.key = key
+            _run(subject, names, result)
     result.close()
     return result
 
@@ -58,23 +58,17 @@ def _opened(path: Path, result: Verification) -> Iterator[Subject | None]:
         yield find_subject(folder)
 
 
-def _run(subject: Subject, names: tuple[str, ...], key: Path | None, result: Verification) -> None:
+def _run(subject: Subject, names: tuple[str, ...], result: Verification) -> None:
     if subject.layout is not None:
         for left in subject.layout.unfinished:
             result.add("container", [Fault(subject.place(left), "was left by a job that has not ended")])
     for name in names:
-        check_class = CHECKS[name]
-        if issubclass(check_class, FolderCheck):
-            check = check_class(subject)
-            if isinstance(check, Signature):
-                check.key = key
-            try:
-                result.add(name, check.check())
-            except (AdvpipeError, OSError) as error:
-                result.add(name, [Fault(subject.root.name, str(error))])
+        made = CHECKS[name]
+        if issubclass(made, FolderCheck):
+            result.add(name, _safely(made(subject).check(), subject.root.name))
     if names == QUICK:
         return
-    if subject.layout is None and not subject.bags:
+    if not subject.bags:
         result.add("container", [Gap(subject.root.name, "the clean bag cannot be read: no more is checked")])
     for bag in subject.bags:
         _check_bag(bag, names, result)
@@ -96,17 +90,19 @@ def _check_bag(bag: Bag, names: tuple[str, ...], result: Verification) -> None:
     for raw in track(messages, f"checking {bag.place}", count):
         seen = Seen(bag, raw)
         for name, watcher in watching:
-            result.add(name, watcher.see(seen))
+            result.add(name, _safely(watcher.see(seen), seen.where))
     for name, check in checks.items():
-        try:
-            result.add(name, check.check())
-        except AdvpipeError as error:
-            result.add(name, [Fault(bag.place, str(error))])
-        except (
-            LookupError,
-            TypeError,
-            ValueError,
-            AttributeError,
-        ) as error:  # a record of another shape than ours
-            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-            result.add(name, [Fault(bag.place, f"what it says of itself cannot be understood: {reason}")])
+        result.add(name, _safely(check.check(), bag.place))
+
+
+def _safely(results: Iterator[Result], where: str) -> Iterator[Result]:
+    """The same, and one fault where a bag cannot be read, or its records and messages have another shape."""
+    try:
+        yield from results
+    except AdvpipeError as error:
+        yield Fault(where, str(error))
+    except OSError as error:
+        yield Fault(where, os_error_line(error))
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        yield Fault(where, f"what it says of itself cannot be understood: {reason}")

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import struct
 import zlib
+from collections import deque
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from io import FileIO
+from itertools import cycle
 from pathlib import Path
 from typing import IO
 
@@ -19,7 +23,8 @@ from advpipe.pipeline.bag.mcap_file import DAMAGE
 from advpipe.pipeline.bag.mcap_records import HEAD, parse, read_records
 from advpipe.pipeline.bag.mcap_summary import FOOTER_BYTES
 
-BLOCK_BYTES = 4 << 20
+BLOCK_BYTES = 1 << 20
+_BLOCKS = 3  # one is read while two wait to be hashed
 _MAGIC_BYTES = len(MCAP0_MAGIC)
 _DATA_END_BYTES = HEAD.size + 4
 _CRC_BYTES = 4
@@ -51,9 +56,8 @@ class _Span:
 
 def scan(path: Path) -> FileScan:
     """Reads a file once, block by block. Raises OSError alone."""
-    sha256, spans, fault = hashlib.sha256(), list[_Span](), ""
-    with path.open("rb") as stream, ThreadPoolExecutor(1) as hasher:
-        covered, is_own = True, False
+    spans, fault, covered, is_own = list[_Span](), "", True, False
+    with path.open("rb", buffering=0) as stream:
         if path.suffix == ".mcap":
             try:
                 spans, is_own = list(_spans(stream)), _is_own(stream)
@@ -61,25 +65,39 @@ def scan(path: Path) -> FileScan:
             except DAMAGE as error:
                 fault = f"no whole MCAP file: {error}" if str(error) else "no whole MCAP file"
         stream.seek(0)
-        crcs, place, waiting = [0] * len(spans), 0, None
-        while block := stream.read(BLOCK_BYTES):
-            if waiting is not None:
-                waiting.result()
-            waiting = hasher.submit(sha256.update, block)
-            for index, span in enumerate(spans):
-                part = memoryview(block)[max(span.start - place, 0) : max(span.end - place, 0)]
-                if span.crc and part:
-                    crcs[index] = zlib.crc32(part, crcs[index])
-            place += len(block)
-        if waiting is not None:
-            waiting.result()
+        sha256, crcs = _sums(stream, spans)
     faults = [fault] if fault else []
     for span, crc in zip(spans, crcs, strict=True):
         if span.crc and crc != span.crc:
             faults.append(f"the checksum of the {span.name} is wrong")
         elif not span.crc and is_own:
             faults.append(f"the checksum of the {span.name} is missing, which advpipe always writes")
-    return FileScan(sha256.hexdigest(), tuple(faults), covered)
+    return FileScan(sha256, tuple(faults), covered)
+
+
+def _sums(stream: FileIO, spans: list[_Span]) -> tuple[str, list[int]]:
+    """SHA-256 of the rest of a file, and the CRC-32 of each span. Both work at once on a large file."""
+    sha256, crcs, start = hashlib.sha256(), [0] * len(spans), 0
+    is_small = os.fstat(stream.fileno()).st_size <= BLOCK_BYTES  # not worth a thread
+    blocks = cycle([memoryview(bytearray(BLOCK_BYTES)) for _ in range(_BLOCKS)])
+    hashing: deque[Future[None]] = deque()
+    with ThreadPoolExecutor(1) as hasher:
+        for block in blocks:
+            if len(hashing) == _BLOCKS:  # this very block's turn was the oldest
+                hashing.popleft().result()
+            part = block[: stream.readinto(block)]
+            if not part:
+                break
+            if is_small:
+                sha256.update(part)
+            else:
+                hashing.append(hasher.submit(sha256.update, part))
+            for index, span in enumerate(spans):
+                inside = part[max(span.start - start, 0) : max(span.end - start, 0)]
+                if span.crc and inside:
+                    crcs[index] = zlib.crc32(inside, crcs[index])
+            start += len(part)
+    return sha256.hexdigest(), crcs
 
 
 def _spans(stream: IO[bytes]) -> Iterator[_Span]:

@@ -84,13 +84,14 @@ class Bag:
 class Subject:
     """bags: those that are verified. candidates: those that may be parents; of a lone attack, its siblings.
 
-    root: findings name paths in it.
+    root: findings name paths in it. key: the signer's, as the user gave it.
     """
 
     root: Path
     layout: Layout | None
     bags: list[Bag] = field(default_factory=list)
     candidates: list[Bag] = field(default_factory=list)
+    key: Path | None = None
     _scans: dict[Path, FileScan] = field(default_factory=dict)
 
     def scan(self, path: Path) -> FileScan:

@@ -47,9 +47,6 @@ class BoxesHoldPoints(MessageCheck):
         self._mounts: dict[str, tuple[str, Float64]] = {}
         self._open: dict[str, _Instant] = {}
         self._is_on = bag.is_own and not bag.is_attack
-        sensors = (bag.scenario or {}).get("sensors") or {}
-        lidars = sensors.get("lidars") or {}
-        self._turns_s = [1 / one["rotation_frequency"] for one in lidars.values() if one["motion_distortion"]]
         self._is_told = False
 
     def see(self, seen: Seen) -> Iterator[Result]:
@@ -120,12 +117,14 @@ class BoxesHoldPoints(MessageCheck):
 
     def _motion_m(self, odometry: Any) -> float:
         """How far the vehicle's own motion in one turn may carry a point 100 m away."""
-        if not self._turns_s:
+        lidars = ((self.bag.scenario or {}).get("sensors") or {}).get("lidars") or {}
+        turns_s = [1 / one["rotation_frequency"] for one in lidars.values() if one["motion_distortion"]]
+        if not turns_s:
             return 0.0
         linear, angular = odometry.twist.twist.linear, odometry.twist.twist.angular
         speed_mps = float(np.linalg.norm([linear.x, linear.y, linear.z]))
         turn_radps = float(np.linalg.norm([angular.x, angular.y, angular.z]))
-        return float(max(self._turns_s) * (speed_mps + 100 * turn_radps))
+        return float(max(turns_s) * (speed_mps + 100 * turn_radps))
 
 
 def _boxes(users: Any) -> Boxes:
