@@ -28,6 +28,7 @@ class RoadMap:
     """
 
     def __init__(self, segments_m: Float64, widths_m: Float64) -> None:
+        self.segments_m = segments_m
         self._lines = shapely.linestrings(segments_m) if len(segments_m) else np.array([], object)
         self._tree = shapely.STRtree(self._lines)
         along = segments_m[:, 1] - segments_m[:, 0]

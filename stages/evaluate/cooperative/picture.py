@@ -33,7 +33,7 @@ class Fused:
 def draw_fused(fused: Fused, own: str, other: str) -> Figure:
     """A panel for each pose; forward is up. own, other: names of the vehicles."""
     count = len(fused.poses)
-    figure = Figure(figsize=(5.2 * count, 6.1), dpi=110, facecolor="white", layout="constrained")
+    figure = Figure(figsize=(4.4 * count, 5.2), dpi=110, facecolor="white", layout="constrained")
     panels: Sequence[Axes] = np.atleast_1d(figure.subplots(1, count)).tolist()
     for axes, (name, (own_SE3_other, found)) in zip(panels, fused.poses.items(), strict=True):
         _draw_panel(axes, fused, own_SE3_other, found)

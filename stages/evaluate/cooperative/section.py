@@ -38,7 +38,7 @@ MOST_FRAMES = 50
 SHOWN_SCORE = 0.3
 """Of the boxes in the picture."""
 CRITERIA = ("strict", "loose")
-ALONE, CLEAN = "alone", "clean poses"
+ALONE, TRUE, CLEAN = "alone", "true poses", "clean poses"
 
 See = Callable[[Eye, SharedFrame, Float64], Detections]
 
@@ -64,7 +64,8 @@ FORMULAS = (
 
 @dataclass(frozen=True)
 class CooperativeRow:
-    """AP in [0, 1] of one class; NaN without objects. poses: alone, clean poses, or the bag that reports."""
+    """AP in [0, 1] of one class; NaN without objects. poses: alone, true poses, clean poses (as the clean bag
+    reports them, with the errors of the filters on board), or the bag that reports."""
 
     poses: str
     fusion: str
@@ -121,10 +122,11 @@ def cooperative_rows(
     """
     eye, true = Eye(load_detector(detector, device)), Alignment(reader, pair, true=True)
     reported = {
+        TRUE: true,
         CLEAN: Alignment(reader, pair),
         **{name: Alignment(other, pair) for name, other in adversarial.items()},
     }
-    chosen = _attacked_frames(reader, pair, reported)
+    chosen = _attacked_frames(reader, pair, reported[CLEAN], [reported[name] for name in adversarial])
     if chosen is None:
         return [], None
     arms = [(ALONE, ""), *((name, fusion) for fusion in FUSIONS for name in reported)]
@@ -159,10 +161,12 @@ def cooperative_rows(
     return rows, telling
 
 
-def _attacked_frames(reader: BagReader, pair: Pair, reported: Mapping[str, Alignment]) -> FrameSlice | None:
+def _attacked_frames(
+    reader: BagReader, pair: Pair, clean: Alignment, attacked: Sequence[Alignment]
+) -> FrameSlice | None:
     """At most `MOST_FRAMES`, equally spaced, while any poses are others than the clean ones."""
     times_ns = reader.log_times_ns(pair.own.lidar_points.name)
-    changed_ns = [time_ns for one in reported.values() for time_ns in one.changed_ns(reported[CLEAN])]
+    changed_ns = [time_ns for one in attacked for time_ns in one.changed_ns(clean)]
     if not changed_ns:
         return None
     first = int(np.searchsorted(times_ns, min(changed_ns)))

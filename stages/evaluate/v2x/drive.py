@@ -16,20 +16,21 @@ from advpipe.pipeline.bag.v2x_statistics import read_statistics
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.misbehaviour.catch import CatchParameters
 from advpipe.pipeline.misbehaviour.config import DetectorConfig
+from advpipe.pipeline.misbehaviour.roads import RoadMap
 from advpipe.stages.evaluate.v2x.collision import Warnings, known_of_radio, warnings
 from advpipe.stages.evaluate.v2x.detection import Detection, attack_parameters, detect
 from advpipe.stages.evaluate.v2x.labels import MessageLabel, read_labels
 from advpipe.stages.evaluate.v2x.ldm_error import Known, LdmError, Moment, ldm_error, moments
 from advpipe.stages.evaluate.v2x.radio import RadioRow, honest_delivered, radio_row
-from advpipe.stages.evaluate.v2x.receptions import read_receptions
+from advpipe.stages.evaluate.v2x.receptions import read_receptions, roads_of_bag
 
 
 @dataclass(frozen=True)
 class Drive:
     """One bag under evaluation: the clean one has no labels.
 
-    moments, errors, warned, honest_delivered: by listener. has_roads: whether the checks that need a map of
-    the roads had one.
+    moments, errors, warned, honest_delivered: by listener. roads: None where they are not at hand, so that
+    the checks that need them are off.
     """
 
     name: str
@@ -40,7 +41,7 @@ class Drive:
     honest_delivered: dict[str, float]
     radio: RadioRow | None
     labels: list[MessageLabel]
-    has_roads: bool
+    roads: RoadMap | None
 
     def wrong(self, listener: str) -> Float64:
         """How many entries of a listener's map are wrong or missing, at each of its moments."""
@@ -84,7 +85,7 @@ def read_drive(
         {each.listener: honest_delivered(each, labels) for each in receptions},
         radio_row(read_statistics(reader)),
         labels,
-        all(each.has_roads for each in receptions),
+        roads_of_bag(reader),
     )
 
 

@@ -8,39 +8,43 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from advpipe.pipeline.misbehaviour.roads import RoadMap
 from advpipe.stages.evaluate.report.style import BASELINE, INK, LOST, PREDICTION, SOFT, TRUTH, plain_axes
 from advpipe.stages.evaluate.v2x.collision import known_of_radio
 from advpipe.stages.evaluate.v2x.detection import Detection
-from advpipe.stages.evaluate.v2x.ldm_error import DISPLACED_M, Known, LdmError, Moment
+from advpipe.stages.evaluate.v2x.ldm_error import DISPLACED_M, MISSING_WITHIN_M, Known, LdmError, Moment
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-REACH_M = 100.0
+REACH_M = MISSING_WITHIN_M
+ROAD = "#eef1f5"
 
 
-def draw_maps(before: Moment, during: Moment, title: str = "") -> Figure:
-    """Two maps of the same vehicle beside each other, both around itself."""
+def draw_maps(before: Moment, during: Moment, roads: RoadMap | None = None) -> Figure:
+    """Two maps of the same vehicle beside each other, around itself, on the roads where they are known."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(12.0, 6.2), dpi=110, facecolor="white", layout="constrained")
     panels = figure.subplots(1, 2).tolist()
     for axes, moment, word in zip(panels, (before, during), ("before", "during the attack"), strict=True):
-        draw_map(axes, moment)
-        axes.set_title(word, loc="left", fontsize=11, color=INK)
+        draw_map(axes, moment, roads)
+        time_s = (moment.time_ns - before.time_ns) / 1e9
+        later = f", {time_s:.1f} s later" if time_s else ""
+        axes.set_title(f"{word}{later}", loc="left", fontsize=11, color=INK)
     handles, labels = panels[1].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False, fontsize=9)
-    if title:
-        figure.suptitle(title, fontsize=12, color=INK)
     return figure
 
 
-def draw_map(axes: Axes, moment: Moment) -> None:
+def draw_map(axes: Axes, moment: Moment, roads: RoadMap | None = None) -> None:
     """True stations in blue outlines; entries filled: true in grey, displaced in orange, ghosts in red."""
     own = known_of_radio(moment.own)
     truth = {radio.station_id: known_of_radio(radio) for radio in moment.others}
     plain_axes(axes)
+    if roads is not None:
+        _draw_roads(axes, roads, own)
     kinds: dict[str, list[Known]] = {"entry": [], "displaced": [], "ghost": []}
     for entry in moment.entries:
         true = truth.get(entry.station_id)
@@ -113,6 +117,15 @@ def draw_errors(clean: LdmError, attacked: LdmError, title: str = "") -> Figure:
     if title:
         figure.suptitle(title, fontsize=11, color=INK)
     return figure
+
+
+def _draw_roads(axes: Axes, roads: RoadMap, own: Known) -> None:
+    """The middles of the lanes near, as broad as lanes are."""
+    from matplotlib.collections import LineCollection
+
+    pieces_m = roads.segments_m - (own.x_m, own.y_m)
+    near = np.abs(pieces_m).min(axis=1).max(axis=1) < 2 * REACH_M
+    axes.add_collection(LineCollection(list(pieces_m[near]), colors=ROAD, linewidths=3.5, zorder=1))
 
 
 def _draw_boxes(axes: Axes, found: Sequence[Known], own: Known, label: str, **style: object) -> None:

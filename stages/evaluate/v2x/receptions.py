@@ -37,8 +37,7 @@ class Receptions:
 
     received: with the message's number and the radio that truly sent it. claims, receivers: what the checks
     work on, the listener's own pose as it estimates it. radios: where the true sender was, None if unknown.
-    near: numbers of all messages that others sent within `NEAR_M`, received or not. has_roads: whether the
-    checks that need a map of the roads have one.
+    near: numbers of all messages that others sent within `NEAR_M`, received or not.
     """
 
     listener: str
@@ -48,7 +47,6 @@ class Receptions:
     receivers: tuple[Receiver, ...]
     radios: tuple[RadioPlace | None, ...]
     near: frozenset[int]
-    has_roads: bool
 
     @property
     def numbers(self) -> list[int]:
@@ -82,7 +80,7 @@ def read_receptions(reader: BagReader, listeners: Collection[int] | None = None)
         _check_arrivals(reader, drive.listeners, received)
     origin = drive.origin
     geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
-    roads = roads_of_bag(reader)
+    roads = roads_of_bag(reader) or NO_ROADS
     return [
         _of_listener(
             reader,
@@ -135,7 +133,7 @@ def _of_listener(
     own: list[tuple[int, RadioPlace]],
     near: frozenset[int],
     geodesy: Geodesy,
-    roads: RoadMap | None,
+    roads: RoadMap,
 ) -> Receptions:
     cams: dict[int, Cam | None] = {}
     for one, _ in received:
@@ -145,7 +143,7 @@ def _of_listener(
         [cams[one.sent.number] for one, _ in received],
         [one.arrival_ns for one, _ in received],
         geodesy,
-        roads or NO_ROADS,
+        roads,
     )
     size_m = own[0][1].size_m if own else (4.5, 1.8, 1.5)
     times_ns, poses = _own_poses(reader, name, own)
@@ -162,7 +160,6 @@ def _of_listener(
         tuple(receivers),
         tuple(place for _, place in received),
         near,
-        roads is not None,
     )
 
 

@@ -121,7 +121,7 @@ def section(
             detection_table(attacked),
             victim_table(drives),
             radio_table(drives),
-            check_table(config, attacked, any(drive.has_roads for drive in drives)),
+            check_table(config, attacked, any(drive.roads for drive in drives)),
             baseline_table(parameters),
         ),
         pictures=tuple(_pictures(clean, attacked)),
@@ -133,7 +133,7 @@ def section(
 
 def _notes(drives: Sequence[Drive]) -> list[str]:
     notes = []
-    off = [drive.name for drive in drives if not drive.has_roads]
+    off = [drive.name for drive in drives if drive.roads is None]
     if off:
         notes.append(
             f"The SUMO network that {', '.join(off)} was simulated on is not at hand, so the checks "
@@ -155,7 +155,7 @@ def _pictures(clean: Drive, attacked: Sequence[Drive]) -> list[Picture]:
             continue
         before, during = drive.telling(listener)
         words = f"{drive.name}: the map of {listener}"
-        figures.append((drive.name, f"{drive.name}-ldm.png", words, draw_maps(before, during, words)))
+        figures.append((drive.name, f"{drive.name}-ldm.png", words, draw_maps(before, during, drive.roads)))
         errors = draw_errors(clean.errors[listener], drive.errors[listener], words)
         figures.append((drive.name, f"{drive.name}-ldm-error.png", f"{words} over time", errors))
     return [Picture(SECTION, bag, name, caption, to_png(figure)) for bag, name, caption, figure in figures]
@@ -164,7 +164,7 @@ def _pictures(clean: Drive, attacked: Sequence[Drive]) -> list[Picture]:
 def _record(drive: Drive, listener: str) -> Row:
     each, warned = drive.detection, drive.warned[listener]
     record: Row = {"bag": drive.name, "vehicle": listener, "attack": each.attack, "lies": each.lies}
-    record |= {"messages": each.messages, "undecoded": each.undecoded, "has_roads": drive.has_roads}
+    record |= {"messages": each.messages, "undecoded": each.undecoded, "has_roads": drive.roads is not None}
     record |= _scores(each.ours, each.baseline)
     record["attacks"] = [
         {"attack": part.attack, "lies": part.lies, **_scores(part.ours, part.baseline)} for part in each.parts

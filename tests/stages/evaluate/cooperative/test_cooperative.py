@@ -89,20 +89,26 @@ def test_precision_by_hand(tmp_path: Path) -> None:
         f"{shift:g} m": BagReader(write(tmp_path / f"{shift}", (shift, 0.0))) for shift in (0.2, 1.0, 3.0)
     }
     rows, telling = cooperative_rows(clean, find_pair(clean), attacked, DETECTOR)
-    assert list(telling.poses) == ["clean poses", *attacked]
+    assert list(telling.poses) == ["true poses", "clean poses", *attacked]
     assert telling.poses["3 m"][0][0, 3] == pytest.approx(58.0)  # from ego, by the false place
     assert len(telling.truth) == 1
     found = {(row.poses, row.fusion): (row.ap_strict, row.ap_loose) for row in rows}
     assert found == {
         ("alone", ""): (0, 0),
-        **{("clean poses", fusion): (1, 1) for fusion in ("clouds", "detections")},
+        **{
+            (poses, fusion): (1, 1)
+            for poses in ("true poses", "clean poses")
+            for fusion in ("clouds", "detections")
+        },
         **{("0.2 m", fusion): (1, 1) for fusion in ("clouds", "detections")},
         **{("1 m", fusion): (0, 1) for fusion in ("clouds", "detections")},
         **{("3 m", fusion): (0, 0) for fusion in ("clouds", "detections")},
     }
     assert {(row.frames, row.objects) for row in rows} == {(3, 3)}
     off = {row.poses: row.misalignment_m for row in rows if row.poses != "alone"}
-    assert off == pytest.approx({"clean poses": 0, "0.2 m": 0.2, "1 m": 1, "3 m": 3}, abs=1e-6)
+    assert off == pytest.approx(
+        {"true poses": 0, "clean poses": 0, "0.2 m": 0.2, "1 m": 1, "3 m": 3}, abs=1e-6
+    )
 
 
 def test_only_instants_with_false_poses_count(tmp_path: Path) -> None:
@@ -151,7 +157,7 @@ def test_nobody_is_an_object_to_itself() -> None:
 def test_a_section_where_gps_was_attacked(tmp_path: Path) -> None:
     clean, attacked = write(tmp_path / "clean"), write(tmp_path / "paa", (3.0, 0.0))
     (section,) = sections(clean, [clean, attacked], 0, DETECTOR)
-    assert {record["poses"] for record in section.records} == {"alone", "clean poses", "paa"}
+    assert {record["poses"] for record in section.records} == {"alone", "true poses", "clean poses", "paa"}
     assert all(len(line) == len(section.tables[0].heads) for line in section.tables[0].lines)
     (picture,) = section.pictures
     assert picture.png.startswith(b"\x89PNG")
