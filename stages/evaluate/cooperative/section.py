@@ -97,7 +97,7 @@ def sections(
     if telling is None:
         return ()
     names = pair.own.vehicle, pair.other.vehicle
-    caption = f"{names[0]} with what {names[1]} shares, at the instant when poses are the most wrong"
+    caption = f"{names[0]} with what {names[1]} shares, when they are the nearest to each other"
     picture = to_png(draw_fused(telling, *names))
     return (
         Section(
@@ -118,7 +118,7 @@ def cooperative_rows(
     """The fusing vehicle alone, and fused by clean and attacked poses; a row for each class with objects.
 
     All of the same instants, from the first to the last at which any bag's poses are others than the clean
-    bag's. The second is what was fused when poses were the most wrong, for a picture; None without instants.
+    bag's. The second is what was fused when the two were the nearest, for a picture; None without instants.
     """
     eye, true = Eye(load_detector(detector, device)), Alignment(reader, pair, true=True)
     reported = {
@@ -132,7 +132,7 @@ def cooperative_rows(
     arms = [(ALONE, ""), *((name, fusion) for fusion in FUSIONS for name in reported)]
     matches: dict[tuple[str, str, str, str], list[FrameMatches]] = {}
     off_m: dict[str, list[float]] = {name: [] for name in reported}
-    worst_m, telling = -1.0, None
+    nearest_m, telling = np.inf, None
     for frame in shared_frames(reader, pair, chosen):
         eye.forget()
         stamp_ns, own_SE3_other = frame.own.stamp_ns, true.at(frame.own.stamp_ns)
@@ -149,9 +149,9 @@ def cooperative_rows(
                 seen[name] = poses[name], found.boxes[found.scores >= SHOWN_SCORE]
             for (word, label), one in match(truth, found, eye.classes, CRITERIA).items():
                 matches.setdefault((name, fusion, word, label), []).append(one)
-        if (most_m := max(off[-1] for off in off_m.values())) > worst_m:
+        if (apart_m := float(np.linalg.norm(own_SE3_other[:3, 3]))) < nearest_m:
             boxes = truth.boxes.geometry[truth.is_evaluated]
-            worst_m, telling = most_m, Fused(frame.own.cloud, frame.other, boxes, seen)
+            nearest_m, telling = apart_m, Fused(frame.own.cloud, frame.other, boxes, seen)
     rows = [
         _row(name, fusion, label, matches, off_m.get(name, []))
         for name, fusion in arms
