@@ -95,16 +95,19 @@ def _attack(clean: Path, bag: Path, request: AttackRequest, workers: int | None,
 
 
 def _is_report_of(report: Path, bags: Sequence[Path], detector: str, device: str) -> bool:
-    """Whether a report tells of just these bags, by their checksums, and of this detector on this device."""
+    """Whether a report tells of just these bags, by their checksums, of this detector, device and code."""
     from advpipe.pipeline.bag.provenance import parent_sha256
+    from advpipe.pipeline.code import code_sha256
     from advpipe.pipeline.detector.registry import detector_sha256
+    from advpipe.stages.evaluate.provenance import SCORING
 
     try:
         about = json.loads((report / "report.json").read_text(encoding="utf-8"))["provenance"]
         scored = [about["clean"]["sha256"], *(bag["sha256"] for bag in about["compared"] if bag["sha256"])]
         detectors = [one["sha256"] for one in about["detectors"]]
         was_here = about.get("device", "cpu") == device.partition(":")[0]
+        was_so = about["code_sha256"] == code_sha256(*SCORING)
     except (OSError, ValueError, LookupError, TypeError):
         return False
     is_of_bags = sorted(scored) == sorted(map(parent_sha256, bags))
-    return is_of_bags and detectors in ([], [detector_sha256(detector)]) and was_here
+    return is_of_bags and detectors in ([], [detector_sha256(detector)]) and was_here and was_so
