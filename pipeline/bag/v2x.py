@@ -40,7 +40,7 @@ class RadioPlace(NamedTuple):
 def stations_of(v2x: V2x, places: Sequence[RadioPlace]) -> Stations:
     """The radios as the medium knows them, their antennas above their vehicles' middles."""
     ids = np.array([place.station_id for place in places], np.int64)
-    poses = np.array([place.map_SE3_base for place in places]).reshape(-1, 4, 4)
+    poses = np.concatenate([np.empty((0, 4)), *(place.map_SE3_base for place in places)]).reshape(-1, 4, 4)
     return Stations(ids, poses[:, :3, 3] + (0.0, 0.0, v2x.radio.antenna_height_m))
 
 

@@ -46,6 +46,7 @@ class Draws:
 
     def __init__(self, seed: int) -> None:
         self._seed = named_generator(seed, "v2x", "radio").integers(2**64, dtype=np.uint64)
+        self._uses: dict[str, np.uint64] = {}
 
     def of_messages(self, use: str, keys: UInt64) -> Float64:
         """One number (M,) in (0, 1) for each message."""
@@ -56,7 +57,10 @@ class Draws:
         return _uniform(mix(mix(keys ^ self._of_use(use)) + receivers * GOLDEN))
 
     def _of_use(self, use: str) -> np.uint64:
-        return np.uint64(mix(np.array([self._seed ^ np.uint64(zlib.crc32(use.encode()))]))[0])
+        if use not in self._uses:
+            state = self._seed ^ np.uint64(zlib.crc32(use.encode()))
+            self._uses[use] = np.uint64(mix(np.array([state]))[0])
+        return self._uses[use]
 
 
 def _uniform(bits: UInt64) -> Float64:

@@ -55,8 +55,9 @@ class Receiver:
         outcome[row, column] = Outcome.NOISE
         among = disturbed[row]
         row, column, luck = row[among], column[among], luck[among]
-        saved = luck <= self._success(snr_db[row, column], bits[row])
-        outcome[row[saved], column[saved]] = Outcome.INTERFERENCE
+        if len(row):
+            saved = luck <= self._success(snr_db[row, column], bits[row])
+            outcome[row[saved], column[saved]] = Outcome.INTERFERENCE
         outcome[is_busy] = Outcome.BUSY
         outcome[~is_audible] = Outcome.WEAK
         outcome[is_sending] = Outcome.SENDING

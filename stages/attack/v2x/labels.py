@@ -86,13 +86,14 @@ class Labels:
             old = olds.pop(one.number, None)
             if old is None:
                 self._arrived(place, editor, one)
+            elif one is old or one == old:
+                if isinstance(editor, V2xAttack) and self._is_corrupt(editor, one):
+                    self._add(editor, "corrupt", one, one.request_ns, one.payload, one.payload)
             elif one.payload == old.payload and one.request_ns != old.request_ns:
                 self._add(editor, "delayed", one, old.request_ns, old.payload, self._honest(one))
-            elif one != old:
+            else:
                 original = self._step.get(one.number, old)
                 self._add(editor, "changed", one, original.request_ns, old.payload, original.payload)
-            elif isinstance(editor, V2xAttack) and self._is_corrupt(editor, one):
-                self._add(editor, "corrupt", one, one.request_ns, one.payload, one.payload)
         for number, one in olds.items():
             self._held[place, number] = one
         if len(self._rows) >= _BLOCK:
