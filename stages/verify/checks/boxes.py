@@ -18,8 +18,9 @@ from advpipe.stages.verify.checks.base import MessageCheck, Seen
 from advpipe.stages.verify.result import Fault, Gap, Result
 from advpipe.stages.verify.subject import Bag
 
-MARGIN_M = 0.001
-"""A point so near to a face may fall on either side of it: single precision, and poses as quaternions."""
+MARGIN_M = 1e-5
+"""A point so near to a face may fall on either side of it, as poses go through quaternions. No more: many
+points of the road lie near the lower face."""
 
 _CLOUD_TYPE = VehicleTopics().lidar_points.type
 _USERS, _TRUTH = VehicleTopics("").road_users.name, VehicleTopics("").true_odometry.name

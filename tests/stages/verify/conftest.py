@@ -21,7 +21,7 @@ from advpipe.stages.simulate.run import simulate
 Edit = Callable[[Iterable[RawMessage]], Iterable[RawMessage]]
 
 OVERRIDES = (
-    *("simulation.duration_s=2", "simulation.warmup_s=5", "traffic.vehicles=20", "traffic.pedestrians=5"),
+    *("simulation.duration_s=1", "simulation.warmup_s=5", "traffic.vehicles=20", "traffic.pedestrians=5"),
     *("sensors.lidars.lidar.channels=12", "sensors.lidars.lidar.points_per_second=43200"),
 )
 ATTACKS = {
@@ -51,7 +51,7 @@ def _drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def data_set(_drive: Path, tmp_path: Path) -> Path:
-    """A clean drive of 2 s and an adversarial bag for each of `ATTACKS`; without SHA256SUMS."""
+    """A clean drive of 1 s and an adversarial bag for each of `ATTACKS`; without SHA256SUMS."""
     return Path(shutil.copytree(_drive, tmp_path / "drive"))
 
 
