@@ -9,6 +9,7 @@ from typing import Any
 
 from advpipe.pipeline.bag.files import METADATA_NAME, mcap_files
 from advpipe.pipeline.bag.locate import CLEAN_NAME
+from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.dataset import checksums
 from advpipe.pipeline.dataset.layout import Layout, read_layout
@@ -68,7 +69,7 @@ class Bag:
         """Over its .mcap files, as an attack on it states it."""
         if len(self.files) == 1:
             return self.subject.scan(self.files[0]).sha256
-        return checksums.digests(self.files)
+        return parent_sha256(self.path)
 
     @cached_property
     def parent(self) -> Bag | None:
