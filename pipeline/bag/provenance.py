@@ -8,7 +8,6 @@ clouds also `lidar_topics` (JSON) and `looks` (at how many tries, where the atta
 
 from __future__ import annotations
 
-import hashlib
 import json
 import zlib
 from collections.abc import Mapping
@@ -16,6 +15,7 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.hashing import sha256_of
 from advpipe.pipeline.versions import installed
 
 RECORD_NAME = "advpipe"
@@ -95,12 +95,7 @@ def parent_sha256(bag: Path) -> str:
 
     For a bag of one file it is what `sha256sum` prints.
     """
-    digest = hashlib.sha256()
-    for path in mcap_files(bag):
-        with path.open("rb") as file:
-            while block := file.read(1 << 20):
-                digest.update(block)
-    return digest.hexdigest()
+    return sha256_of(*mcap_files(bag))
 
 
 def _checksum(provenance: Mapping[str, str]) -> str:

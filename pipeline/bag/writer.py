@@ -22,8 +22,8 @@ from advpipe.pipeline.bag.mcap_writer import COMPRESSIONS, McapWriter
 from advpipe.pipeline.bag.provenance import RECORD_NAME, seal
 from advpipe.pipeline.bag.topics import RawMessage, Topic, qos_to_yaml
 from advpipe.pipeline.bag.types import schema_text, serialise, type_hash
-from advpipe.pipeline.dataset.checksums import digest
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, os_error_line
+from advpipe.pipeline.hashing import sha256_of
 from advpipe.pipeline.partial import PartialFolder, final_path
 
 FILES_RECORD = "advpipe_files"
@@ -165,7 +165,7 @@ class BagWriter:
     def _files_beside(self) -> dict[str, str]:
         """The checksums of the files that were put into `folder`: labels, the attack's request."""
         return {
-            path.name: digest(path)
+            path.name: sha256_of(path)
             for path in sorted(self.folder.iterdir())
             if path.is_file() and not path.name.startswith(".") and path.name != self._file_name
         }

@@ -8,7 +8,6 @@ is found before the folder gets its name.
 
 from __future__ import annotations
 
-import hashlib
 import shutil
 from collections.abc import Mapping
 from contextlib import closing
@@ -18,10 +17,9 @@ from pathlib import Path
 from advpipe.pipeline.dataset import checksums, layout, tar_header
 from advpipe.pipeline.dataset.parts import PartsReader, PartsWriter, existing_parts, sums_path, whole_name
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, writing
+from advpipe.pipeline.hashing import copy
 from advpipe.pipeline.partial import PartialFolder
 from advpipe.pipeline.progress import track
-
-_COPY_BYTES = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -85,13 +83,9 @@ def _write(files: Mapping[str, Path], sums: Mapping[str, str], out: PartsWriter,
     for name in track(sorted(files, key=str.encode), f"packing {top}.tar"):
         size_bytes = files[name].stat().st_size
         out.write(tar_header.header(f"{top}/{name}", size_bytes))
-        sha256, left_bytes = hashlib.sha256(), size_bytes
         with files[name].open("rb") as stream:
-            while left_bytes and (block := stream.read(min(_COPY_BYTES, left_bytes))):
-                sha256.update(block)
-                out.write(block)
-                left_bytes -= len(block)
-        if left_bytes or (name not in checksums.UNLISTED and sha256.hexdigest() != sums[name]):
+            sha256, copied_bytes = copy(stream.read, out.write, size_bytes)
+        if copied_bytes != size_bytes or (name not in checksums.UNLISTED and sha256 != sums[name]):
             raise AdvpipeError(f"{files[name]} changed while it was packed; nothing was written, run again")
         out.write(bytes(tar_header.padding(size_bytes)))
     out.write(bytes(_end_bytes(out.count_bytes)))
@@ -144,7 +138,7 @@ def _read(stream: PartsReader, folder: Path, limits: Limits) -> dict[str, str]:
     while (entry := _next_entry(stream)) is not None:
         path, size_bytes = entry
         head, _, name = path.partition("/")
-        if not checksums.is_plain(path) or not name or head != (top or head):
+        if not layout.is_plain(path) or not name or head != (top or head):
             raise AdvpipeError(f"{stream.archive}: {path!r} leads out of the data set's folder; not unpacked")
         if name.encode() <= last:
             raise AdvpipeError(f"{stream.archive}: {path!r} comes twice or out of order; not unpacked")
@@ -196,7 +190,6 @@ def _damaged(stream: PartsReader) -> AdvpipeError:
 
 def _copy(stream: PartsReader, folder: Path, name: str, size_bytes: int) -> str:
     target = folder / name
-    sha256 = hashlib.sha256()
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         out = target.open("xb")
@@ -205,13 +198,7 @@ def _copy(stream: PartsReader, folder: Path, name: str, size_bytes: int) -> str:
             f"{stream.archive}: {name} comes twice on this file system; not unpacked"
         ) from None
     with out:
-        left_bytes = size_bytes
-        while left_bytes:
-            block = stream.read(min(_COPY_BYTES, left_bytes))
-            sha256.update(block)
-            out.write(block)
-            left_bytes -= len(block)
-    return sha256.hexdigest()
+        return copy(stream.read, out.write, size_bytes)[0]
 
 
 def _check(found: Mapping[str, str], folder: Path, archive: Path) -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Mapping
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from advpipe.pipeline.dataset import layout
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.hashing import sha256_of
 
 FILE = "SHA256SUMS"
 SIGNATURE_FILE = "SHA256SUMS.sig"
@@ -17,16 +17,6 @@ UNLISTED = (FILE, SIGNATURE_FILE)
 
 _LINE = re.compile(r"([0-9a-f]{64})  (.+)")
 _LIMIT_BYTES = 64 << 20
-_BLOCK_BYTES = 1 << 20
-
-
-def digest(path: Path) -> str:
-    """SHA-256 of a file, 64 hexadecimal digits in lower case."""
-    sha256 = hashlib.sha256()
-    with path.open("rb") as stream:
-        while block := stream.read(_BLOCK_BYTES):
-            sha256.update(block)
-    return sha256.hexdigest()
 
 
 def listed(folder: Path) -> list[str]:
@@ -36,7 +26,7 @@ def listed(folder: Path) -> list[str]:
 
 def write(folder: Path) -> Path:
     """Write the checksums of every file below a folder; returns the list's path."""
-    sums = {name: digest(folder / name) for name in listed(folder)}
+    sums = {name: sha256_of(folder / name) for name in listed(folder)}
     (folder / FILE).write_bytes(to_text(sums).encode())
     return folder / FILE
 
@@ -78,7 +68,7 @@ def parse(data: bytes, path: Path) -> dict[str, str]:
         if match is None:
             raise AdvpipeError(f"{path}:{number}: no line of `sha256sum`: 64 hex digits, two spaces, a path")
         name = match[2]
-        if not is_plain(name) or name in UNLISTED:
+        if not layout.is_plain(name) or name in UNLISTED:
             raise AdvpipeError(f"{path}:{number}: {name!r} is no path of a file in this folder")
         if name.encode() <= last:
             raise AdvpipeError(f"{path}:{number}: {name!r} is listed twice or out of order")
@@ -96,14 +86,3 @@ def of_files(files: Mapping[str, Path]) -> dict[str, str]:
         what = "is missing, though it lists it" if name in sums else "is not listed"
         raise AdvpipeError(f"{files[FILE]}: {name} {what}")
     return sums
-
-
-def is_plain(name: str) -> bool:
-    """Whether a relative POSIX path stays in its folder and is spelt in one way on every system."""
-    return (
-        name.isprintable()
-        and "\\" not in name
-        and not name.startswith("/")
-        and PurePosixPath(name).as_posix() == name
-        and not {"..", "."} & set(name.split("/"))
-    )

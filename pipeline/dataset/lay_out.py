@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
 from advpipe.pipeline.dataset import checksums
 from advpipe.pipeline.dataset.layout import is_dataset
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, writing
+from advpipe.pipeline.hashing import copy
 from advpipe.pipeline.partial import PartialFolder
 from advpipe.pipeline.progress import track
-
-_COPY_BYTES = 1 << 20
 
 
 def lay_out(files: Mapping[str, Path], folder: Path, *, overwrite: bool = False) -> None:
@@ -50,9 +49,5 @@ def lay_out(files: Mapping[str, Path], folder: Path, *, overwrite: bool = False)
 def _copy(source: Path, target: Path) -> str:
     """The SHA-256 of what was copied."""
     target.parent.mkdir(parents=True, exist_ok=True)
-    sha256 = hashlib.sha256()
     with source.open("rb") as stream, target.open("xb") as out:
-        while block := stream.read(_COPY_BYTES):
-            sha256.update(block)
-            out.write(block)
-    return sha256.hexdigest()
+        return copy(stream.read, out.write, os.fstat(stream.fileno()).st_size)[0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from advpipe.pipeline.bag.files import METADATA_NAME
 from advpipe.pipeline.bag.locate import CLEAN_NAME, adversarial_bags
@@ -15,6 +15,9 @@ SCENARIO_NAME = "scenario.yaml"
 CARD_NAME = "README.md"
 REPORTS_NAME = "reports"
 REPORT_NAME = "report.json"
+
+_NOT_EVERYWHERE = frozenset('\\:*?"<>|')
+"""Signs that mean something else in a name on some systems, `C:x` another folder."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +88,7 @@ def _files(folder: Path, root: Path) -> Iterator[str]:
     with os.scandir(folder) as entries:
         for entry in entries:
             path = folder / entry.name
-            if not entry.name.isprintable() or "\\" in entry.name:
+            if not is_plain(entry.name):
                 raise AdvpipeError(f"{str(path)!r}: a name of signs that not every system takes; rename it")
             if entry.is_dir(follow_symlinks=False):
                 yield from _files(path, root)
@@ -93,6 +96,17 @@ def _files(folder: Path, root: Path) -> Iterator[str]:
                 yield path.relative_to(root).as_posix()
             else:
                 raise AdvpipeError(f"{path} is a link or no regular file; a data set holds files alone")
+
+
+def is_plain(name: str) -> bool:
+    """Whether a relative POSIX path stays in its folder and is spelt in one way on every system."""
+    return (
+        name.isprintable()
+        and _NOT_EVERYWHERE.isdisjoint(name)
+        and not name.startswith("/")
+        and PurePosixPath(name).as_posix() == name
+        and not {"..", "."} & set(name.split("/"))
+    )
 
 
 def _if_file(path: Path) -> Path | None:

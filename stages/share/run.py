@@ -14,6 +14,7 @@ from advpipe.pipeline.dataset.archive import pack
 from advpipe.pipeline.dataset.lay_out import lay_out
 from advpipe.pipeline.dataset.layout import Layout, read_layout
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.hashing import sha256_of
 from advpipe.pipeline.progress import track
 from advpipe.stages.share import names
 from advpipe.stages.share.additions import write_additions
@@ -52,7 +53,7 @@ def share(dataset: Path, out: Path, options: ShareOptions = NOTHING_SAID) -> Sha
         signature.load_private_key(options.sign)
     files = _own_files(found)
     sums = {
-        name: checksums.digest(path) for name, path in track(files.items(), f"reading {dataset}", len(files))
+        name: sha256_of(path) for name, path in track(files.items(), f"reading {dataset}", len(files))
     }
     clean_sha256 = _sha256(found, sums)
     unchecked = check_chain(found, clean_sha256)
@@ -64,7 +65,7 @@ def share(dataset: Path, out: Path, options: ShareOptions = NOTHING_SAID) -> Sha
     with tempfile.TemporaryDirectory() as scratch:
         made = Path(scratch)
         write_additions(made, name, found, bags, sums, clean_sha256, options, remarks)
-        sums |= {added: checksums.digest(made / added) for added in layout.files(made)}
+        sums |= {added: sha256_of(made / added) for added in layout.files(made)}
         _write_sums(made, sums, options)
         files |= {added: made / added for added in layout.files(made)}
         size_bytes = sum(path.stat().st_size for path in files.values())
@@ -114,7 +115,7 @@ def _write_sums(made: Path, sums: dict[str, str], options: ShareOptions) -> None
     if options.sign is not None:
         key = signature.load_private_key(options.sign)
         (made / signature.KEY_FILE).write_bytes(signature.public_pem(key))
-        sums[signature.KEY_FILE] = checksums.digest(made / signature.KEY_FILE)
+        sums[signature.KEY_FILE] = sha256_of(made / signature.KEY_FILE)
     (made / checksums.FILE).write_bytes(checksums.to_text(sums).encode())
     if options.sign is not None:
         signature.sign(made, options.sign)

@@ -18,6 +18,7 @@ from advpipe.pipeline.bag.types import message_class, serialise, typestore
 from advpipe.pipeline.dataset import checksums, signature
 from advpipe.pipeline.dataset.archive import contents, unpack
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.hashing import sha256_of
 from advpipe.stages.share.options import citation_text
 from advpipe.stages.share.run import ShareOptions, share
 
@@ -37,7 +38,7 @@ def test_all_that_was_recorded_is_there_as_it_was(recorded: Path, shared: Path) 
     assert added < set(found)
     assert {"figures/fewer_points.png", "figures/v2x.png", "msgs/advpipe_msgs/package.xml"} < set(found)
     sums = checksums.read(shared)
-    assert sums == {name: checksums.digest(shared / name) for name in found if name != "SHA256SUMS"}
+    assert sums == {name: sha256_of(shared / name) for name in found if name != "SHA256SUMS"}
 
 
 @pytest.mark.oracle
@@ -97,7 +98,7 @@ def test_the_card_tells_what_is_in_the_bags(recorded: Path, shared: Path) -> Non
     assert "| `/ego/imu` | sensor_msgs/Imu | 90 | 100.0 Hz | ego/imu |" in card
     assert "| `lidar` | ego | 16 | 72,000 | 10.0 | 100.0 m | 0.0, 0.0, 1.8 m |" in card
     assert f"| map's SHA-256 | {reader.provenance['map_sha256']} |" in card
-    assert checksums.digest(next((shared / "clean").glob("*.mcap"))) in card
+    assert sha256_of(next((shared / "clean").glob("*.mcap"))) in card
     row = json.loads((recorded / "reports" / "small" / "report.json").read_text())["rows"][0]
     assert (
         f"| {row['lost_objects']} of {row['objects_found_clean']} | {row['chamfer_distance_m2']:.4f} |"
