@@ -1,7 +1,8 @@
-"""Boxes as visualization_msgs/MarkerArray: the one scene type that RViz and Foxglove both draw."""
+"""Boxes and lanes as visualization_msgs/MarkerArray: the one scene type that RViz and Foxglove both draw."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from functools import cache
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from advpipe.pipeline.bag.messages import box_pose, header, pose, vector3
 from advpipe.pipeline.bag.types import message_class
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
+from advpipe.pipeline.geometry.transforms import Float64
 
 CLASS_COLOURS_RGB = {
     "car": (0.12, 0.47, 0.71),
@@ -17,7 +19,11 @@ CLASS_COLOURS_RGB = {
     "cyclist": (1.00, 0.50, 0.05),
     "pedestrian": (0.17, 0.63, 0.17),
 }
+LANE_GREY = 0.5
 OPACITY = 0.5
+
+Lane = tuple[Float64, float]
+"""The middle (K, 3) of a lane in the driving direction, in the map's frame, and its width, all in metres."""
 
 
 def markers(stamp_ns: int, frame_id: str, boxes: Boxes) -> Any:
@@ -34,16 +40,42 @@ def markers(stamp_ns: int, frame_id: str, boxes: Boxes) -> Any:
             id=number,
             pose=box_pose(box),
             scale=vector3(box[3:6]),
-            color=_colour(CLASSES[label]),
+            color=_colour(CLASS_COLOURS_RGB[CLASSES[label]]),
         )
         for number, (box, label) in enumerate(zip(boxes.geometry, boxes.labels, strict=True))
     ]
     return message_class("visualization_msgs/msg/MarkerArray")(markers=[clear, *cubes])
 
 
+def lane_markers(stamp_ns: int, frame_id: str, lanes: Sequence[Lane]) -> Any:
+    """One line for each lane along its middle, as wide as the lane."""
+    Marker, Point = message_class("visualization_msgs/msg/Marker"), message_class("geometry_msgs/msg/Point")
+    lines = [
+        _marker(
+            stamp_ns,
+            frame_id,
+            action=Marker.ADD,
+            type=Marker.LINE_STRIP,
+            ns="lanes",
+            id=number,
+            scale=vector3([width_m, 0, 0]),
+            color=_colour((LANE_GREY,) * 3),
+            points=[Point(x=x, y=y, z=z) for x, y, z in middle_m.tolist()],
+        )
+        for number, (middle_m, width_m) in enumerate(lanes)
+    ]
+    return message_class("visualization_msgs/msg/MarkerArray")(markers=lines)
+
+
+def lanes_of_markers(message: Any) -> Iterable[Lane]:
+    """The lanes that `lane_markers` made a message of."""
+    for marker in message.markers:
+        yield np.array([[p.x, p.y, p.z] for p in marker.points]).reshape(-1, 3), float(marker.scale.x)
+
+
 @cache
-def _colour(class_name: str) -> Any:
-    red, green, blue = CLASS_COLOURS_RGB[class_name]
+def _colour(rgb: tuple[float, ...]) -> Any:
+    red, green, blue = rgb
     return message_class("std_msgs/msg/ColorRGBA")(r=red, g=green, b=blue, a=OPACITY)
 
 

@@ -98,6 +98,19 @@ class RoadNetwork:
         return [edge for _, edge in sorted(self.edges.items()) if edge.for_cars]
 
     @property
+    def lanes_m(self) -> list[tuple[Float64, float]]:
+        """Centre line (K, 3) and width of each lane but pavements, over junctions too, in a fixed order."""
+        found = []
+        for _, edge in sorted(self.edges.items()):
+            found += [(lane.centre_m, lane.width_m) for lane in edge.lanes if not lane.is_pavement]
+            found += [
+                (way.centre_m, edge.lanes[way.from_lane].width_m)
+                for way in edge.connections
+                if len(way.centre_m) > 1
+            ]
+        return found
+
+    @property
     def pavements_m(self) -> list[Float64]:
         """Centre lines (K, 3) of the lanes for people on foot alone, in a fixed order."""
         edges = [edge for _, edge in sorted(self.edges.items())]

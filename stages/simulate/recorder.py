@@ -13,7 +13,7 @@ from advpipe.pipeline.bag import messages, topics
 from advpipe.pipeline.bag.cloud import cloud_to_cdr
 from advpipe.pipeline.bag.ldm import ldm_detections_cdr, ldm_snapshot_cdr
 from advpipe.pipeline.bag.localisation import MAP_FRAME, initial_pose_message, onboard_messages
-from advpipe.pipeline.bag.markers import markers
+from advpipe.pipeline.bag.markers import Lane, lane_markers, markers
 from advpipe.pipeline.bag.topics import Topic, VehicleTopics
 from advpipe.pipeline.bag.types import serialise
 from advpipe.pipeline.bag.v2x import (
@@ -53,9 +53,11 @@ class Recorder:
         self,
         stamp_ns: int,
         vehicles: Sequence[Instrumented],
+        lanes: Sequence[Lane],
         footprints: Sequence[shapely.Polygon] | None = None,
     ) -> None:
-        """The latched topics: where the sensors sit, what this drive is, what buildings take from signals."""
+        """The latched topics: where the sensors sit, what this drive is, its roads, and what buildings take
+        from signals."""
         static = []
         for vehicle in vehicles:
             topic = VehicleTopics(vehicle.name)
@@ -66,6 +68,7 @@ class Recorder:
         self._write(topics.TF_STATIC, messages.transforms(stamp_ns, static), stamp_ns)
         info = json.dumps(scenario_tree(self._scenario), sort_keys=True)
         self._write(topics.SCENARIO_INFO, messages.string(info), stamp_ns)
+        self._write(topics.LANES, lane_markers(stamp_ns, MAP_FRAME, lanes), stamp_ns)
         if self._scenario.v2x.enabled and footprints is not None:
             text = footprints_text(footprints)
             self._write(topics.V2X_BUILDINGS, messages.string(text), stamp_ns)

@@ -69,7 +69,7 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
             footprints = world.footprints if scenario.v2x.radio.building_loss == "obstacles" else None
             communication = Communication(scenario, traffic, footprints)
             recorder = Recorder(scenario, writer)
-            recorder.start(clock.stamp_ns(0), vehicles, footprints)
+            recorder.start(clock.stamp_ns(0), vehicles, network.lanes_m, footprints)
             for frame in track(range(clock.frames), f"simulating {scenario.name}"):
                 exchange = communication.simulate_until(frame)
                 drivers = traffic.road_users()

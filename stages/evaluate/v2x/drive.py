@@ -29,8 +29,8 @@ from advpipe.stages.evaluate.v2x.receptions import read_receptions, roads_of_bag
 class Drive:
     """One bag under evaluation: the clean one has no labels.
 
-    moments, errors, warned, honest_delivered: by listener. roads: None where they are not at hand, so that
-    the checks that need them are off.
+    moments, errors, warned, honest_delivered: by listener. roads: None where the bag does not tell
+    them, so that the checks that need them are off.
     """
 
     name: str

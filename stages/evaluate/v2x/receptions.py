@@ -5,7 +5,6 @@ The bag's own receptions are told apart by sending the drive again: the same mes
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -13,15 +12,16 @@ from typing import Any
 import numpy as np
 
 from advpipe.pipeline.bag import messages
+from advpipe.pipeline.bag.markers import lanes_of_markers
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import SCENARIO_INFO, VehicleTopics
+from advpipe.pipeline.bag.topics import LANES, VehicleTopics
 from advpipe.pipeline.bag.v2x import RadioPlace
 from advpipe.pipeline.bag.v2x_drive import V2xDrive, V2xStep
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.misbehaviour.claim import Claim, Receiver, claims_of_cams
-from advpipe.pipeline.misbehaviour.roads import NO_ROADS, RoadMap, find_roads
+from advpipe.pipeline.misbehaviour.roads import NO_ROADS, RoadMap, lanes
 from advpipe.pipeline.v2x.air import Received
 from advpipe.pipeline.v2x.cam import Cam
 from advpipe.pipeline.v2x.cam_error import CamError
@@ -97,10 +97,10 @@ def read_receptions(reader: BagReader, listeners: Collection[int] | None = None)
 
 
 def roads_of_bag(reader: BagReader) -> RoadMap | None:
-    """The roads that a drive was simulated on, where their file is at hand."""
-    scenario = json.loads(str(next(message for _, message in reader.messages(SCENARIO_INFO.name)).data))
-    folders = reader.path, *reader.path.parents[:3]
-    return find_roads(scenario, reader.provenance.get("map_sha256", ""), folders)
+    """The roads of a drive; None for a bag that does not tell them."""
+    if LANES.name not in reader.topics:
+        return None
+    return next((lanes(lanes_of_markers(message)) for _, message in reader.messages(LANES.name)), None)
 
 
 def _near(step: V2xStep, radios: dict[int, RadioPlace], own: RadioPlace) -> Iterator[int]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import V2X_SENT, V2X_STATIONS
+from advpipe.pipeline.bag.topics import LANES, V2X_SENT, V2X_STATIONS
 from advpipe.pipeline.misbehaviour import tuned
 from advpipe.pipeline.misbehaviour.catch import TUNED_CATCH, CatchParameters
 from advpipe.pipeline.misbehaviour.config import NEED_ROADS, DetectorConfig
@@ -136,9 +136,8 @@ def _notes(drives: Sequence[Drive]) -> list[str]:
     off = [drive.name for drive in drives if drive.roads is None]
     if off:
         notes.append(
-            f"The SUMO network that {', '.join(off)} was simulated on is not at hand, so the checks "
-            f"{' and '.join(NEED_ROADS)} are off there, as is the baseline's position check; lay the "
-            ".net.xml beside the bag to have them."
+            f"{', '.join(off)}: the bag does not tell its roads ({LANES.name}), so the checks "
+            f"{' and '.join(NEED_ROADS)} are off there, as is the baseline's position check."
         )
     undecoded = sum(drive.detection.undecoded for drive in drives)
     if undecoded:

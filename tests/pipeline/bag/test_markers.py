@@ -1,11 +1,11 @@
 import numpy as np
 
-from advpipe.pipeline.bag.markers import markers
+from advpipe.pipeline.bag.markers import lane_markers, lanes_of_markers, markers
 from advpipe.pipeline.bag.types import serialise, typestore
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
 
 TYPE = "visualization_msgs/msg/MarkerArray"
-CUBE, ADD, DELETE_ALL = 1, 0, 3
+CUBE, LINE_STRIP, ADD, DELETE_ALL = 1, 4, 0, 3
 
 
 def test_cubes_after_a_clean_slate() -> None:
@@ -27,3 +27,20 @@ def test_cubes_after_a_clean_slate() -> None:
 def test_an_empty_scene_is_still_cleared() -> None:
     (clear,) = markers(0, "map", Boxes()).markers
     assert clear.action == DELETE_ALL
+
+
+def test_lanes_come_back_from_their_lines() -> None:
+    lanes = [
+        (np.array([[0.0, 0, 1], [10, 5, 2], [20, 5, 2]]), 3.2),
+        (np.array([[7.0, 7, 7], [8, 8, 8]]), 2.5),
+    ]
+    message = lane_markers(5_000_000_001, "map", lanes)
+    back = typestore().deserialize_cdr(serialise(message, TYPE), TYPE)
+    assert [(line.type, line.id, line.scale.x) for line in back.markers] == [
+        (LINE_STRIP, 0, 3.2),
+        (LINE_STRIP, 1, 2.5),
+    ]
+    assert all(line.header.frame_id == "map" and line.pose.orientation.w == 1 for line in back.markers)
+    for (middle_m, width_m), (wanted_m, wanted) in zip(lanes_of_markers(back), lanes, strict=True):
+        np.testing.assert_array_equal(middle_m, wanted_m)
+        assert width_m == wanted

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
-from importlib.resources import files
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from advpipe.pipeline.misbehaviour.roads import NO_ROADS, RoadMap, find_roads, lanes
-
-BOULEVARD = Path(str(files("advpipe.scenarios"))) / "networks" / "boulevard.net.xml"
+from advpipe.pipeline.misbehaviour.roads import NO_ROADS, RoadMap, lanes
 
 
 def test_off_the_road_and_the_wrong_way() -> None:
     """Two lanes 4 m apart, 3 m wide, the upper one eastbound and the lower one westbound."""
-    roads = lanes([[(0, 0), (100, 0)], [(100, -4), (0, -4)]], 3.0)
+    roads = lanes([([(0, 0), (100, 0)], 3.0), ([(100, -4, 7), (50, -4, 7), (50, -4, 9), (0, -4, 7)], 3.0)])
     places = [
         (50.0, 1.0, 0.0),  # on the eastbound lane
         (50.0, 6.5, 0.0),  # 5 m off
@@ -38,31 +33,6 @@ def test_a_wider_lane_farther_off_is_nearer() -> None:
 
 
 def test_without_roads_nothing_is_said() -> None:
-    off_m, wrong_rad = NO_ROADS.measure([(0.0, 0.0, 0.0)])
-    assert np.isnan([off_m[0], wrong_rad[0]]).all()
-
-
-def test_of_a_sumo_network() -> None:
-    """Lane :a_1_0 of the network begins at (187.04, 167.74); its offset is (420, 165)."""
-    roads = RoadMap.of_sumo_net(BOULEVARD)
-    off_m, wrong_rad = roads.measure([(187.04 - 420, 167.74 - 165, math.pi), (0.0, 900.0, 0.0)])
-    assert off_m[0] == 0.0
-    assert wrong_rad[0] < 0.1
-    assert off_m[1] > 500
-
-
-def test_found_only_if_it_is_the_same_file() -> None:
-    scenario = {"map": {"sumo_net": "boulevard.net.xml"}}
-    digest = hashlib.sha256(BOULEVARD.read_bytes()).hexdigest()
-    assert find_roads(scenario, digest) is not None
-    assert find_roads(scenario, "0" * 64) is None
-    assert find_roads(scenario, digest, (Path("nowhere"),)) is not None
-    assert find_roads({"map": {"opendrive": "town.xodr", "sumo_net": None}}, digest) is None
-
-
-def test_found_beside_the_bag(tmp_path: Path) -> None:
-    text = BOULEVARD.read_bytes() + b"<!-- of one's own -->"
-    (tmp_path / "mine.net.xml").write_bytes(text)
-    scenario, digest = {"map": {"sumo_net": "mine.net.xml"}}, hashlib.sha256(text).hexdigest()
-    assert find_roads(scenario, digest) is None
-    assert find_roads(scenario, digest, (tmp_path / "bag", tmp_path)) is not None
+    for nothing in (NO_ROADS, lanes([])):
+        off_m, wrong_rad = nothing.measure([(0.0, 0.0, 0.0)])
+        assert np.isnan([off_m[0], wrong_rad[0]]).all()

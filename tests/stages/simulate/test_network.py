@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -155,6 +156,20 @@ def test_a_generated_grid_is_as_large_as_it_was_asked_for(tmp_path: Path) -> Non
     points = np.concatenate([edge.lanes[0].centre_m for edge in network.drivable])
     assert np.ptp(points[:, :2], axis=0) == pytest.approx([400, 400], abs=10)
     assert {edge.speed_mps for edge in network.drivable} == {10}
+
+
+def test_lanes_are_all_but_pavements_and_go_over_junctions(tmp_path: Path) -> None:
+    """Lane :a_1_0 of the boulevard begins at (187.04, 167.74); the network's offset is (420, 165)."""
+    network = load_network(BOULEVARD, tmp_path)
+    begins_m = np.array([middle_m[0, :2] for middle_m, _ in network.lanes_m])
+    nearest_m = np.linalg.norm(begins_m - [187.04 - 420, 167.74 - 165], axis=1).min()
+    assert nearest_m < 0.01
+    assert all(len(middle_m) > 1 and 1 < width_m < 6 for middle_m, width_m in network.lanes_m)
+    edge = network.drivable[0]
+    outer, *others = edge.lanes
+    pavement = replace(edge, lanes=(replace(outer, is_pavement=True), *others))
+    fewer = replace(network, edges=network.edges | {edge.id: pavement})
+    assert len(fewer.lanes_m) == len(network.lanes_m) - 1
 
 
 def test_the_digest_is_that_of_the_map_file(tmp_path: Path) -> None:

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import shutil
 from dataclasses import asdict, replace
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.topics import LANES
+from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.misbehaviour.catch import TUNED_CATCH
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
 from advpipe.pipeline.misbehaviour.scores import Scores
-from advpipe.pipeline.scenario import load_scenario
-from advpipe.pipeline.scenario.attacks import AttackSpec
-from advpipe.stages.attack.request import AttackRequest
-from advpipe.stages.attack.run import attack
 from advpipe.stages.evaluate.report.section import SECTION, Section
 from advpipe.stages.evaluate.v2x.section import read_drive, section, sections
-from advpipe.stages.simulate.run import simulate
 
 
 @pytest.fixture(scope="module")
@@ -78,22 +75,25 @@ def test_bags_without_lies_do_not_count_in_the_mean(smoke: Path, offset: Path) -
     assert lead.startswith("Mean F1 over 1 bags with lies ")
 
 
-def test_without_the_road_network_its_checks_are_off_and_the_report_says_so(tmp_path: Path) -> None:
-    """A map of one's own that has moved since; laid beside the bags, it is found again."""
-    shipped = Path(str(files("advpipe.scenarios"))) / "networks" / "boulevard.net.xml"
-    mine, data = tmp_path / "mine.net.xml", tmp_path / "drives" / "one"
-    mine.write_text(shipped.read_text(encoding="utf-8") + "<!-- mine -->", encoding="utf-8")
-    settings = ["simulation.duration_s=1", "sensors.lidars={}", "v2x.penetration=1", f"map.sumo_net={mine}"]
-    simulate(load_scenario("smoke", settings), data)
-    lied = data / "lied"
-    attack(data / "clean", lied, AttackRequest((AttackSpec(type="cam-position-offset"),)))
-    shutil.move(mine, tmp_path / "elsewhere")
-    (off,) = sections(data / "clean", [lied])
-    rows = {line[0]: line for line in off.tables[3].lines}
-    assert [name for name, line in rows.items() if line[2] == "off"] == ["position", "wrong_way"]
-    (note,) = off.notes
-    assert "clean, lied was simulated on is not at hand" in note
-    shutil.move(tmp_path / "elsewhere", data / "mine.net.xml")
-    (on,) = sections(data / "clean", [lied])
+def test_without_its_roads_a_bag_has_those_checks_off_and_the_report_says_so(
+    smoke: Path, offset: Path, tmp_path: Path
+) -> None:
+    (on,) = sections(smoke, [offset])
     assert on.notes == ()
     assert "off" not in [line[2] for line in on.tables[3].lines]
+    roadless = [without_lanes(bag, tmp_path / bag.name) for bag in (smoke, offset)]
+    (off,) = sections(roadless[0], roadless[1:])
+    assert [line[0] for line in off.tables[3].lines if line[2] == "off"] == ["position", "wrong_way"]
+    (note,) = off.notes
+    assert f"{roadless[0].name}, {roadless[1].name}: the bag does not tell its roads (/map/lanes)" in note
+
+
+def without_lanes(bag: Path, copy: Path) -> Path:
+    reader = BagReader(bag)
+    with BagWriter(copy, provenance=reader.provenance) as writer:
+        for raw in reader.raw_messages():
+            if raw.topic.name != LANES.name:
+                writer.copy(raw)
+    for labels in bag.glob("*.parquet"):
+        shutil.copy(labels, copy)
+    return copy
