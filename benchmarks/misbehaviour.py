@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import shutil
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -43,7 +42,6 @@ from advpipe.pipeline.misbehaviour.scores import Scores
 from advpipe.pipeline.misbehaviour.tuning import Stream, tune, tune_catch
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
-from advpipe.pipeline.scenario.map import Generator, Map
 from advpipe.stages.attack.registry import ATTACKS
 from advpipe.stages.attack.request import AttackRequest
 from advpipe.stages.attack.run import attack
@@ -51,7 +49,6 @@ from advpipe.stages.attack.v2x.attackers import Cast
 from advpipe.stages.evaluate.v2x.detection import Detection, attack_parameters, detect
 from advpipe.stages.evaluate.v2x.labels import lies, read_labels
 from advpipe.stages.evaluate.v2x.receptions import read_receptions
-from advpipe.stages.simulate.network_file import prepare_network_file
 from advpipe.stages.simulate.run import simulate
 
 TUNED_FILE = Path(__file__).parents[1] / "pipeline" / "misbehaviour" / "tuned.py"
@@ -70,25 +67,30 @@ T = TypeVar("T")
 
 
 class Site(NamedTuple):
-    """A drive: a shipped scenario, on a generated network where there is one."""
+    """A drive of a shipped scenario with other settings."""
 
-    scenario: str
+    place: str
     seed: int
-    generator: Generator | None = None
+    scenario: str = "boulevard"
     settings: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
-        return f"{self.generator.kind if self.generator else self.scenario}-{self.seed}"
+        return f"{self.place}-{self.seed}"
+
+
+def _generated(kind: str, seed: int, size: int, block_m: float, lanes: int) -> Site:
+    network = f"{{kind: {kind}, size: {size}, block_m: {block_m}, lanes: {lanes}}}"
+    return Site(kind, seed, settings=("map.sumo_net=null", f"map.generator={network}"))
 
 
 TUNING = (
-    Site("boulevard", 21, Generator(kind="spider", size=6, block_m=160, lanes=2)),
-    Site("boulevard", 22, Generator(kind="grid", size=4, block_m=180, lanes=2)),
-    Site("boulevard", 23, Generator(kind="random", size=6, block_m=150, lanes=1)),
+    _generated("spider", 21, size=6, block_m=160, lanes=2),
+    _generated("grid", 22, size=4, block_m=180, lanes=2),
+    _generated("random", 23, size=6, block_m=150, lanes=1),
 )
 TESTING = Site("boulevard", 1)
-HONEST = (Site("highway", 3),)
+HONEST = (Site("highway", 3, "highway"),)
 
 
 def main() -> None:
@@ -161,19 +163,8 @@ class Bench:
         if not (folder / "clean").exists():
             settings = [*NO_LIDAR, LISTENERS, *site.settings]
             settings += [f"simulation.seed={site.seed}", f"simulation.duration_s={self._seconds}"]
-            if site.generator is not None:
-                settings.append(f"map.sumo_net={self._network(site.generator, site)}")
             simulate(load_scenario(site.scenario, settings), folder)
         return folder / "clean"
-
-    def _network(self, generator: Generator, site: Site) -> Path:
-        """The generated network as a file of its own, so that the receivers' map of the roads is at hand."""
-        path = self._folder / f"{site.name}.net.xml"
-        if not path.exists():
-            with scratch() as temporary:
-                made = prepare_network_file(Map(generator=generator), Path(temporary), site.seed).sumo_file
-                shutil.copyfile(made, path)
-        return path
 
     def _each(self, site: Site, words: Sequence[str], look: Callable[[Path, str], T]) -> list[T | None]:
         clean = self._clean(site)
@@ -287,7 +278,7 @@ def _items(values: dict[str, float]) -> str:
 
 
 def _town06(path: Path) -> Site:
-    return Site("town06", 6, settings=(f"map.opendrive={path}",))
+    return Site("town06", 6, "town06", settings=(f"map.opendrive={path}",))
 
 
 def _parser() -> argparse.ArgumentParser:
