@@ -99,14 +99,14 @@ def _is_report_of(report: Path, bags: Sequence[Path], detector: str, device: str
     from advpipe.pipeline.bag.provenance import parent_sha256
     from advpipe.pipeline.code import code_sha256
     from advpipe.pipeline.detector.registry import detector_sha256
-    from advpipe.stages.evaluate.provenance import SCORING
+    from advpipe.stages.evaluate.provenance import REPORTING
 
     try:
         about = json.loads((report / "report.json").read_text(encoding="utf-8"))["provenance"]
         scored = [about["clean"]["sha256"], *(bag["sha256"] for bag in about["compared"] if bag["sha256"])]
         detectors = [one["sha256"] for one in about["detectors"]]
         was_here = about.get("device", "cpu") == device.partition(":")[0]
-        was_so = about["code_sha256"] == code_sha256(*SCORING)
+        was_so = about["code_sha256"] == code_sha256(*REPORTING)
     except (OSError, ValueError, LookupError, TypeError):
         return False
     is_of_bags = sorted(scored) == sorted(map(parent_sha256, bags))

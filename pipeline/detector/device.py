@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import torch
 
 CPU = "cpu"
-_KNOWN = re.compile(r"cpu|cuda(?::(\d+))?")
+_KNOWN = re.compile(r"cpu|cuda(?::([0-9]{1,4}))?")
 
 
 def open_device(name: str) -> torch.device:
@@ -24,11 +24,11 @@ def open_device(name: str) -> torch.device:
 
     Raises AdvpipeError for any other name, and for a GPU that PyTorch does not find.
     """
-    import torch
-
     known = _KNOWN.fullmatch(name)
     if known is None:
         raise AdvpipeError(f"unknown device {name!r}; known: cpu, cuda, cuda:N (N counts GPUs from 0)")
+    import torch
+
     if name == CPU:
         return torch.device(CPU)
     count, index = torch.cuda.device_count() if torch.cuda.is_available() else 0, int(known[1] or 0)

@@ -44,6 +44,8 @@ def resolved_recipe(spec: AttackSpec) -> str:
     recipe = _keywords(spec.type).get("recipe")
     if recipe is None and spec.recipe is not None:
         raise AdvpipeError(f"{spec.type} has no recipes; leave out {spec.recipe!r}")
+    if spec.recipe == "":
+        raise AdvpipeError(f"{spec.type}: the recipe is empty; name one, or leave it out")
     if recipe is None:
         return ""
     return str(recipe.default) if spec.recipe is None else spec.recipe
@@ -75,7 +77,7 @@ def _refuse_idle(spec: AttackSpec, recipe: str, parameters: Mapping[str, Any]) -
     """Raises AdvpipeError for a parameter that its recipe would pass over in silence."""
     usual = known_parameters(spec.type)
     for name, recipes in getattr(find_attack(spec.type), "only_for", {}).items():
-        if parameters[name] != usual[name] and recipe not in recipes:
+        if name in usual and parameters[name] != usual[name] and recipe not in recipes:
             raise AdvpipeError(
                 f"{spec.type}: recipe {recipe} does not look at {name}; leave it out, or take one that does: "
                 f"{', '.join(recipes)}"

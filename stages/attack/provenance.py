@@ -14,13 +14,16 @@ from advpipe.stages.attack.clouds import topic_of
 from advpipe.stages.attack.parameters import build_lidar_attack, looks_of
 from advpipe.stages.attack.request import AttackRequest
 
-LIDAR = (*CLOUDS, "stages/attack/lidar", "stages/attack/cloud_attack.py")
-"""The code that decides what becomes of clouds."""
+_WHEN = ("pipeline/scenario/attacks.py", "stages/attack/clouds.py", "stages/attack/recording.py")
+
+LIDAR = (*CLOUDS, *_WHEN, "stages/attack/lidar", "stages/attack/cloud_attack.py")
+"""The code that decides what becomes of which clouds."""
 
 MESSAGES = (
     "pipeline/bag",
     "pipeline/geometry",
     "pipeline/localisation",
+    "pipeline/scenario",
     "pipeline/seeding.py",
     "pipeline/v2x",
     "stages/attack",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,9 +12,20 @@ from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.versions import installed
 from advpipe.stages.evaluate.detection.comparison import Comparison, bag_name
 from advpipe.stages.evaluate.detection.figures import Row
+from advpipe.stages.evaluate.detection.told import read_told
 
 SCORING = (*CLOUDS, "pipeline/defences", "stages/evaluate/detection")
 """The code that decides the figures of detection."""
+
+REPORTING = (
+    *SCORING,
+    "pipeline/bag",
+    "pipeline/localisation",
+    "pipeline/misbehaviour",
+    "pipeline/v2x",
+    "stages/evaluate",
+)
+"""The code that decides what a report says."""
 
 
 def describe_bags(
@@ -29,7 +39,7 @@ def describe_bags(
     scenario = BagReader(clean).provenance.get("scenario_name")
     return {
         "advpipe": installed("advpipe"),
-        "code_sha256": code_sha256(*SCORING),
+        "code_sha256": code_sha256(*REPORTING),
         "clean": {"bag": bag_name(clean), "sha256": clean_sha256, "scenario": scenario},
         "compared": [
             {
@@ -63,7 +73,7 @@ def transfer_remark(comparison: Comparison) -> list[str]:
 
 def topic_remark(comparison: Comparison, topic: str) -> list[str]:
     """A remark if the clouds that are scored, those of a topic, are not the ones that were attacked."""
-    attacked = json.loads(comparison.provenance.get("lidar_topics", "[]"))
+    attacked = read_told(comparison.provenance, "lidar_topics", list[str], list[str]())
     if not attacked or topic in attacked:
         return []
     return [f"Attacked were the clouds of {', '.join(attacked)}, evaluated were those of {topic}."]

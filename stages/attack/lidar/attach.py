@@ -80,6 +80,7 @@ class Attach:
 
     only_for: ClassVar = {
         "rounds": CLIMBING,
+        "goal": CLIMBING,
         "weight": ("paper",),
         "decay_m": ("best", "robust"),
         "intensity": CLIMBING,

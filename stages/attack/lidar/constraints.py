@@ -59,7 +59,8 @@ class Constraints:
     keep_occlusion_order: no touched point comes to stand behind a surface that hides it (`Rules.hidden`).
     near_objects_m: only points within this distance of a ground-truth box, 0 for those inside.
     goal: "break" detections (misplaced boxes and false ones count too, as they do in average precision at
-        strict overlap), or "hide" objects: no box that overlaps them loosely is left.
+        strict overlap), or "hide" objects: no box that overlaps them loosely is left. Recipes that do not
+        look at what is found cannot tell the two apart.
     objects: attack these boxes alone: hide them. By id; by place ("0", ...) where the truth has no ids.
     ghost: instead of hiding what is there, make the detector find this.
     max_points: at most so many points of a cloud are touched.

@@ -47,7 +47,7 @@ class Detach:
     near_objects_m, goal, objects, max_points: see `constraints.Constraints`.
     """
 
-    only_for: ClassVar = {"rounds": (*CLIMBING, "paper")}
+    only_for: ClassVar = {"rounds": (*CLIMBING, "paper"), "goal": CLIMBING}
 
     def __init__(
         self,

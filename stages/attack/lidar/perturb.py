@@ -59,6 +59,7 @@ class Perturb:
 
     only_for: ClassVar = {
         "steps": (*KEEPING, "paper"),
+        "goal": KEEPING,
         "weight": ("paper",),
         "intensity": tuple(recipe for recipe in RECIPES if recipe != "paper"),
     }

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import Field
 
 from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.baselines import points_near_boxes
 from advpipe.pipeline.seeding import named_generator
 from advpipe.stages.evaluate.detection.random_change import Budget, Change, RandomChange
+from advpipe.stages.evaluate.detection.told import read_told
 
 Float64 = npt.NDArray[np.float64]
 
@@ -49,6 +52,9 @@ BASELINES = {
 USUAL_LOOKS = 24
 """How often an attack looks that does not say: as often as any of ours."""
 
+MOST_LOOKS = 10_000
+"""More is no record of ours, and would keep whoever evaluates such a bag busy for ever."""
+
 BEST = "_best"
 """What the word of a baseline ends with that is the best of several tries."""
 
@@ -66,7 +72,7 @@ def baseline_words() -> list[str]:
 
 def looks_of(provenance: Mapping[str, str]) -> int:
     """To how many tries the attack looked to keep the best, by the record of its bag."""
-    return int(provenance.get("looks", USUAL_LOOKS))
+    return read_told(provenance, "looks", Annotated[int, Field(ge=1, le=MOST_LOOKS)], USUAL_LOOKS)
 
 
 def random_baselines(

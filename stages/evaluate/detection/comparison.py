@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy.typing as npt
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.stages.evaluate.detection.displacement import Displacement
 from advpipe.stages.evaluate.detection.scoring import Matches, Truth
+from advpipe.stages.evaluate.detection.told import read_told
 
 Int64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
@@ -114,7 +114,7 @@ def touches_clouds(provenance: Mapping[str, str]) -> bool:
 
 def attack_parameters(provenance: Mapping[str, str]) -> dict[str, object]:
     """What the provenance of an adversarial bag says of the attack's parameters."""
-    parameters = json.loads(provenance.get("parameters", "{}"))
+    parameters = read_told(provenance, "parameters", dict[str, object] | list[object], dict[str, object]())
     return parameters if isinstance(parameters, dict) else {}  # a coordinated attack has a list of them
 
 

@@ -13,17 +13,20 @@ TWICE = "twice"
 HIDE = "hide"
 """After no box at all, rather than after boxes that are off."""
 
-VARIANTS = (TWICE, HIDE)
+VARIANTS = (HIDE, TWICE)
 
 
 def split_recipe(word: str) -> tuple[str, tuple[str, ...]]:
-    """The recipe and its variants; raises AdvpipeError for a variant that is none."""
+    """The recipe and its variants; raises AdvpipeError for a variant that is none, and for a second spelling."""
     recipe, *variants = word.split("+")
     for variant in variants:
         if variant not in VARIANTS:
             raise AdvpipeError(
                 f"unknown variant {variant!r} of recipe {recipe}; known: {', '.join(VARIANTS)}"
             )
+    spelling = "+".join([recipe, *(variant for variant in VARIANTS if variant in variants)])
+    if word != spelling:
+        raise AdvpipeError(f"recipe {word} is spelt {spelling}")
     return recipe, tuple(variants)
 
 

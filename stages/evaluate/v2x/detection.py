@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -20,6 +19,7 @@ from advpipe.pipeline.misbehaviour.catch import (
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
 from advpipe.pipeline.misbehaviour.detector import judge_all
 from advpipe.pipeline.misbehaviour.scores import Bools, Scores, scores
+from advpipe.stages.evaluate.detection.told import read_told
 from advpipe.stages.evaluate.v2x.labels import MessageLabel, lies
 from advpipe.stages.evaluate.v2x.receptions import Receptions
 
@@ -75,6 +75,12 @@ class Detection:
     baseline: Scores
     parts: tuple[Part, ...]
     objections: dict[str, int]
+
+
+@dataclass(frozen=True)
+class _ToldAttack:
+    type: str
+    parameters: dict[str, object]
 
 
 @dataclass(frozen=True)
@@ -152,8 +158,8 @@ def published_f1(attack: str, parameters: Mapping[str, object]) -> float:
 
 def attack_parameters(provenance: Mapping[str, str]) -> dict[str, dict[str, object]]:
     """The parameters of each attack that an adversarial bag's provenance lists, by its word."""
-    attacks: list[dict[str, Any]] = json.loads(provenance.get("attacks", "[]"))
-    return {one["type"]: one["parameters"] for one in attacks}
+    attacks = read_told(provenance, "attacks", list[_ToldAttack], list[_ToldAttack]())
+    return {one.type: one.parameters for one in attacks}
 
 
 def _parts(

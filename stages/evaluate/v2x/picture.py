@@ -124,7 +124,8 @@ def _draw_roads(axes: Axes, roads: RoadMap, own: Known) -> None:
     from matplotlib.collections import LineCollection
 
     pieces_m = roads.segments_m - (own.x_m, own.y_m)
-    near = np.abs(pieces_m).min(axis=1).max(axis=1) < 2 * REACH_M
+    begin_m, end_m = pieces_m.min(axis=1), pieces_m.max(axis=1)  # a straight road may end far on either side
+    near = (begin_m < REACH_M).all(axis=1) & (end_m > -REACH_M).all(axis=1)
     axes.add_collection(LineCollection(list(pieces_m[near]), colors=ROAD, linewidths=3.5, zorder=1))
 
 

@@ -37,7 +37,9 @@ def scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-def test_all_stages_and_again(scenario: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_all_stages_and_again(
+    scenario: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     made = Path("out")
     run(str(scenario), made)
     assert {"clean", "fewer_points", "false_speed", "reports"} <= {path.name for path in made.iterdir()}
@@ -52,6 +54,13 @@ def test_all_stages_and_again(scenario: Path, capsys: pytest.CaptureFixture[str]
         "out/false_speed: kept",
         "out/reports/small: kept",
     ]
+    assert stamps(made) == before
+
+    # Other code would report otherwise.
+    with monkeypatch.context() as other:
+        other.setattr("advpipe.pipeline.code.code_sha256", lambda *parts: "7" * 64)
+        with pytest.raises(AdvpipeError, match="out/reports/small exists already"):
+            run(str(scenario), made)
     assert stamps(made) == before
 
     # Another attack under an old name: the drive and the other bag are kept, the rest is asked about.

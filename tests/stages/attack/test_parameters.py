@@ -28,6 +28,15 @@ class Mine:
         raise NotImplementedError
 
 
+class Stranger(Mine):
+    """It takes a recipe, and tells of a parameter that it does not have."""
+
+    only_for = {"tries": ("slow",)}  # noqa: RUF012
+
+    def __init__(self, *, size_m: float, recipe: str = "quick"):
+        super().__init__(size_m=size_m)
+
+
 class NotCallable:
     def __init__(self, *, size_m: float):
         pass
@@ -41,7 +50,9 @@ class Heir(Mine):
 @pytest.fixture(autouse=True)
 def _my_module(monkeypatch):
     module = types.ModuleType("my_own")
-    module.Mine, module.NotCallable, module.Heir, module.number = Mine, NotCallable, Heir, 3
+    for one in (Mine, NotCallable, Heir, Stranger):
+        setattr(module, one.__name__, one)
+    module.number = 3
     monkeypatch.setitem(sys.modules, "my_own", module)
 
 
@@ -102,6 +113,12 @@ def test_recipes():
     assert resolved_recipe(mine(size_m=1)) == ""
     with pytest.raises(AdvpipeError, match="my_own:Mine has no recipes; leave out 'best'"):
         resolved_recipe(AttackSpec(type="my_own:Mine", recipe="best"))
+    with pytest.raises(AdvpipeError, match="detach: the recipe is empty"):
+        resolved_recipe(AttackSpec(type="detach", recipe=""))
+
+
+def test_an_option_that_an_attack_does_not_have_is_nobodys():
+    assert callable(build_lidar_attack(AttackSpec(type="my_own:Stranger", parameters={"size_m": 1.0})))
 
 
 @pytest.mark.parametrize(
@@ -123,6 +140,14 @@ def test_recipes():
         ("perturb", "paper", {"eps_cm": 1.0, "intensity": True}, "recipe paper does not look at intensity"),
         ("perturb", "random", {"eps_cm": 1.0, "steps": 9}, "recipe random does not look at steps"),
         ("detach", "random-near", {"ratio": 0.1, "rounds": 9}, "recipe random-near does not look at rounds"),
+        (
+            "perturb",
+            "paper",
+            {"eps_cm": 1.0, "goal": "hide"},
+            "paper does not look at goal; .*: best,",
+        ),
+        ("detach", "paper", {"ratio": 0.1, "goal": "hide"}, "recipe paper does not look at goal"),
+        ("attach", "random", {"eps_m": 1.0, "goal": "hide"}, "recipe random does not look at goal"),
     ],
 )
 def test_what_a_recipe_would_pass_over_is_refused(word, recipe, parameters, line):

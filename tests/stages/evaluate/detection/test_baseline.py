@@ -6,7 +6,7 @@ import pytest
 from advpipe.pipeline.bag.cloud import POINT_DTYPE, xyz
 from advpipe.pipeline.baselines import points_near_boxes
 from advpipe.pipeline.geometry.boxes import points_in_boxes
-from advpipe.stages.evaluate.detection.baseline import USUAL_LOOKS, baseline_title, looks_of, random_baselines
+from advpipe.stages.evaluate.detection.baseline import baseline_title, random_baselines
 from advpipe.stages.evaluate.detection.cloud_difference import cloud_difference
 from advpipe.stages.evaluate.detection.random_change import Budget, RandomChange, regions
 
@@ -207,8 +207,3 @@ def test_as_many_intensities_as_the_attack_changed():
         assert random["intensity"].max() <= clean["intensity"].max()
         assert near[drawn.shone].all() == ("near" in word)
     assert len(np.unique(clouds["baseline_full"]["intensity"])) > 300
-
-
-def test_an_attack_says_how_often_it_looked():
-    assert looks_of({"looks": "13"}) == 13
-    assert looks_of({}) == USUAL_LOOKS

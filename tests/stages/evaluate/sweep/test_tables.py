@@ -171,8 +171,11 @@ def test_loose_overlap_is_laid_beside():
 
 def test_unknown_variants_are_named():
     assert split_recipe("best+hide+twice") == ("best", ("hide", "twice"))
-    with pytest.raises(AdvpipeError, match=r"unknown variant 'thrice' of recipe best; known: twice, hide"):
+    with pytest.raises(AdvpipeError, match=r"unknown variant 'thrice' of recipe best; known: hide, twice"):
         split_recipe("best+thrice")
+    for word in ("best+twice+hide", "best+hide+twice+hide"):
+        with pytest.raises(AdvpipeError, match=r"is spelt best\+hide\+twice"):
+            split_recipe(word)
 
 
 def test_other_code_is_no_difference_by_itself():
