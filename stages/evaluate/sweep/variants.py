@@ -17,7 +17,7 @@ VARIANTS = (HIDE, TWICE)
 
 
 def split_recipe(word: str) -> tuple[str, tuple[str, ...]]:
-    """The recipe and its variants; raises AdvpipeError for a variant that is none, and for a second spelling."""
+    """The recipe and its variants; AdvpipeError for a variant that is none, and for a second spelling."""
     recipe, *variants = word.split("+")
     for variant in variants:
         if variant not in VARIANTS:
