@@ -59,9 +59,14 @@ def forge(
     make (see `Congestion`); as it is off, they send what they sent before.
 
     Raises AdvpipeError for a bag without V2X or CAMs, an attacker or victim that is not in it, bad
-    parameters, and a schedule outside of the recording.
+    parameters, a schedule outside of the recording, and stations without a congestion control to answer.
     """
     drive = V2xDrive(reader)
+    if dcc_reacts and drive.v2x.cam.dcc == "none":
+        raise AdvpipeError(
+            f"{reader.path} was recorded without congestion control (v2x.cam.dcc is none): none can react; "
+            "leave out dcc_reacts"
+        )
     sent = reader.messages(V2X_SENT.name) if V2X_SENT.name in reader.topics else iter(())
     last = max((int(message.number) for _, message in sent), default=None)
     if last is None:

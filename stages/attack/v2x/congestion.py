@@ -22,7 +22,6 @@ class Congestion:
     """
 
     def __init__(self, rules: CamRules, attackers: frozenset[int]) -> None:
-        self._is_reactive = rules.dcc == "reactive"
         self._least_ns, self._most_ns = round(rules.min_interval_s * 1e9), round(rules.max_interval_s * 1e9)
         self._attackers = attackers
         self._controls: dict[int, ReactiveDcc] = {}
@@ -31,8 +30,6 @@ class Congestion:
 
     def allowed(self, step: V2xStep, sent: Sequence[Sent]) -> list[Sent]:
         """What of it is sent in this step."""
-        if not self._is_reactive:
-            return list(sent)
         present = {radio.station_id for radio in step.radios}
         self._controls = {
             number: self._controls.get(number) or ReactiveDcc() for number in sorted(present)

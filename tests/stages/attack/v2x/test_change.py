@@ -177,6 +177,13 @@ def test_a_flood_reaches_others_and_their_congestion_control_if_asked(recorded):
     assert len(clean - {m.cdr for m in messages[0]["/ego/v2x/rx/raw"]}) > 10  # lost, or later
 
 
+def test_without_congestion_control_none_can_react(recorded):
+    reader, flood = recorded("v2x.cam.dcc=none"), spec("cam-dos")
+    with pytest.raises(AdvpipeError, match=r"recorded without congestion control .*; leave out dcc_reacts"):
+        forge(reader, [flood], 1, dcc_reacts=True)
+    forge(reader, [flood], 1)
+
+
 class Spoofed:
     """What a spoofed GPS makes of a vehicle's CAMs, in the manner of `gnss-...`."""
 

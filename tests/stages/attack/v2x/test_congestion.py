@@ -39,8 +39,3 @@ def test_a_full_channel_slows_down_those_who_obey():
 def test_a_free_channel_holds_nothing_back():
     congestion = Congestion(CamRules(), frozenset())
     assert kept(congestion, 0.18, 30) == {1: list(range(30)), 2: list(range(30))}
-
-
-def test_without_congestion_control_nobody_reacts():
-    congestion = Congestion(CamRules(dcc="none"), frozenset())
-    assert kept(congestion, 1.0, 20)[1] == list(range(20))
