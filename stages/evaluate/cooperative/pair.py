@@ -114,6 +114,12 @@ def misalignment_m(aligned: Float64, true: Float64) -> float:
     return float(np.linalg.norm(aligned[:3, 3] - true[:3, 3]))
 
 
+def misalignment_deg(aligned: Float64, true: Float64) -> float:
+    """The angle in space between two alignments of the other vehicle's sensor, 0 to 180."""
+    half_sine = np.linalg.norm(aligned[:3, :3] - true[:3, :3]) / np.sqrt(8)  # of half the angle
+    return float(2 * np.degrees(np.arcsin(min(half_sine, 1.0))))
+
+
 def _mounted(reader: BagReader) -> dict[tuple[str, str], Float64]:
     if TF_STATIC.name not in reader.topics:
         return {}

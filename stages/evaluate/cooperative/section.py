@@ -23,6 +23,7 @@ from advpipe.stages.evaluate.cooperative.pair import (
     Pair,
     SharedFrame,
     find_pair,
+    misalignment_deg,
     misalignment_m,
     shared_frames,
 )
@@ -58,7 +59,11 @@ FORMULAS = (
         "least 5 points in both clouds together, aligned truly; boxes around the fusing vehicle itself do "
         "not count; all at the same instants, while any bag's poses are false",
     ),
-    ("misalignment", "distance between where reported and true poses put the other's sensor, the mean"),
+    (
+        "misalignment",
+        "how far from each other, and turned by which angle, true and reported poses put the other's "
+        "sensor, the means",
+    ),
 )
 
 
@@ -75,6 +80,7 @@ class CooperativeRow:
     ap_strict: float
     ap_loose: float
     misalignment_m: float
+    misalignment_deg: float
 
 
 def sections(
@@ -97,7 +103,7 @@ def sections(
     if telling is None:
         return ()
     names = pair.own.vehicle, pair.other.vehicle
-    caption = f"{names[0]} with what {names[1]} shares, when they are the nearest to each other"
+    caption = f"{names[0]} with what {names[1]} shares, when the lie is the greatest for their distance"
     picture = to_png(draw_fused(telling, *names))
     return (
         Section(
@@ -118,7 +124,8 @@ def cooperative_rows(
     """The fusing vehicle alone, and fused by clean and attacked poses; a row for each class with objects.
 
     All of the same instants, from the first to the last at which any bag's poses are others than the clean
-    bag's. The second is what was fused when the two were the nearest, for a picture; None without instants.
+    bag's. The second is what was fused when the smallest of the lies was the greatest for the distance
+    between the two, for a picture; None without instants.
     """
     eye, true = Eye(load_detector(detector, device)), Alignment(reader, pair, true=True)
     reported = {
@@ -131,8 +138,8 @@ def cooperative_rows(
         return [], None
     arms = [(ALONE, ""), *((name, fusion) for fusion in FUSIONS for name in reported)]
     matches: dict[tuple[str, str, str, str], list[FrameMatches]] = {}
-    off_m: dict[str, list[float]] = {name: [] for name in reported}
-    nearest_m, telling = np.inf, None
+    off: dict[str, list[tuple[float, float]]] = {name: [] for name in reported}
+    greatest, telling = -1.0, None
     for frame in shared_frames(reader, pair, chosen):
         eye.forget()
         stamp_ns, own_SE3_other = frame.own.stamp_ns, true.at(frame.own.stamp_ns)
@@ -140,7 +147,7 @@ def cooperative_rows(
         truth = ground_truth(frame.own, eye.classes, eye.range_m).counted_on(together)
         poses = {name: alignment.at(stamp_ns) for name, alignment in reported.items()}
         for name, pose in poses.items():
-            off_m[name].append(misalignment_m(pose, own_SE3_other))
+            off[name].append((misalignment_m(pose, own_SE3_other), misalignment_deg(pose, own_SE3_other)))
         seen: dict[str, tuple[Float64, Float64]] = {}
         for name, fusion in arms:
             see = eye.detect(frame.own.cloud) if name == ALONE else FUSIONS[fusion](eye, frame, poses[name])
@@ -149,11 +156,12 @@ def cooperative_rows(
                 seen[name] = poses[name], found.boxes[found.scores >= SHOWN_SCORE]
             for (word, label), one in match(truth, found, eye.classes, CRITERIA).items():
                 matches.setdefault((name, fusion, word, label), []).append(one)
-        if (apart_m := float(np.linalg.norm(own_SE3_other[:3, 3]))) < nearest_m:
+        lie_m = min(off[name][-1][0] for name in adversarial)
+        if (lie := lie_m / float(np.linalg.norm(own_SE3_other[:3, 3]))) > greatest:
             boxes = truth.boxes.geometry[truth.is_evaluated]
-            nearest_m, telling = apart_m, Fused(frame.own.cloud, frame.other, boxes, seen)
+            greatest, telling = lie, Fused(frame.own.cloud, frame.other, boxes, seen)
     rows = [
-        _row(name, fusion, label, matches, off_m.get(name, []))
+        _row(name, fusion, label, matches, off.get(name, []))
         for name, fusion in arms
         for label in eye.classes
         if sum(one.n_truth for one in matches.get((name, fusion, "strict", label), []))
@@ -179,9 +187,10 @@ def _row(
     fusion: str,
     label: str,
     matches: Mapping[tuple[str, str, str, str], Sequence[FrameMatches]],
-    off_m: Sequence[float],
+    off: Sequence[tuple[float, float]],
 ) -> CooperativeRow:
     strict, loose = (RankedMatches.of(matches[name, fusion, word, label]) for word in CRITERIA)
+    off_m, off_deg = np.mean(off, axis=0) if off else (np.nan, np.nan)
     return CooperativeRow(
         poses=name,
         fusion=fusion,
@@ -190,7 +199,8 @@ def _row(
         objects=int(strict.n_truth.sum()),
         ap_strict=strict.average_precision(),
         ap_loose=loose.average_precision(),
-        misalignment_m=float(np.mean(off_m)) if off_m else float("nan"),
+        misalignment_m=float(off_m),
+        misalignment_deg=float(off_deg),
     )
 
 
@@ -208,7 +218,7 @@ def _moves(clean: BagReader, adversarial: BagReader, pair: Pair) -> bool:
 
 
 def _table(rows: Sequence[CooperativeRow]) -> Table:
-    heads = ("poses", "fused", "class", "boxes", "AP strict", "AP loose", "misaligned m")
+    heads = ("poses", "fused", "class", "boxes", "AP strict", "AP loose", "misaligned m", "turned °")
     lines = tuple(
         (
             row.poses,
@@ -218,6 +228,7 @@ def _table(rows: Sequence[CooperativeRow]) -> Table:
             number(row.ap_strict, 3),
             number(row.ap_loose, 3),
             number(row.misalignment_m, 2),
+            number(row.misalignment_deg, 1),
         )
         for row in rows
     )

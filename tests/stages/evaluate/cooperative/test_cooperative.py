@@ -17,7 +17,7 @@ from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.transforms import invert, se3_from_yaw, transform_points
 from advpipe.stages.evaluate.cooperative.fusion import fuse_detections, without_oneself
-from advpipe.stages.evaluate.cooperative.pair import Alignment, find_pair
+from advpipe.stages.evaluate.cooperative.pair import Alignment, find_pair, misalignment_deg, misalignment_m
 from advpipe.stages.evaluate.cooperative.section import cooperative_rows, sections
 
 EGO, OTHER = VehicleTopics("ego"), VehicleTopics("other")
@@ -131,6 +131,17 @@ def test_the_others_sensor_in_the_own_frame(tmp_path: Path) -> None:
     assert np.allclose(told.at(STAMPS_NS[0])[:3, 3], [57, 7, 0])
     with pytest.raises(AdvpipeError, match="reports no pose at 5 ns"):
         told.at(5)
+
+
+@pytest.mark.parametrize("turned_deg", [0.0, 0.01, 30.0, 90.0, 180.0])
+def test_how_far_off_and_turned(turned_deg: float) -> None:
+    """3 and 4 m off, and turned; the same about another axis."""
+    here, there = se3_from_yaw([1, 2, 0], 0.5), se3_from_yaw([4, 6, 0], 0.5 + np.radians(turned_deg))
+    assert misalignment_m(there, here) == pytest.approx(5)
+    assert misalignment_deg(there, here) == pytest.approx(turned_deg, abs=1e-6)
+    leaning = np.eye(4)[[2, 0, 1, 3]]  # x to y, y to z, z to x
+    assert misalignment_deg(leaning @ there, leaning @ here) == pytest.approx(turned_deg, abs=1e-6)
+    assert misalignment_deg(leaning, np.eye(4)) == pytest.approx(120)
 
 
 def test_an_object_that_both_find_is_one() -> None:
