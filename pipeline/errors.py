@@ -23,6 +23,12 @@ class OutputExistsError(AdvpipeError):
         super().__init__(f"{path} exists already, not overwriting; pass --overwrite to replace it")
 
 
+def one_line(text: object) -> str:
+    """Text on one line that a terminal shows and does not obey: what cannot be printed is spelt out."""
+    words = " ".join(str(text).split())
+    return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in words)
+
+
 def os_error_line(error: OSError) -> str:
     """What the operating system refused, as one line: the file, and why."""
     reason = error.strerror or str(error) or type(error).__name__

@@ -42,9 +42,8 @@ WAITING_LIMIT_BYTES = 1 << 30
 
 _qos = lru_cache(256)(qos_from_yaml)
 _TYPE_NAME = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*){1,3}", re.ASCII)
-_FIXED_LENGTH = re.compile(rb"\[\s*(\d+)\s*\]")
-FIXED_LENGTH_LIMIT = 1 << 16
-"""The longest array of fixed length in a type: rosbags writes a line of code for each item."""
+SCHEMA_LIMIT_BYTES = 1 << 18
+"""The longest definition of a type that is read: that of a CAM has 28 kB."""
 
 _SCHEMA_ENCODINGS = ("ros2msg", "ros2idl")
 DAMAGE = (
@@ -285,9 +284,8 @@ def ros2_topic(path: Path, channel: Channel, schema: Schema) -> Topic:
         raise AdvpipeError(f"{path}: {channel.topic} has a schema in {schema.encoding!r}, not ROS 2's")
     if not _TYPE_NAME.fullmatch(schema.name):  # rosbags makes code of it
         raise AdvpipeError(f"{path}: {channel.topic} has the type {schema.name!r}, which is no type's name")
-    lengths = _FIXED_LENGTH.findall(schema.data)
-    if any(len(digits) > 9 or int(digits) > FIXED_LENGTH_LIMIT for digits in lengths):
-        raise AdvpipeError(f"{path}: {channel.topic} has a type with an array of {max(lengths, key=len)!r}")
+    if len(schema.data) > SCHEMA_LIMIT_BYTES:
+        raise AdvpipeError(f"{path}: the definition of {schema.name} has {len(schema.data)} bytes")
     return Topic(
         name=channel.topic,
         type=schema.name,

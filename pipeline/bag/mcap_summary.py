@@ -13,8 +13,8 @@ from mcap.writer import MCAP0_MAGIC
 from advpipe.pipeline.bag.mcap_records import Record, parse, read_records
 
 FOOTER_BYTES = 29
-SCHEMA_LIMIT_BYTES = 1 << 20
-"""The longest definition of a type that is read: that of a CAM has 28 kB."""
+METADATA_LIMIT_BYTES = 1 << 24
+"""The longest metadata record that is read: a scenario has some 10 kB."""
 
 _DATA = (Opcode.CHUNK, Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.DATA_END)
 _TOLD = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS, Opcode.CHUNK_INDEX, Opcode.METADATA_INDEX)
@@ -38,8 +38,6 @@ def read_summary(stream: IO[bytes]) -> Summary | None:
 def add_definition(summary: Summary, record: object) -> None:
     """Sort a record into a summary."""
     if isinstance(record, Schema):
-        if len(record.data) > SCHEMA_LIMIT_BYTES:
-            raise ValueError(f"the definition of {record.name} has {len(record.data)} bytes")
         summary.schemas[record.id] = record
     elif isinstance(record, Channel):
         summary.channels[record.id] = record
@@ -58,8 +56,14 @@ def read_metadata(stream: IO[bytes], summary: Summary | None) -> dict[str, dict[
     else:
         places = [(index.offset, index.offset + index.length) for index in summary.metadata_indexes]
         records = (next(read_records(stream, *place)) for place in places)
-    told = [parse(record.opcode, record.body) for record in records if record.opcode == Opcode.METADATA]
-    return {record.name: record.metadata for record in told if isinstance(record, Metadata)}
+    found: dict[str, dict[str, str]] = {}
+    for record in records:
+        if len(record.body) > METADATA_LIMIT_BYTES:
+            raise ValueError(f"the metadata record at {record.start} has {len(record.body)} bytes")
+        told = parse(record.opcode, record.body) if record.opcode == Opcode.METADATA else None
+        if isinstance(told, Metadata):
+            found[told.name] = told.metadata
+    return found
 
 
 def data_records(stream: IO[bytes], wanted: Collection[int] = _DATA) -> Iterator[Record]:

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from rosbags.typesys import get_types_from_idl, get_types_from_msg
 from rosbags.typesys.store import Typestore
 
 from advpipe.pipeline.bag.cloud import StampedCloud, cloud_from_cdr
@@ -17,7 +16,7 @@ from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.mcap_file import McapFile, in_time_order
 from advpipe.pipeline.bag.provenance import RECORD_NAME, unseal
 from advpipe.pipeline.bag.topics import RawMessage, TopicInfo
-from advpipe.pipeline.bag.types import missing_field, schema_text, typestore
+from advpipe.pipeline.bag.types import missing_field, schema_text, types_from, typestore
 from advpipe.pipeline.errors import AdvpipeError
 
 
@@ -116,8 +115,7 @@ class BagReader:
             return typestore()
         if name not in self._stores:
             store = Typestore()
-            is_idl = raw.schema_encoding == "ros2idl"
-            store.register(get_types_from_idl(raw.schema) if is_idl else get_types_from_msg(raw.schema, name))
+            store.register(types_from(raw.schema, raw.schema_encoding, name))
             if name in typestore().types and (field := missing_field(store, name)):
                 raise AdvpipeError(
                     f"{self.path}: {raw.topic.name} has another release's {name}, without our {field}; "

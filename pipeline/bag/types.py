@@ -7,12 +7,16 @@ from importlib.resources import files
 from typing import Any
 
 from rosbags.interfaces import Nodetype
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.interfaces.typing import Typesdict
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 _PACKAGE_FOLDERS = {"vision_msgs": "vision_msgs", "udp_msgs": "udp_msgs", "advpipe_msgs": "msg"}
 _LISTS = (Nodetype.ARRAY, Nodetype.SEQUENCE)
 _CAM_PACKAGE = "etsi_its_cam_msgs/"
+
+UNROLLED_LIMIT = 4096
+"""The most texts and messages in a type's arrays of fixed length: rosbags writes lines of code for each."""
 
 
 @cache
@@ -47,6 +51,24 @@ def schema_text(type_name: str) -> str:
 def type_hash(type_name: str) -> str:
     """The RIHS01 hash (REP-2011) by which ROS 2 tells two types of one name apart."""
     return _store_of(type_name).hash_rihs01(type_name)
+
+
+def types_from(definition: str, encoding: str, type_name: str) -> Typesdict:
+    """The types that a bag defines, by name; encoding: `ros2msg` or `ros2idl`.
+
+    Raises ValueError for arrays that are too long to become code, and whatever rosbags does for other texts.
+    """
+    is_idl = encoding == "ros2idl"
+    types = get_types_from_idl(definition) if is_idl else get_types_from_msg(definition, type_name)
+    unrolled = 0
+    for _, fields in types.values():
+        for _, description in fields:
+            if description[0] == Nodetype.ARRAY:
+                item, length = description[1]
+                unrolled += length if item[0] == Nodetype.NAME or item[1][0] == "string" else 0
+    if unrolled > UNROLLED_LIMIT:
+        raise ValueError(f"{type_name} has arrays of {unrolled} items, more than {UNROLLED_LIMIT}")
+    return types
 
 
 def missing_field(store: Typestore, type_name: str) -> str:

@@ -15,18 +15,18 @@ class OneLineErrors(TyperGroup):
     """A user's mistake becomes one line and a non-zero exit code."""
 
     def invoke(self, ctx: typer.Context) -> object:  # type: ignore[override]
-        from advpipe.pipeline.errors import AdvpipeError, os_error_line
+        from advpipe.pipeline.errors import AdvpipeError, one_line, os_error_line
 
         try:
             result = super().invoke(ctx)
             sys.stdout.flush()
             return result
         except AdvpipeError as error:
-            print(f"advpipe: {' '.join(str(error).split())}", file=sys.stderr)
+            print(f"advpipe: {one_line(error)}", file=sys.stderr)
             raise typer.Exit(error.exit_code) from None
         except OSError as error:
             if not (isinstance(error, BrokenPipeError) and _is_unread(sys.stdout)):
-                print(f"advpipe: {' '.join(os_error_line(error).split())}", file=sys.stderr)
+                print(f"advpipe: {one_line(os_error_line(error))}", file=sys.stderr)
             raise typer.Exit(1) from None
         except KeyboardInterrupt:
             print("advpipe: interrupted", file=sys.stderr)

@@ -36,6 +36,7 @@ def share(
 
     Card, pictures, layouts for Foxglove and RViz, contracts for checkers, checksums, provenance, signature.
     """
+    from advpipe.pipeline.errors import one_line
     from advpipe.stages.share.options import citation_text
     from advpipe.stages.share.run import ShareOptions
     from advpipe.stages.share.run import share as run
@@ -47,4 +48,4 @@ def share(
         print(path)
     print(f"{summary.files} files, {summary.bytes / 1e6:.1f} MB")
     for remark in summary.remarks:
-        print(f"note: {remark}", file=sys.stderr)
+        print(f"note: {one_line(remark)}", file=sys.stderr)

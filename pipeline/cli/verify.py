@@ -19,6 +19,7 @@ def verify(
     as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
 ) -> None:
     """Check everything that a data set or a bag claims; one line a finding, exit code 1 if there is any."""
+    from advpipe.pipeline.errors import one_line
     from advpipe.stages.verify.run import verify as run
 
     result = run(path, quick=quick, key=key)
@@ -30,6 +31,7 @@ def verify(
         for gap in result.unchecked:
             print(f"not checked: {gap}")
         faults = len(result.findings)
-        print(f"{path}: {f'{faults} findings' if faults > 1 else '1 finding' if faults else 'good'}")
+        outcome = f"{faults} findings" if faults > 1 else "1 finding" if faults else "good"
+        print(f"{one_line(path)}: {outcome}")
     if not result.is_good:
         raise typer.Exit(1)

@@ -22,6 +22,10 @@ from advpipe.pipeline.partial import PartialFolder
 from advpipe.pipeline.progress import track
 
 
+class NoRoomError(AdvpipeError):
+    """The disk has no room for what an archive holds; nothing is wrong with the archive."""
+
+
 @dataclass(frozen=True)
 class Limits:
     """The most that unpacking takes, whatever an archive declares."""
@@ -48,12 +52,12 @@ def pack(
     NAME.tar.sha256 appears; with `split_size_bytes`, NAME.tar.000 and so on in its place. Raises
     AdvpipeError for a file that is not what SHA256SUMS says, and for an output that exists.
     """
-    if archive.suffix != ".tar":
-        raise AdvpipeError(f"{archive}: an archive's name ends in .tar")
+    if archive.suffix != ".tar" or not layout.is_plain(archive.stem):
+        raise AdvpipeError(f"{archive}: an archive's name ends in .tar and has no signs that paths need")
     if split_size_bytes is not None and split_size_bytes < tar_header.RECORD_BYTES:
         raise AdvpipeError(f"parts of {split_size_bytes} bytes are too small; choose 1 MB or more")
     sums = checksums.of_files(files)
-    old = _refuse_existing(archive, overwrite)
+    old = refuse_existing(archive, overwrite)
     partial = PartialFolder(archive)
     try:
         with writing(archive):
@@ -70,7 +74,8 @@ def pack(
     return [archive.with_name(path.name) for path in made]
 
 
-def _refuse_existing(archive: Path, overwrite: bool) -> list[Path]:
+def refuse_existing(archive: Path, overwrite: bool) -> list[Path]:
+    """Raises AdvpipeError for an output that exists, unless it may be replaced; returns what there is."""
     old = [path for path in (archive, *existing_parts(archive), sums_path(archive)) if path.exists()]
     if old and not overwrite:
         raise OutputExistsError(old[0])
@@ -118,7 +123,7 @@ def unpack(archive: Path, folder: Path | None = None, limits: Limits = Limits())
         try:
             free_bytes = shutil.disk_usage(partial.path).free
             if stream.length_bytes > free_bytes:
-                raise AdvpipeError(
+                raise NoRoomError(
                     f"{folder}: {stream.length_bytes} bytes are needed, {free_bytes} are free; make room"
                 )
             with writing(folder):

@@ -18,20 +18,15 @@ def lay_out(files: Mapping[str, Path], folder: Path, *, overwrite: bool = False)
     """Copy files, SHA256SUMS among them, to their relative paths in a new folder.
 
     Raises AdvpipeError for a file that is not what SHA256SUMS says, and for a folder that exists; with
-    `overwrite`, one that `lay_out` made is replaced.
+    `overwrite`, one that `lay_out` made, and in which nothing else lies, is replaced.
     """
 
     def may_replace(old: Path) -> bool:
-        return overwrite and is_dataset(old) and (old / checksums.FILE).is_file()
+        refuse_folder(old, overwrite=overwrite)
+        return True
 
     if folder.exists():
-        if not overwrite:
-            raise OutputExistsError(folder)
-        if not may_replace(folder):
-            raise AdvpipeError(
-                f"{folder} is no shared data set (it has no {checksums.FILE}), not replacing it; choose "
-                "another name"
-            )
+        refuse_folder(folder, overwrite=overwrite)
     sums = checksums.of_files(files)
     partial = PartialFolder(folder)
     try:
@@ -44,6 +39,21 @@ def lay_out(files: Mapping[str, Path], folder: Path, *, overwrite: bool = False)
     except BaseException:
         partial.discard()
         raise
+
+
+def refuse_folder(folder: Path, *, overwrite: bool) -> None:
+    """Raises AdvpipeError for an output that exists, unless it is what `lay_out` made and may be replaced."""
+    if not overwrite:
+        raise OutputExistsError(folder)
+    if not is_dataset(folder) or not (folder / checksums.FILE).is_file():
+        raise AdvpipeError(
+            f"{folder} is no shared data set (it has no {checksums.FILE}), not replacing it; choose another "
+            "name"
+        )
+    if own := sorted(set(checksums.listed(folder)) - checksums.read(folder).keys()):
+        raise AdvpipeError(
+            f"{folder} also holds {own[0]}, which `share` did not make, not replacing it; choose another name"
+        )
 
 
 def _copy(source: Path, target: Path) -> str:

@@ -109,6 +109,11 @@ def is_plain(name: str) -> bool:
     )
 
 
+def is_hidden(name: str) -> bool:
+    """Whether a relative path has a part that begins with a dot: such files are not shared."""
+    return any(part.startswith(".") for part in name.split("/"))
+
+
 def _if_file(path: Path) -> Path | None:
     return path if path.is_file() else None
 

@@ -25,6 +25,10 @@ _KEY_LIMIT_BYTES = 1 << 16
 _HOW = "`openssl genpkey -algorithm ed25519 -out key.pem` makes one"
 
 
+class NoLibraryError(AdvpipeError):
+    """The library that signs and checks is not installed."""
+
+
 def load_private_key(path: Path) -> Ed25519PrivateKey:
     """Raises AdvpipeError for anything but an unencrypted Ed25519 private key in PEM."""
     with _library():
@@ -119,4 +123,6 @@ def _library() -> Iterator[None]:
     try:
         yield
     except ImportError:
-        raise AdvpipeError("signatures need the library cryptography: pip install 'advpipe[sign]'") from None
+        raise NoLibraryError(
+            "signatures need the library cryptography: pip install 'advpipe[sign]'"
+        ) from None

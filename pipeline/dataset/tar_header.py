@@ -20,7 +20,7 @@ _FIELDS = struct.Struct("100s8s8s8s12s12s8sc100s8s32s32s8s8s155s12x")
 _PAX_NAME = b"././@PaxHeader"
 _PAX = re.compile(rb"(?:\d{1,6} path=([^\n\0]*)\n)?(?:\d{1,6} size=(\d{1,20})\n)?\0*")
 _LARGEST_USTAR_BYTES = 8**11 - 1
-MOST_PAX_BYTES = 1 << 16
+MOST_PAX_BYTES = 1 << 13
 
 
 def padding(size_bytes: int) -> int:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.resources import files
 from typing import Any, NamedTuple
+from urllib.parse import quote
 
 import yaml
 from jinja2 import Environment, StrictUndefined
 
+from advpipe.pipeline.bag import plain_yaml
 from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.dataset.layout import Layout
@@ -38,6 +41,13 @@ _POINT_TYPES = {1: "i1", 2: "u1", 3: "<i2", 4: "<u2", 5: "<i4", 6: "<u4", 7: "<f
 """numpy's names of sensor_msgs/PointField's types."""
 
 
+_ORIGIN = ("latitude_deg", "longitude_deg", "altitude_m")
+_LIDAR = (
+    *("preset", "vehicle", "channels", "points_per_second", "rotation_frequency", "range"),
+    *("x_m", "y_m", "z_m"),
+)
+
+
 class _Attack(NamedTuple):
     name: str
     title: str
@@ -61,7 +71,7 @@ def write_card(
     scenario = _scenario(clean)
     first = clean.lidars[0] if clean.lidars else next(iter(clean.topics.values()))
     environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True)
-    environment.filters["cell"] = cell
+    environment.filters |= {"cell": cell, "link": quote, "word": shlex.quote}
     template = environment.from_string(
         (files("advpipe.stages.share") / "card.md").read_text(encoding="utf-8")
     )
@@ -80,7 +90,7 @@ def write_card(
         digest_of=lambda bag: _digest_of(bag, found, sums),
         chain=_chain(attacks, clean_sha256),
         rate=_rate,
-        lidars=(scenario.get("sensors") or {}).get("lidars") or {},
+        lidars=list(_lidars(scenario)),
         origin=_origin(clean, scenario),
         effects=effect_tables(found.reports),
         has_messages=any(topic.type.startswith("advpipe_msgs/") for topic in clean.topics.values()),
@@ -119,10 +129,25 @@ def _front_matter(name: str, clean: BagFacts, attacks: Sequence[BagFacts], optio
 def _scenario(clean: BagFacts) -> dict[str, Any]:
     """The resolved scenario of the drive's record; empty for another tool's bag."""
     try:
-        document = yaml.safe_load(clean.provenance.get("scenario", ""))
-    except yaml.YAMLError:
+        document = plain_yaml.load(clean.provenance.get("scenario", ""))
+    except (yaml.YAMLError, ValueError):
         return {}
     return document if isinstance(document, dict) else {}
+
+
+def _part(document: Mapping[str, Any], *keys: str) -> Mapping[str, Any]:
+    """What lies in a document under keys; empty where that has no keys of its own."""
+    found: Any = document
+    for key in keys:
+        found = found.get(key) if isinstance(found, Mapping) else None
+    return found if isinstance(found, Mapping) else {}
+
+
+def _lidars(scenario: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Name and properties of each; None for one that the release that recorded the drive did not know."""
+    for name, lidar in _part(scenario, "sensors", "lidars").items():
+        if isinstance(lidar, Mapping):
+            yield {"name": name} | {key: lidar.get(key) for key in _LIDAR}
 
 
 def _json(bag: BagFacts, key: str) -> dict[str, Any]:
@@ -137,17 +162,17 @@ def _json(bag: BagFacts, key: str) -> dict[str, Any]:
 def _origin(clean: BagFacts, scenario: Mapping[str, Any]) -> dict[str, str]:
     """Map, seed and versions, as far as the bag says."""
     about = clean.provenance
-    sources = {key: value for key, value in (scenario.get("map") or {}).items() if key != "origin" and value}
+    place = _part(scenario, "map")
+    sources = {key: value for key, value in place.items() if key != "origin" and value}
     facts = {
         "scenario": about.get("scenario_name", ""),
         "map": ", ".join(f"{key} {value}" for key, value in sources.items()),
         "map's SHA-256": about.get("map_sha256", ""),
         "seed": about.get("seed", ""),
     }
-    if origin := (scenario.get("map") or {}).get("origin"):
-        facts["origin"] = (
-            f"{origin['latitude_deg']}° N, {origin['longitude_deg']}° E, {origin['altitude_m']} m"
-        )
+    if origin := _part(place, "origin"):
+        latitude, longitude, altitude = (origin.get(key) for key in _ORIGIN)
+        facts["origin"] = f"{latitude}° N, {longitude}° E, {altitude} m"
     versions = _json(clean, "versions")
     facts["versions"] = ", ".join(f"{package} {number}" for package, number in versions.items() if number)
     return {key: value for key, value in facts.items() if value} or {

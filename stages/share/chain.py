@@ -1,25 +1,44 @@
-"""From each adversarial bag to the clean bag that it was made of, by checksum."""
+"""From each adversarial bag to the clean one that it was made of, and from reports to both, by checksum."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
+from advpipe.pipeline.bag.locate import CLEAN_NAME
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.dataset.layout import Layout
+from advpipe.pipeline.dataset.layout import REPORT_NAME, Layout
+from advpipe.pipeline.dataset.reports import bags_of_report
 from advpipe.pipeline.errors import AdvpipeError
 
 
-def check_chain(layout: Layout, clean_sha256: str) -> list[str]:
-    """Raises AdvpipeError for an adversarial bag of another parent; returns what cannot be checked.
+def check_chain(layout: Layout, sha256_of_bags: Mapping[str, str]) -> list[str]:
+    """Raises AdvpipeError for an adversarial bag of another parent, and for a report on other bags.
 
-    clean_sha256: `parent_sha256` of the clean bag.
+    sha256_of_bags: `parent_sha256` by the bag's name. Returns what cannot be checked.
     """
     if BagReader(layout.clean).provenance.get("kind") == "attack":
         raise AdvpipeError(f"{layout.clean} is an adversarial bag; a data set's clean bag is no attack")
-    return [remark for bag in layout.attacks if (remark := _check(bag, clean_sha256))]
+    for report in layout.reports:
+        _check_report(report / REPORT_NAME, sha256_of_bags)
+    clean_sha256 = sha256_of_bags[CLEAN_NAME]
+    return [remark for bag in layout.attacks if (remark := _check_bag(bag, clean_sha256))]
 
 
-def _check(bag: Path, clean_sha256: str) -> str:
+def _check_report(path: Path, sha256_of_bags: Mapping[str, str]) -> None:
+    for bag, stated in bags_of_report(path).items():
+        if bag not in sha256_of_bags:
+            raise AdvpipeError(
+                f"{path} compares {bag}, which is not in the data set; move the report elsewhere"
+            )
+        if stated != sha256_of_bags[bag]:
+            raise AdvpipeError(
+                f"{path} was made from another {bag} than the one in the data set; evaluate again with "
+                "--overwrite"
+            )
+
+
+def _check_bag(bag: Path, clean_sha256: str) -> str:
     stated = BagReader(bag).provenance.get("parent_sha256")
     if stated is None:
         return f"{bag.name} does not say which bag it was made from"

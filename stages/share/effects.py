@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from advpipe.pipeline.dataset.layout import REPORT_NAME
+from advpipe.pipeline.dataset.reports import read_report
 from advpipe.pipeline.errors import AdvpipeError
 
 NOTHING = "–"
@@ -28,25 +28,21 @@ def effect_tables(reports: Sequence[Path]) -> list[EffectTable]:
     """
     tables = []
     for report in reports:
-        document = _read(report / REPORT_NAME)
+        document = read_report(report / REPORT_NAME)
         for title, key, columns in _TABLES:
-            records = [record for record in document.get(key) or () if record.get("bag")]
-            lines = tuple(
-                (str(record["bag"]), *(show(record) for show in columns.values())) for record in records
-            )
+            try:
+                records = [record for record in document.get(key) or () if record.get("bag")]
+                lines = tuple(
+                    (str(record["bag"]), *(show(record) for show in columns.values())) for record in records
+                )
+            except (LookupError, TypeError, ValueError, AttributeError):
+                raise AdvpipeError(
+                    f"{report / REPORT_NAME}: its {key} are none of this version's; evaluate again with "
+                    "--overwrite"
+                ) from None
             if lines:
                 tables.append(EffectTable(f"{title} ({report.name})", ("bag", *columns), lines))
     return tables
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        document = json.loads(path.read_bytes())
-    except (ValueError, RecursionError):
-        raise AdvpipeError(f"{path} is no JSON; evaluate again with --overwrite") from None
-    if not isinstance(document, dict):
-        raise AdvpipeError(f"{path} is no report; evaluate again with --overwrite")
-    return document
 
 
 def _figure(key: str, digits: int, factor: float = 1.0) -> Any:

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from advpipe.pipeline.bag.files import mcap_files
+from advpipe.pipeline.bag.locate import CLEAN_NAME
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.dataset import checksums, layout, signature
-from advpipe.pipeline.dataset.archive import pack
-from advpipe.pipeline.dataset.lay_out import lay_out
+from advpipe.pipeline.dataset.archive import pack, refuse_existing
+from advpipe.pipeline.dataset.lay_out import lay_out, refuse_folder
 from advpipe.pipeline.dataset.layout import Layout, read_layout
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.hashing import sha256_of
@@ -24,6 +25,8 @@ from advpipe.stages.share.options import NOTHING_SAID, ShareOptions
 from advpipe.stages.share.remarks import remarks_on
 
 __all__ = ["ShareOptions", "ShareSummary", "share"]
+
+_OTHER_ARCHIVES = (".gz", ".tgz", ".zip", ".xz", ".bz2", ".zst", ".7z")
 
 
 @dataclass(frozen=True)
@@ -52,19 +55,17 @@ def share(dataset: Path, out: Path, options: ShareOptions = NOTHING_SAID) -> Sha
     if options.sign is not None:
         signature.load_private_key(options.sign)
     files = _own_files(found)
-    sums = {
-        name: sha256_of(path) for name, path in track(files.items(), f"reading {dataset}", len(files))
-    }
-    clean_sha256 = _sha256(found, sums)
-    unchecked = check_chain(found, clean_sha256)
+    sums = {name: sha256_of(path) for name, path in track(files.items(), f"reading {dataset}", len(files))}
+    sha256_of_bags = {bag.name: _sha256(bag, found, sums) for bag in found.bags}
+    unchecked = check_chain(found, sha256_of_bags)
     bags = [read_facts(bag) for bag in track(found.bags, "describing the bags")]
     if not bags[0].topics:
         raise AdvpipeError(f"{found.clean} holds no messages")
     remarks = (*unchecked, *remarks_on(found, bags, options))
-    name = out.stem if _is_archive(out) else out.name
+    name = out.stem if _is_archive(out) else out.resolve().name
     with tempfile.TemporaryDirectory() as scratch:
         made = Path(scratch)
-        write_additions(made, name, found, bags, sums, clean_sha256, options, remarks)
+        write_additions(made, name, found, bags, sums, sha256_of_bags[CLEAN_NAME], options, remarks)
         sums |= {added: sha256_of(made / added) for added in layout.files(made)}
         _write_sums(made, sums, options)
         files |= {added: made / added for added in layout.files(made)}
@@ -85,13 +86,30 @@ def _refuse_outputs(found: Layout, out: Path, options: ShareOptions) -> None:
     source, target = found.folder.resolve(), out.resolve()
     if target == source or target in source.parents or source in target.parents:
         raise AdvpipeError(f"{out} is, holds or lies in the data set {found.folder}; choose another output")
+    if out.suffix in _OTHER_ARCHIVES:
+        raise AdvpipeError(
+            f"{out}: an archive is a plain .tar, for bags are compressed; end the output's name in .tar"
+        )
     if options.split_size_bytes is not None and not _is_archive(out):
         raise AdvpipeError(
             f"only an archive can be split: end the output's name in .tar, as in {out.name}.tar"
         )
-    for bag in found.bags:
-        if bag.name in names.FOLDERS:
-            raise AdvpipeError(f"{bag} has a name that a shared data set needs itself; rename the folder")
+    if not layout.is_plain(target.name):
+        raise AdvpipeError(f"{str(out)!r}: a name of signs that not every system takes; choose another")
+    if _is_archive(out):
+        refuse_existing(out, options.overwrite)
+    elif out.exists():
+        refuse_folder(out, overwrite=options.overwrite)
+    for name in names.FOLDERS:
+        if (found.folder / name).exists() and not _was_shared(found):
+            raise AdvpipeError(
+                f"{found.folder / name} has a name that a shared data set needs itself; rename it"
+            )
+
+
+def _was_shared(found: Layout) -> bool:
+    """Whether it is what sharing made, from which it may be made again."""
+    return found.card is not None and names.CARD_MARK in found.card.read_text("utf-8", "replace")
 
 
 def _own_files(found: Layout) -> dict[str, Path]:
@@ -99,16 +117,16 @@ def _own_files(found: Layout) -> dict[str, Path]:
     return {
         name: found.folder / name
         for name in layout.files(found.folder)
-        if not names.is_made(name) and not any(part.startswith(".") for part in name.split("/"))
+        if not names.is_made(name) and not layout.is_hidden(name)
     }
 
 
-def _sha256(found: Layout, sums: Mapping[str, str]) -> str:
-    """The clean bag's `parent_sha256`; of one file, it is known already."""
-    of_bag: Sequence[Path] = mcap_files(found.clean)
+def _sha256(bag: Path, found: Layout, sums: Mapping[str, str]) -> str:
+    """A bag's `parent_sha256`; of one file, it is known already."""
+    of_bag: Sequence[Path] = mcap_files(bag)
     if len(of_bag) == 1:
         return sums[of_bag[0].relative_to(found.folder).as_posix()]
-    return parent_sha256(found.clean)
+    return parent_sha256(bag)
 
 
 def _write_sums(made: Path, sums: dict[str, str], options: ShareOptions) -> None:

@@ -8,6 +8,8 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from typing import NamedTuple
 
+from advpipe.pipeline.errors import one_line
+
 FAULTS_A_PLACE = 5
 """Of faults of one check at one place, so many are told one by one; the others are counted."""
 
@@ -38,7 +40,7 @@ class Finding:
     what: str
 
     def __str__(self) -> str:
-        return " ".join(f"{self.where}: {self.what} [{self.check}]".split())
+        return one_line(f"{self.where}: {self.what} [{self.check}]")
 
 
 @dataclass

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from advpipe.pipeline.bag.mcap_file import DAMAGE
 from advpipe.pipeline.dataset import archive
 from advpipe.pipeline.dataset.parts import existing_parts, whole_name
 from advpipe.pipeline.errors import AdvpipeError, os_error_line
@@ -18,6 +19,9 @@ from advpipe.stages.verify.subject import Bag, Subject, find_subject
 from advpipe.stages.verify.walk import Walk
 
 __all__ = ["verify"]
+
+NONSENSE = (*DAMAGE, TypeError, AttributeError, ArithmeticError)
+"""What looking into records, messages and tables of another shape, or with absurd values, raises."""
 
 
 def verify(path: Path, *, quick: bool = False, key: Path | None = None) -> Verification:
@@ -51,6 +55,8 @@ def _opened(path: Path, result: Verification) -> Iterator[Subject | None]:
     with tempfile.TemporaryDirectory() as scratch:
         try:
             folder = archive.unpack(path, Path(scratch) / whole.stem)
+        except archive.NoRoomError:
+            raise
         except AdvpipeError as error:
             result.add("archive", [Fault(path.name, str(error))])
             yield None
@@ -103,6 +109,6 @@ def _safely(results: Iterator[Result], where: str) -> Iterator[Result]:
         yield Fault(where, str(error))
     except OSError as error:
         yield Fault(where, os_error_line(error))
-    except (LookupError, TypeError, ValueError, AttributeError) as error:
+    except NONSENSE as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         yield Fault(where, f"what it says of itself cannot be understood: {reason}")

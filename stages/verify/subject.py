@@ -122,10 +122,11 @@ def find_subject(path: Path) -> Subject:
             f"{path} is what an unfinished job left; run the job to its end, or save it with "
             "`advpipe recover`"
         )
-    if path.is_dir() and not (path / CLEAN_NAME).is_dir():
-        return _lone(path)
-    if path.is_dir():
+    has_clean, has_sums = (path / CLEAN_NAME).is_dir(), (path / checksums.FILE).is_file()
+    if has_clean or (has_sums and not (path / METADATA_NAME).is_file()):
         return _dataset(path)
+    if path.is_dir():
+        return _lone(path)
     if path.suffix == ".mcap":
         return _lone(path)
     raise AdvpipeError(f"{path} is no data set, no bag, no .mcap file and no archive")

@@ -12,26 +12,58 @@ GROUP_LIMIT_BYTES = 1 << 30
 """The most that one group of rows may declare to hold; rows are unpacked a batch at a time."""
 
 BATCH_ROWS = 1 << 14
+LONGEST_TEXT_BYTES = 1 << 12
+"""Of a text in a cell. Files keep equal texts once: a million rows of a long one lie in a few kilobytes."""
+
+MOST_ROWS = 1 << 22
+"""The most that `rows` reads, for the same reason."""
 
 
 def rows(path: Path, columns: Sequence[str] | None = None) -> Iterator[dict[str, Any]]:
     """The rows of a table, in its order."""
+    count = 0
     for batch in batches(path, columns):
+        count += batch.num_rows
+        if count > MOST_ROWS:
+            raise AdvpipeError(f"{path}: more than {MOST_ROWS} rows, too many to read")
         yield from batch.to_pylist()
 
 
 def batches(path: Path, columns: Sequence[str] | None = None) -> Iterator[Any]:
-    """Record batches of at most `BATCH_ROWS` rows. Raises AdvpipeError for a file that is no whole table."""
+    """Record batches of at most `BATCH_ROWS` rows, of numbers and texts.
+
+    Raises AdvpipeError for a file that is no whole table, and for one with other columns.
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
-        with pq.ParquetFile(str(path), page_checksum_verification=True) as table:
+        with pq.ParquetFile(str(path)) as table:
+            names = list(columns or table.schema_arrow.names)
+            texts = [field.name for field in table.schema_arrow if pa.types.is_string(field.type)]
+        with pq.ParquetFile(str(path), page_checksum_verification=True, read_dictionary=texts) as table:
             for index in range(table.num_row_groups):
                 size = table.metadata.row_group(index).total_byte_size
                 if not 0 <= size <= GROUP_LIMIT_BYTES:
                     raise AdvpipeError(f"{path}: a group of rows declares {size} bytes, too many to read")
-            yield from table.iter_batches(BATCH_ROWS, columns=list(columns) if columns else None)
+            for batch in table.iter_batches(BATCH_ROWS, columns=names):
+                unpacked = [_unpacked(path, name, batch.column(name)) for name in names]
+                yield pa.RecordBatch.from_arrays(unpacked, names=names)
     except (OSError, pa.ArrowException, ValueError, KeyError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise AdvpipeError(f"{path}: no whole Parquet table ({reason})") from None
+
+
+def _unpacked(path: Path, name: str, column: Any) -> Any:
+    """A column with its texts in each row; equal ones were read once."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    if pa.types.is_primitive(column.type):
+        return column
+    if not pa.types.is_dictionary(column.type) or not pa.types.is_string(column.type.value_type):
+        raise AdvpipeError(f"{path}: {name} holds neither numbers nor texts")
+    longest = pc.max(pc.binary_length(column.dictionary)).as_py() or 0
+    if longest > LONGEST_TEXT_BYTES:
+        raise AdvpipeError(f"{path}: {name} holds a text of {longest} bytes, too many to read")
+    return column.dictionary_decode()

@@ -24,6 +24,8 @@ _FIELDS = (
 )
 """What labels repeat of a CAM, under `false_...` as it is now."""
 
+_COLUMNS = ("number", "action", "sent_ns", *(f"false_{name}" for name in _FIELDS))
+
 
 class _Message(NamedTuple):
     """A message of /v2x/sent: who sent it, when, and a digest of its bytes."""
@@ -57,7 +59,7 @@ class Cams(BagCheck):
             yield Fault(where, "is missing, though messages were attacked")
             return
         labels: dict[int, _Label] = {}
-        for row in rows(path):
+        for row in rows(path, _COLUMNS):
             is_added = row["action"] == "added" or (
                 row["number"] in labels and labels[row["number"]].is_added
             )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from advpipe.pipeline.dataset import checksums
+from advpipe.pipeline.dataset.layout import is_hidden
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.progress import track
 from advpipe.stages.verify.checks.base import FolderCheck
@@ -28,7 +29,10 @@ class Checksums(FolderCheck):
         for name in sorted(sums.keys() - set(present)):
             yield Fault(name, "is missing")
         for name in sorted(set(present) - sums.keys()):
-            yield Fault(name, f"is not listed in {checksums.FILE}")
+            if is_hidden(name):  # of the system or of what fetched the data set; sharing takes none
+                yield Gap(root.name, f"{name} is hidden and not listed: no part of the data set")
+            else:
+                yield Fault(name, f"is not listed in {checksums.FILE}")
         for name in track([name for name in present if name in sums], "hashing"):
             if self.subject.scan(root / name).sha256 != sums[name]:
                 yield Fault(name, f"has another SHA-256 than {checksums.FILE} lists")

@@ -15,7 +15,7 @@ from advpipe.stages.verify.checks.base import BagCheck
 from advpipe.stages.verify.result import Fault, Gap, Result
 from advpipe.stages.verify.walk import Walk
 
-_ERRORS = (LookupError, TypeError, ValueError, AttributeError)
+_ERRORS = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError)
 """What looking into a document of another shape raises."""
 
 

@@ -20,6 +20,10 @@ ROUNDING_M = 1e-6
 """Labels are in single precision; budgets hold to the last bit of the cloud's own."""
 
 
+MOST_LABELS = 1 << 25
+"""Of one frame: more points than the largest chunk holds."""
+
+
 class Labels(NamedTuple):
     """Labels (K,) of one frame: see `stages/attack/lidar/base.py`."""
 
@@ -86,6 +90,7 @@ class Points(BagCheck):
 def frame_labels(tables: Iterator[Any]) -> Iterator[Labels]:
     """The labels of one frame after the other, put together where a batch ends within it."""
     held: list[Labels] = []
+    count = 0
     for batch in tables:
         names = ("topic", "frame", "point", "action", "displacement_m")
         columns = [batch.column(name).to_numpy(zero_copy_only=False) for name in names]
@@ -97,9 +102,10 @@ def frame_labels(tables: Iterator[Any]) -> Iterator[Labels]:
             part = Labels(str(topics[start]), int(frames[start]), *(one[start:end] for one in columns[2:]))
             if held and held[0][:2] != part[:2]:
                 yield _joined(held)
-                held = []
+                held, count = [], 0
             held.append(part)
-            if sum(len(one.point) for one in held) > 1 << 28:
+            count += len(part.point)
+            if count > MOST_LABELS:
                 raise AdvpipeError(
                     f"{POINT_LABELS}: frame {part.frame} has more labels than any cloud points"
                 )

@@ -12,7 +12,7 @@ from advpipe.pipeline.bag.plain_yaml import LIMIT_BYTES, load
 from advpipe.pipeline.bag.topics import SCENARIO_INFO
 from advpipe.pipeline.dataset.layout import SCENARIO_NAME
 from advpipe.stages.verify.checks.base import MessageCheck, Seen
-from advpipe.stages.verify.result import Fault, Result
+from advpipe.stages.verify.result import Fault, Gap, Result
 
 ATTACK_NAME = "attack.yaml"
 _HIDDEN = ("kind", "scenario")  # what attack.yaml leaves out
@@ -25,7 +25,7 @@ class ScenarioFiles(MessageCheck):
         if seen.raw.topic.name != SCENARIO_INFO.name or self.bag.scenario is None or seen.message is None:
             return
         try:
-            told = json.loads(seen.message.data)
+            told = json.loads(seen.message.data) if len(seen.message.data) <= LIMIT_BYTES else None
         except (ValueError, RecursionError):
             told = None
         if told != self.bag.scenario and told != {}:
@@ -36,17 +36,21 @@ class ScenarioFiles(MessageCheck):
         if subject.layout is not None and "scenario" in provenance:
             path = subject.root / SCENARIO_NAME
             if not path.is_file():
-                yield Fault(SCENARIO_NAME, "is missing")
+                yield self._missing(SCENARIO_NAME)
             elif path.stat().st_size > LIMIT_BYTES or path.read_bytes() != provenance["scenario"].encode():
                 yield Fault(SCENARIO_NAME, f"is not the scenario in {self.bag.place}")
         if self.bag.is_attack and self.bag.path.is_dir():
             yield from self._attack_file()
 
+    def _missing(self, where: str) -> Result:
+        """A list of checksums tells what is missing; what was never shared was never claimed."""
+        return Gap(where, "was not shared") if self.bag.subject.has_sums else Fault(where, "is missing")
+
     def _attack_file(self) -> Iterator[Result]:
         path = self.bag.path / ATTACK_NAME
         where = self.bag.subject.place(path)
         if not path.is_file():
-            yield Fault(where, "is missing")
+            yield self._missing(where)
             return
         try:
             text = path.read_bytes()[: LIMIT_BYTES + 1].decode()

@@ -20,6 +20,9 @@ class Signature(FolderCheck):
             return
         try:
             signature.verify(root, key)
+        except signature.NoLibraryError as error:
+            yield Gap(signature.FILE, str(error))
+            return
         except AdvpipeError as error:
             yield Fault(signature.FILE, str(error))
             return

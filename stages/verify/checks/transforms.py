@@ -45,7 +45,7 @@ class Transforms(MessageCheck):
         if len(roots) != 1:
             found = f"has several roots: {', '.join(roots)}" if roots else "runs in a circle"
             yield Fault(where, f"the tree of frames {found}")
-        elif loose := sorted(frame for frame in frames if not self._reaches(frame, roots[0])):
+        elif loose := sorted(frames - self._below(roots[0])):
             yield Fault(where, f"the frames {', '.join(loose)} run in a circle")
         tied = {parent for parent, child in self._ties if child in frames}
         tied |= {child for parent, child in self._ties if parent in frames}
@@ -53,9 +53,14 @@ class Transforms(MessageCheck):
             if frame not in frames | tied:
                 yield Fault(f"{where} {topic}", f"its frame {frame!r} is in no transform")
 
-    def _reaches(self, frame: str, root: str) -> bool:
-        for _ in range(len(self._parents) + 1):
-            if frame == root:
-                return True
-            frame = self._parents.get(frame, frame)
-        return False
+    def _below(self, root: str) -> set[str]:
+        """The root and all frames that hang from it."""
+        children: dict[str, list[str]] = {}
+        for child, parent in self._parents.items():
+            children.setdefault(parent, []).append(child)
+        found, waiting = set[str](), [root]
+        while waiting:
+            frame = waiting.pop()
+            found.add(frame)
+            waiting += children.get(frame, [])
+        return found

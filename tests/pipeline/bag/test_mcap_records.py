@@ -97,7 +97,8 @@ def test_lengths_within_records() -> None:
     [
         ("a/msg/B\nimport os", "int8 x"),
         ("a/msg/B(object): pass #", "int8 x"),
-        ("a/msg/B", "int8[99999999] x"),
+        ("a/msg/B", "string[4097] x"),
+        ("a/msg/B", f"string[2000] x\na/C[2097] y\n{'=' * 80}\nMSG: a/C\nint8 z"),
         ("a/msg/B", f"int8 x # {'x' * (1 << 20)}"),
     ],
 )
@@ -112,6 +113,17 @@ def test_a_type_that_would_become_code(tmp_path: Path, name: str, text: str) -> 
         writer.add_message(channel, 0, b"\0\1\0\0\0", 0)
         writer.finish()
     with pytest.raises(AdvpipeError):
+        list(BagReader(path).messages("/a"))
+
+
+def test_a_long_metadata_record_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2", "other")
+        writer.add_metadata("advpipe", {"attacks": "[" + "[]," * (6 << 20) + "[]]"})
+        writer.finish()
+    with pytest.raises(AdvpipeError, match="metadata record at"):
         BagReader(path)
 
 
