@@ -19,10 +19,11 @@ def check_chain(layout: Layout, sha256_of_bags: Mapping[str, str]) -> list[str]:
     """
     if BagReader(layout.clean).provenance.get("kind") == "attack":
         raise AdvpipeError(f"{layout.clean} is an adversarial bag; a data set's clean bag is no attack")
+    clean_sha256 = sha256_of_bags[CLEAN_NAME]
+    remarks = [remark for bag in layout.attacks if (remark := _check_bag(bag, clean_sha256))]
     for report in layout.reports:
         _check_report(report / REPORT_NAME, sha256_of_bags)
-    clean_sha256 = sha256_of_bags[CLEAN_NAME]
-    return [remark for bag in layout.attacks if (remark := _check_bag(bag, clean_sha256))]
+    return remarks
 
 
 def _check_report(path: Path, sha256_of_bags: Mapping[str, str]) -> None:

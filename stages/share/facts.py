@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
+from rosbags.interfaces import QosDurability
+
 from advpipe.pipeline.bag.inspect import BagDescription, describe
 from advpipe.pipeline.bag.messages import NS_PER_S
 from advpipe.pipeline.bag.reader import BagReader
@@ -23,15 +25,16 @@ _MOST_FRAMES = 8
 class TopicFacts:
     """One topic: when its messages were logged, and what their headers say.
 
-    max_gap_ns: the longest time between two messages. is_counted: whether the sequence numbers go up by
-    one. has_good_stamps: whether every message has a header, with stamps that never repeat or go back.
-    frames: the header's frames, at most eight.
+    max_gap_ns: the longest time between two messages. is_latched: whether late subscribers get the last
+    message. is_counted: whether the sequence numbers go up by one. has_good_stamps: whether every message
+    has a header, with stamps that never repeat or go back. frames: the header's frames, at most eight.
     """
 
     name: str
     type: str
     schema: str
     schema_encoding: str
+    is_latched: bool = False
     count: int = 0
     first_ns: int = 0
     last_ns: int = 0
@@ -160,7 +163,8 @@ def read_facts(path: Path) -> BagFacts:
     for raw in reader.raw_messages():
         name = raw.topic.name
         if name not in topics:
-            topics[name] = TopicFacts(name, raw.topic.type, raw.schema, raw.schema_encoding)
+            latched = any(qos.durability is QosDurability.TRANSIENT_LOCAL for qos in raw.topic.qos)
+            topics[name] = TopicFacts(name, raw.topic.type, raw.schema, raw.schema_encoding, latched)
         topics[name].add(raw)
         if name in (TF.name, TF_STATIC.name):
             _add_transforms(transforms, reader, raw)

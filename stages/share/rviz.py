@@ -7,7 +7,7 @@ from typing import Any
 import yaml
 
 from advpipe.pipeline.bag.topics import VehicleTopics
-from advpipe.stages.share.facts import BagFacts
+from advpipe.stages.share.facts import BagFacts, TopicFacts
 
 _DEFAULT = "rviz_default_plugins"
 
@@ -23,9 +23,9 @@ def rviz_config(bag: BagFacts) -> str:
          "Plane Cell Count": 40,
          "Reference Frame": "<Fixed Frame>"},
         {"Class": f"{_DEFAULT}/TF", "Name": "TF", "Enabled": True, "Show Arrows": False, "Marker Scale": 5},
-        *(_cloud(lidar.name) for lidar in bag.lidars),
-        *(_display("MarkerArray", name, depth=10) for name in bag.markers),
-        *(_odometry(name) for name in odometry if name in bag.topics),
+        *(_cloud(lidar) for lidar in bag.lidars),
+        *(_display("MarkerArray", bag.topics[name], depth=10) for name in bag.markers),
+        *(_odometry(bag.topics[name]) for name in odometry if name in bag.topics),
     ]  # fmt: skip
     tools = ("Interact", "MoveCamera", "Select", "FocusCamera", "Measure")
     document = {
@@ -59,22 +59,22 @@ def rviz_config(bag: BagFacts) -> str:
     return yaml.safe_dump(document, sort_keys=False, allow_unicode=True)
 
 
-def _display(kind: str, topic: str, depth: int) -> dict[str, Any]:
+def _display(kind: str, topic: TopicFacts, depth: int) -> dict[str, Any]:
     return {
         "Class": f"{_DEFAULT}/{kind}",
-        "Name": topic,
+        "Name": topic.name,
         "Enabled": True,
         "Topic": {
-            "Value": topic,
+            "Value": topic.name,
             "Depth": depth,
             "History Policy": "Keep Last",
             "Reliability Policy": "Reliable",
-            "Durability Policy": "Volatile",
+            "Durability Policy": "Transient Local" if topic.is_latched else "Volatile",
         },
     }
 
 
-def _cloud(topic: str) -> dict[str, Any]:
+def _cloud(topic: TopicFacts) -> dict[str, Any]:
     return _display("PointCloud2", topic, depth=5) | {
         "Style": "Points",
         "Size (Pixels)": 2,
@@ -85,5 +85,5 @@ def _cloud(topic: str) -> dict[str, Any]:
     }
 
 
-def _odometry(topic: str) -> dict[str, Any]:
+def _odometry(topic: TopicFacts) -> dict[str, Any]:
     return _display("Odometry", topic, depth=10) | {"Keep": 100, "Shape": {"Value": "Arrow"}}

@@ -47,6 +47,8 @@ class Finding:
 class Verification:
     """findings: what is wrong. unchecked: what could not be told. checks: those that ran.
 
+    scratch: where an archive lies unpacked; findings leave it out.
+
     In both lists, faults of one check at one place beyond `FAULTS_A_PLACE` are one line with their number.
     """
 
@@ -54,6 +56,7 @@ class Verification:
     checks: tuple[str, ...]
     findings: list[Finding] = field(default_factory=list)
     unchecked: list[Finding] = field(default_factory=list)
+    scratch: str = ""
     _counts: Counter[tuple[type, str, str]] = field(default_factory=Counter)
 
     @property
@@ -67,7 +70,7 @@ class Verification:
             self._counts[place] += 1
             if self._counts[place] <= FAULTS_A_PLACE:
                 kept = self.findings if isinstance(result, Fault) else self.unchecked
-                kept.append(Finding(check, *result))
+                kept.append(Finding(check, result.where, result.what.replace(self.scratch, "")))
 
     def close(self) -> None:
         """Say how many were left out."""

@@ -61,6 +61,7 @@ def _opened(path: Path, result: Verification) -> Iterator[Subject | None]:
             result.add("archive", [Fault(path.name, str(error))])
             yield None
             return
+        result.scratch = f"{folder}/"
         yield find_subject(folder)
 
 

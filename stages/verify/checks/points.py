@@ -118,7 +118,8 @@ def _joined(parts: list[Labels]) -> Labels:
         np.concatenate([getattr(part, name) for part in parts])
         for name in ("point", "action", "displacement_m")
     )
-    return Labels(*parts[0][:2], point.astype(np.int64), action, displacement_m.astype(np.float64))
+    with np.errstate(invalid="ignore"):  # a point without a number becomes one that no cloud has
+        return Labels(*parts[0][:2], point.astype(np.int64), action, displacement_m.astype(np.float64))
 
 
 def differences(clean: Cloud, adversarial: Cloud, labels: Labels) -> Iterator[str]:

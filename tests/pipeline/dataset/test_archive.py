@@ -157,6 +157,8 @@ HOSTILE: dict[str, tuple[list[tarfile.TarInfo], str]] = {
     "sparse": ([member("town/a", tarfile.GNUTYPE_SPARSE, b"")], "not as `advpipe share` writes"),
     "control sign": ([member("town/a\x1b[2J")], "leads out of"),
     "backslash": ([member("town\\..\\evil/a")], "leads out of"),
+    "drive letter": ([member("town/C:evil")], "leads out of"),
+    "long name": ([member("town/" + "a/" * 5000 + "a")], "not as `advpipe share` writes"),
     "nothing": ([], "holds no SHA256SUMS"),
     "no list": ([member("town/a")], "holds no SHA256SUMS"),
 }
@@ -219,6 +221,8 @@ def test_outputs_are_not_replaced_unasked(tmp_path: Path, folder: Path) -> None:
         unpack(archive)
     with pytest.raises(AdvpipeError, match=r"ends in \.tar"):
         pack(contents(folder), tmp_path / "town.zip")
+    with pytest.raises(AdvpipeError, match="no signs that paths need"):
+        pack(contents(folder), tmp_path / "a\nb.tar")
     with pytest.raises(AdvpipeError, match="too small"):
         pack(contents(folder), tmp_path / "b.tar", 100)
 

@@ -128,7 +128,7 @@ def test_layouts_name_topics_and_frames_that_are_there(shared: Path) -> None:
     topics = BagReader(shared / "clean").topics
     layout = json.loads((shared / "play" / "foxglove.json").read_text(encoding="utf-8"))
     scene = layout["configById"]["3D!scene"]
-    assert set(scene["topics"]) == {"/ego/lidar/points", "/ego/markers"} < set(topics)
+    assert {"/ego/lidar/points", "/ego/markers"} <= set(scene["topics"]) < set(topics)
     assert scene["followTf"] == "ego/base_link"
     assert set(re.findall(r'"(\w+!\w+)"', json.dumps(layout["layout"]))) == set(layout["configById"])
     (path,) = layout["configById"]["Plot!speed"]["paths"]
@@ -137,8 +137,12 @@ def test_layouts_name_topics_and_frames_that_are_there(shared: Path) -> None:
         "Visualization Manager"
     ]
     assert rviz["Global Options"]["Fixed Frame"] == "map"
-    shown = {display["Topic"]["Value"] for display in rviz["Displays"] if "Topic" in display}
-    assert shown == {"/ego/lidar/points", "/ego/markers", "/ego/odometry"} < set(topics)
+    shown = [display["Topic"] for display in rviz["Displays"] if "Topic" in display]
+    names = {topic["Value"] for topic in shown}
+    assert {"/ego/lidar/points", "/ego/markers", "/ego/odometry"} <= names < set(topics)
+    for topic in shown:
+        (qos,) = topics[topic["Value"]].qos
+        assert topic["Durability Policy"].replace(" ", "_").upper() == qos.durability.name
 
 
 def test_an_archive_in_signed_parts_comes_back_whole(recorded: Path, tmp_path: Path) -> None:
@@ -211,6 +215,7 @@ def test_another_tools_bag_is_shared_with_what_is_known(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("path", "message"),
     [
+        ("figures/own.png", "a name that a shared data set needs itself"),
         (".detach.0123456789ab.job/000000.npz", "a job has not ended"),
         (".detach.partial-x1/x.mcap", "a job has not ended"),
         ("reports/.small.partial-x1/report.json", "a job has not ended"),
@@ -224,6 +229,51 @@ def test_unfinished_jobs_and_taken_names_are_refused(
     (dataset / path).write_text("x")
     with pytest.raises(AdvpipeError, match=message):
         share(dataset, tmp_path / "out")
+
+
+def test_outputs_that_would_lose_something_are_refused(dataset: Path, tmp_path: Path) -> None:
+    """Before anything is read: it takes no time."""
+    out = tmp_path / "tiny"
+    share(dataset, out)
+    (out / ".git").mkdir()
+    (out / ".git" / "config").write_text("x")
+    (dataset / "clean" / "metadata.yaml").write_bytes(b"#")
+    with pytest.raises(AdvpipeError, match="tiny exists already"):
+        share(dataset, out)
+    with pytest.raises(AdvpipeError, match=r"also holds \.git/config, which `share` did not make"):
+        share(dataset, out, ShareOptions(overwrite=True))
+    for name, message in (("a.tar.gz", "a plain .tar"), ("a.zip", "a plain .tar"), ("a:b", "takes; choose")):
+        with pytest.raises(AdvpipeError, match=message):
+            share(dataset, tmp_path / name)
+
+
+def test_a_report_on_other_bags_is_refused(dataset: Path, tmp_path: Path) -> None:
+    path = dataset / "reports" / "small" / "report.json"
+    report = json.loads(path.read_text())
+    compared = report["provenance"]["compared"]
+    digest = next(one["sha256"] for one in compared if one["bag"] == "fewer_points")
+    text = path.read_text()
+    path.write_text(text.replace(digest, "0" * 64))
+    with pytest.raises(AdvpipeError, match="was made from another fewer_points than the one in the data set"):
+        share(dataset, tmp_path / "out")
+    path.write_text(text.replace('"fewer_points"', '"fewer"'))
+    with pytest.raises(AdvpipeError, match="compares fewer, which is not in the data set"):
+        share(dataset, tmp_path / "out")
+    report["rows"] = 5
+    path.write_text(json.dumps(report))
+    with pytest.raises(AdvpipeError, match="its rows are none of this version's"):
+        share(dataset, tmp_path / "out")
+
+
+def test_names_that_links_and_shells_take_otherwise(dataset: Path, tmp_path: Path) -> None:
+    """A bag of another name than advpipe gives: spaces and umlauts."""
+    (dataset / "fewer_points").rename(dataset / "größe (neu)")
+    shutil.rmtree(dataset / "reports")
+    share(dataset, tmp_path / "out")
+    card = card_of(tmp_path / "out")
+    assert "[`größe (neu)`](gr%C3%B6%C3%9Fe%20%28neu%29)" in card
+    assert "](figures/gr%C3%B6%C3%9Fe%20%28neu%29.png)" in card
+    assert (tmp_path / "out" / "figures" / "größe (neu).png").is_file()
 
 
 def test_bad_requests_are_refused(recorded: Path, dataset: Path, tmp_path: Path) -> None:

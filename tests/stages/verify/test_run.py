@@ -6,6 +6,7 @@ import json
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -18,8 +19,10 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.cloud import POINT_DTYPE, cloud_from_cdr, cloud_to_cdr
+from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import RawMessage, Topic, VehicleTopics
 from advpipe.pipeline.bag.types import serialise, typestore
+from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.dataset import archive, checksums, signature
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.verify.checks.points import Labels, excesses
@@ -27,6 +30,7 @@ from advpipe.stages.verify.run import verify
 
 EGO = VehicleTopics("ego")
 CLOUD = EGO.lidar_points.name
+ATTACKS = ("detach", "perturb", "attach", "cam", "delay", "dos", "gnss")
 Messages = Iterable[RawMessage]
 Rewrite = Callable[[Path, Callable[[Messages], Messages]], None]
 
@@ -271,6 +275,72 @@ def test_another_tools_bag(tmp_path: Path) -> None:
     assert checks_of(tmp_path / "b") == {"metadata"}
 
 
+def with_record(bag: Path, change: Callable[[dict[str, str]], None]) -> None:
+    """The bag with other words in its own record."""
+    reader = BagReader(bag)
+    record = dict(reader.provenance)
+    change(record)
+    raws = list(reader.raw_messages())
+    with BagWriter(bag, provenance=record, overwrite=True) as writer:
+        for raw in raws:
+            writer.copy(raw)
+
+
+@pytest.mark.parametrize(
+    ("check", "change"),
+    [
+        ("boxes", lambda scenario: scenario.replace("rotation_frequency: 10.0", "rotation_frequency: 0")),
+        ("boxes", lambda _: "sensors: {lidars: 5}\n"),
+        ("scenario", lambda _: "a: !!bool x\n"),
+    ],
+)
+def test_records_of_absurd_values(data_set: Path, check: str, change: Callable[[str], str]) -> None:
+    def both(record: dict[str, str]) -> None:
+        text = record["scenario"].replace("motion_distortion: false", "motion_distortion: true")
+        record["scenario"] = change(text)
+
+    for name in ATTACKS:
+        shutil.rmtree(data_set / name)
+    with_record(data_set / "clean", both)
+    assert check in checks_of(data_set)
+
+
+@pytest.mark.parametrize("attacks", ["5", "[5]", "[{", "[" * 100_000, '[{"type": 5}]'])
+def test_attacks_of_another_shape(data_set: Path, attacks: str) -> None:
+    for name in set(ATTACKS) - {"detach"}:
+        shutil.rmtree(data_set / name)
+    with_record(data_set / "detach", lambda record: record.update(attacks=attacks))
+    assert {"copies", "points"} < checks_of(data_set)
+
+
+def test_a_long_chain_of_frames(data_set: Path, rewrite: Rewrite) -> None:
+    """20,000 frames, each below the one before: looked at once."""
+
+    def longer(message: object) -> None:
+        transforms = message.transforms  # type: ignore[attr-defined]
+        for number in range(20_000):
+            header = replace(transforms[0].header, frame_id=f"a{number}")
+            transforms.append(replace(transforms[0], header=header, child_frame_id=f"a{number + 1}"))
+
+    rewrite(data_set / "clean", changed("/tf_static", decoded(longer), number=0))
+    start_s = time.process_time()
+    (finding,) = verify(data_set / "clean").findings
+    assert "has several roots: a0, map" in finding.what
+    assert time.process_time() - start_s < 30
+
+
+def test_what_a_terminal_would_obey_is_spelt_out(data_set: Path, rewrite: Rewrite) -> None:
+    def coloured(stream: Messages) -> Iterator[RawMessage]:
+        for raw in stream:
+            name = raw.topic.name.replace("/clock", "/\x1b[31mclock\n")
+            yield replace(raw, cdr=b"", topic=replace(raw.topic, name=name))
+
+    rewrite(data_set / "clean", coloured)
+    lines = [str(finding) for finding in verify(data_set / "clean").findings]
+    assert any("\\x1b[31mclock" in line for line in lines)
+    assert all(line.isprintable() for line in lines)
+
+
 def test_single_bits(shared: Path) -> None:
     """60 of them anywhere in a data set, all found; the benchmark does so a thousand times."""
     rng = np.random.default_rng(5)
@@ -326,6 +396,47 @@ def test_files_and_their_list(shared: Path, spoil: str) -> None:
     found = verify(shared, quick=True).findings
     where = {"missing": "detach/frames.parquet", "unlisted": "more.txt", "list": checksums.FILE}[spoil]
     assert [(finding.check, finding.where) for finding in found] == [("checksums", where)]
+
+
+def test_hidden_files_are_no_part_of_a_data_set(shared: Path) -> None:
+    """As `git` and what fetches from Hugging Face leave them."""
+    (shared / ".cache").mkdir()
+    (shared / ".cache" / "x").write_text("x")
+    result = verify(shared, quick=True)
+    assert result.is_good
+    assert [gap.what for gap in result.unchecked] == [
+        ".cache/x is hidden and not listed: no part of the data set"
+    ]
+
+
+def test_what_was_never_shared_is_not_missed(data_set: Path) -> None:
+    """Without a list, though, nobody can tell."""
+    (data_set / "scenario.yaml").unlink()
+    assert checks_of(data_set) == {"scenario"}
+    checksums.write(data_set)
+    result = verify(data_set)
+    assert result.is_good
+    assert "scenario.yaml: was not shared [scenario]" in map(str, result.unchecked)
+
+
+def test_a_data_set_of_which_only_the_list_is_there(shared: Path) -> None:
+    shutil.rmtree(shared / "clean")
+    found = verify(shared).findings
+    assert {finding.where for finding in found} == {"clean/clean_0.mcap", "clean/metadata.yaml"}
+
+
+def test_without_the_library_a_signature_is_not_checked(
+    shared: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (shared / signature.FILE).write_bytes(bytes(64))
+    (shared / signature.KEY_FILE).write_text("x")
+    checksums.write(shared)
+    for name in [name for name in sys.modules if name.split(".")[0] == "cryptography"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "cryptography", None)
+    result = verify(shared, quick=True)
+    assert result.is_good
+    assert "pip install 'advpipe[sign]'" in result.unchecked[0].what
 
 
 def test_signatures(shared: Path, tmp_path: Path) -> None:
