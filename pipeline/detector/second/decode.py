@@ -23,24 +23,30 @@ def detections(predictions: Predictions, batch: int, grid: AnchorGrid) -> Detect
     """The boxes of cloud `batch` whose class scores at least 0.1, best first, at most as many as the preset
     says.
 
-    Suppression knows no classes: one place on the road holds one object. Where the head predicts the
-    quality of boxes, it counts as the preset's `quality_power` says.
+    Each anchor tells its best class or, as the preset says, each class that scores enough; suppression
+    then goes by class. Where the head predicts the quality of boxes, it counts as `quality_power` says.
     """
     preset = grid.preset
-    best, labels = predictions.scores[batch].max(1)
-    scores = torch.sigmoid(best)
-    chosen = (scores >= SCORE_THRESHOLD).nonzero().squeeze(1)
+    of_classes = torch.sigmoid(predictions.scores[batch])
+    if preset.suppress_by_class:
+        anchors, labels = (of_classes >= SCORE_THRESHOLD).nonzero().unbind(1)
+    else:
+        best, labels = of_classes.max(1)
+        anchors = (best >= SCORE_THRESHOLD).nonzero().squeeze(1)
+        labels = labels[anchors]
+    scores = of_classes[anchors, labels]
     if predictions.qualities is not None and preset.quality_power is not None:
-        scores = scores * torch.sigmoid(predictions.qualities[batch]) ** preset.quality_power
-    order = torch.sort(scores[chosen], descending=True, stable=True).indices[: preset.max_candidates]
-    chosen = chosen[order]
+        scores = scores * torch.sigmoid(predictions.qualities[batch][anchors]) ** preset.quality_power
+    order = torch.sort(scores, descending=True, stable=True).indices[: preset.max_candidates]
+    chosen = anchors[order]
     boxes = decode(predictions.codes[batch][chosen], grid.boxes(chosen))
     boxes = _with_direction(boxes, predictions.directions[batch][chosen], preset.direction_offset_rad)
     geometry = boxes.cpu().numpy().astype(np.float64)
     geometry[:, 6] = wrap_angle(geometry[:, 6])
-    confidence = scores[chosen].cpu().numpy().astype(np.float64)
-    names = labels[chosen].cpu().numpy()
-    kept = suppress(geometry, preset.nms_iou, preset.max_detections)
+    confidence = scores[order].cpu().numpy().astype(np.float64)
+    names = labels[order].cpu().numpy()
+    rivals = names if preset.suppress_by_class else np.zeros_like(names)
+    kept = suppress(geometry, rivals, preset.nms_iou, preset.max_detections)
     if preset.vote_iou is None:
         return Detections(geometry[kept], confidence[kept], names[kept])
     voted = vote(geometry, confidence, names, kept, preset.vote_iou)
@@ -76,8 +82,11 @@ def _with_direction(boxes: Tensor, directions: Tensor, offset_rad: float) -> Ten
     return torch.cat([boxes[:, :6], yaw[:, None]], dim=1)
 
 
-def suppress(boxes: npt.NDArray[np.float64], iou: float, limit: int) -> npt.NDArray[np.int64]:
-    """Indices of the boxes (K, 7), best first, that overlap no better kept box by more than `iou`.
+def suppress(
+    boxes: npt.NDArray[np.float64], groups: npt.NDArray[np.int64], iou: float, limit: int
+) -> npt.NDArray[np.int64]:
+    """Indices of the boxes (K, 7), best first, that overlap no better kept box of their group (K,) by more
+    than `iou`.
 
     At most the first `limit` of them.
     """
@@ -87,5 +96,7 @@ def suppress(boxes: npt.NDArray[np.float64], iou: float, limit: int) -> npt.NDAr
     while len(alive) and len(kept) < limit:
         best, rest = alive[0], alive[1:]
         kept.append(int(best))
-        alive = rest[iou_bev(boxes[best], boxes[rest])[0] <= iou]
+        is_rival = groups[rest] == groups[best]
+        is_rival[is_rival] = iou_bev(boxes[best], boxes[rest[is_rival]])[0] > iou
+        alive = rest[~is_rival]
     return np.array(kept, dtype=np.int64)

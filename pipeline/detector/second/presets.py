@@ -43,6 +43,7 @@ class Preset:
 
     Decoding: at most `max_candidates` anchors enter non-maximum suppression at `nms_iou`, at most
     `max_detections` come out. vote_iou: see `decode.vote`; None is plain suppression, as in OpenPCDet.
+    suppress_by_class: boxes of different classes may overlap; where two classes are likely, both are said.
     quality_power: the head also predicts each box's IoU with the truth, and a detection scores
     class score * IoU**power (Wu et al. 2020, "IoU-aware Single-stage Object Detector"); None: it does not.
     """
@@ -71,6 +72,7 @@ class Preset:
     max_candidates: int = 1000
     max_detections: int = 100
     vote_iou: float | None = None
+    suppress_by_class: bool = False
     quality_power: float | None = None
 
     @property
@@ -105,6 +107,7 @@ SMALL = Preset(
     input_offset=(0.0, 0.0, -3.0, 0.0),
     input_scale=(1 / 51.2, 1 / 51.2, 0.5, 1.0),
     vote_iou=0.5,
+    suppress_by_class=True,
 )
 """All around a roof LiDAR about 1.8 m above the road; 0.92 M parameters; trains on two CPU cores."""
 
@@ -122,6 +125,7 @@ ALL_AROUND = Preset(
     input_offset=SMALL.input_offset,
     input_scale=SMALL.input_scale,
     vote_iou=0.5,
+    suppress_by_class=True,
 )
 """`small` with the channels and layers of `kitti` and finer voxels along z; 5.36 M parameters."""
 

@@ -73,7 +73,7 @@ def test_boxes_out_of_range_and_no_boxes():
 
 def test_decode_inverts_encode():
     torch.manual_seed(0)
-    anchors = GRID.boxes(torch.randint(0, 128 * 128 * 10, (50,)))
+    anchors = GRID.boxes(torch.randint(0, 128 * 128 * GRID.per_cell, (50,)))
     boxes = anchors + torch.randn(50, 7) * 0.1
     torch.testing.assert_close(decode(encode(boxes, anchors), anchors), boxes, atol=1e-4, rtol=1e-4)
 

@@ -22,7 +22,7 @@ GRID = AnchorGrid(SMALL, 128, 128)
 
 def predictions(boxes, labels, scores):
     """What a head would say that sees exactly these boxes, at every positive anchor."""
-    count = 128 * 128 * 10
+    count = 128 * 128 * GRID.per_cell
     out = Predictions(torch.full((1, count, 4), -9.0), torch.zeros(1, count, 7), torch.zeros(1, count, 2))
     for box, label, score in zip(boxes, labels, scores, strict=True):
         target = GRID.assign(box[None], label[None])
@@ -58,6 +58,18 @@ def test_no_detection_under_the_threshold():
     assert len(detections(predictions(box, torch.tensor([0]), [0.09]), 0, GRID)) == 0
 
 
+@pytest.mark.parametrize("by_class", [True, False])
+def test_an_object_of_two_likely_classes_is_found_as_both_or_as_the_likelier(by_class):
+    box = torch.tensor([[5.0, 3.0, -1.0, 1.8, 0.7, 1.7, 0.0]])
+    out = predictions(box, torch.tensor([2]), [0.4])
+    anchors = GRID.assign(box, torch.tensor([2])).positive
+    out.scores[0, anchors, 3] = torch.logit(torch.tensor(0.7))
+    found = detections(out, 0, AnchorGrid(replace(SMALL, suppress_by_class=by_class), 128, 128))
+    assert found.labels.tolist() == ([3, 2] if by_class else [3])
+    assert found.scores == pytest.approx([0.7, 0.4] if by_class else [0.7], rel=1e-5)
+    np.testing.assert_allclose(found.boxes, np.repeat(box.numpy(), len(found), axis=0), atol=1e-4)
+
+
 def test_the_better_placed_of_two_boxes_wins_where_the_head_predicts_quality():
     """Class scores 0.9 and 0.8, IoUs 0.5 and 0.9: 0.9 * 0.5 < 0.8 * 0.9; power 2 squares the IoUs."""
     boxes = torch.tensor([[10.0, 0.0, -1.0, 4.2, 1.8, 1.5, 0.3], [10.4, 0.0, -1.0, 4.2, 1.8, 1.5, 0.3]])
@@ -78,9 +90,11 @@ def test_the_better_placed_of_two_boxes_wins_where_the_head_predicts_quality():
 def test_suppression_is_greedy():
     # b overlaps a and c, a and c stay apart: a and c remain.
     boxes = np.array([[x, 0, 0, 4, 2, 2, 0] for x in (0.0, 2.0, 4.1)])
-    assert suppress(boxes, 0.1, 9).tolist() == [0, 2]
-    assert suppress(boxes, 0.1, 1).tolist() == [0]
-    assert suppress(np.zeros((0, 7)), 0.1, 9).tolist() == []
+    one = np.zeros(3, np.int64)
+    assert suppress(boxes, one, 0.1, 9).tolist() == [0, 2]
+    assert suppress(boxes, one, 0.1, 1).tolist() == [0]
+    assert suppress(boxes, np.array([0, 1, 0]), 0.1, 9).tolist() == [0, 1, 2]
+    assert suppress(np.zeros((0, 7)), one[:0], 0.1, 9).tolist() == []
 
 
 def test_votes_are_weighted_by_squared_score_within_the_class():
@@ -107,7 +121,7 @@ def test_suppression_by_polygons(limit):
     rng = np.random.default_rng(2)
     low, high = [-15, -15, -1, 2, 1, 1, -3], [15, 15, 1, 5, 2.5, 2, 3]
     boxes = rng.uniform(low, high, (120, 7))
-    kept = suppress(boxes, 0.01, limit).tolist()
+    kept = suppress(boxes, np.zeros(120, np.int64), 0.01, limit).tolist()
     shapes = [polygon(box) for box in boxes]
     expected = []
     for i, shape in enumerate(shapes):
