@@ -37,7 +37,7 @@ def test_a_perfect_prediction_costs_almost_nothing_and_a_half_turn_only_directio
     grid = AnchorGrid(SMALL, 128, 128)
     box = torch.tensor([[10.3, -7.2, -1.0, 4.2, 1.8, 1.5, 0.3]])
     target = grid.assign(box, torch.tensor([0]))
-    count = 128 * 128 * GRID.per_cell
+    count = 128 * 128 * grid.per_cell
     scores, codes, directions = (
         torch.full((1, count, 4), -20.0),
         torch.zeros(1, count, 7),
@@ -61,7 +61,7 @@ def test_smooth_l1_by_hand():
     grid = AnchorGrid(SMALL, 128, 128)
     box = torch.tensor([[0.4, 0.4, -1.0, 4.5, 1.85, 1.55, 0.0]])
     target = grid.assign(box, torch.tensor([0]))
-    count = 128 * 128 * GRID.per_cell
+    count = 128 * 128 * grid.per_cell
     codes = torch.zeros(1, count, 7)
     codes[0, target.positive] = encode(target.boxes, grid.boxes(target.positive))
     codes[0, target.positive, 2] += 1.0  # beyond 1/9: |d| - 1/18
@@ -77,7 +77,7 @@ def test_the_quality_learns_the_iou_of_the_box_it_judges():
     target = grid.assign(box, torch.tensor([0]))
     along = torch.tensor([cos(0.7), sin(0.7), 0, 0, 0, 0, 0])
     assert float(aligned_iou(box + along, box)) == pytest.approx(3 / 5, rel=1e-5)
-    count = 128 * 128 * GRID.per_cell
+    count = 128 * 128 * grid.per_cell
     codes = torch.zeros(1, count, 7)
     codes[0, target.positive] = encode(target.boxes + along, grid.boxes(target.positive))
     said = torch.zeros(1, count, requires_grad=True)
