@@ -146,7 +146,7 @@ def main() -> None:
     parser.add_argument("data_set", type=Path)
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--flips", type=int, default=1000)
-    parser.add_argument("--lone", type=int, default=300, help="flips in the clean bag alone")
+    parser.add_argument("--lone", type=int, default=300, help="flips in each bag alone")
     parser.add_argument("--flip-mb", type=float, default=20.0)
     parser.add_argument("--full", action="store_true", help="time the full check, too")
     options = parser.parse_args()
@@ -155,11 +155,13 @@ def main() -> None:
     with scratch() as folder:
         small = small_copy(options.data_set, Path(folder) / "small", options.flip_mb)
         passed &= flip_bits(small, options.flips, True, "shared data set")
-        lone = Path(shutil.copytree(small / "clean", Path(folder) / "lone"))
-        passed &= flip_bits(lone, options.lone, False, "lone bag, in full")
-        for bag in sorted(path.parent for path in small.glob("*/attack.yaml")):
-            alone = Path(shutil.copytree(bag, Path(folder) / "attacks" / bag.name))
-            passed &= flip_bits(alone, options.lone, False, f"lone attack {bag.name}, in full")
+        lone = {"lone bag": small / "clean"} if options.lone else {}
+        lone |= {
+            f"lone attack {path.parent.name}": path.parent for path in small.glob("*/attack.yaml") if lone
+        }
+        for label, bag in sorted(lone.items(), reverse=True):
+            alone = Path(shutil.copytree(bag, Path(folder) / "alone" / bag.name))
+            passed &= flip_bits(alone, options.lone, False, f"{label}, in full")
     if options.rounds:
         target = options.data_set
         if (target / checksums.FILE).is_file():

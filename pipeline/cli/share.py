@@ -22,7 +22,7 @@ def share(
     ] = None,
     sign: Annotated[
         Path | None,
-        typer.Option("--sign", help="Sign with this Ed25519 private key in PEM (needs advpipe[sign])."),
+        typer.Option("--sign", help="Sign with this Ed25519 private key in PEM (needs the extra `sign`)."),
     ] = None,
     licence: Annotated[
         str | None, typer.Option("--licence", help="SPDX identifier, such as CC-BY-4.0.")

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from advpipe.pipeline.dataset import checksums, layout, tar_header
+from advpipe.pipeline.dataset import checksums, layout, signature, tar_header
 from advpipe.pipeline.dataset.parts import PartsReader, PartsWriter, existing_parts, sums_path, whole_name
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, writing
 from advpipe.pipeline.hashing import copy
@@ -207,7 +207,7 @@ def _copy(stream: PartsReader, folder: Path, name: str, size_bytes: int) -> str:
 
 
 def _check(found: Mapping[str, str], folder: Path, archive: Path) -> None:
-    """Every file is listed, as it is; `.lock` is the partial folder's own."""
+    """Every file is listed, as it is; the signature, which no list holds, is that of the signer beside it."""
     if checksums.FILE not in found:
         raise AdvpipeError(f"{archive} holds no {checksums.FILE}: no data set that `advpipe share` packed")
     sums = checksums.parse(checksums.read_bytes(folder / checksums.FILE), archive / checksums.FILE)
@@ -219,3 +219,6 @@ def _check(found: Mapping[str, str], folder: Path, archive: Path) -> None:
             raise AdvpipeError(
                 f"{archive}: {name} is not the file that {checksums.FILE} lists; fetch it again"
             )
+    if {signature.FILE, signature.KEY_FILE} <= found.keys():
+        with suppress(signature.NoLibraryError):  # then `advpipe verify` says that nobody looked
+            signature.verify(folder)

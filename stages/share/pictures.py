@@ -41,7 +41,8 @@ def draw_clean(bag: Path, lidar_topic: str, folder: Path) -> Picture:
     figure = Figure(figsize=(SIDE_IN, SIDE_IN + HEAD_IN), dpi=110, facecolor="white")
     _draw(figure, 0, 1, frame, frame.cloud, f"frame {frame.index}: {len(frame.cloud):,} points")
     _save(figure, folder / "clean.png")
-    return Picture("clean.png", f"Frame {frame.index} of {lidar_topic} from above; true boxes in blue.")
+    boxes = "; true boxes in blue" if len(frame.boxes.geometry) else ""
+    return Picture("clean.png", f"Frame {frame.index} of {lidar_topic} from above{boxes}.")
 
 
 def draw_attack(clean: Path, bag: Path, lidar_topic: str, folder: Path) -> Picture | None:

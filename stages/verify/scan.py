@@ -78,8 +78,10 @@ def scan(path: Path) -> FileScan:
 def _sums(stream: FileIO, spans: list[_Span]) -> tuple[str, list[int]]:
     """SHA-256 of the rest of a file, and the CRC-32 of each span. Both work at once on a large file."""
     sha256, crcs, start = hashlib.sha256(), [0] * len(spans), 0
-    is_small = os.fstat(stream.fileno()).st_size <= BLOCK_BYTES  # not worth a thread
-    blocks = cycle([memoryview(bytearray(BLOCK_BYTES)) for _ in range(_BLOCKS)])
+    size = os.fstat(stream.fileno()).st_size
+    is_small = size <= BLOCK_BYTES  # not worth a thread, nor the time to clear three blocks
+    length, count = (max(size, 1), 1) if is_small else (BLOCK_BYTES, _BLOCKS)
+    blocks = cycle([memoryview(bytearray(length)) for _ in range(count)])
     hashing: deque[Future[None]] = deque()
     with ThreadPoolExecutor(1) as hasher:
         for block in blocks:

@@ -163,6 +163,13 @@ def test_an_archive_in_signed_parts_comes_back_whole(recorded: Path, tmp_path: P
     assert folder == tmp_path / "tiny"
     signature.verify(folder)
     assert "openssl pkeyutl -verify" in card_of(folder)
+    place = next(part for part in made if b"SHA256SUMS.sig" in part.read_bytes())
+    data = bytearray(place.read_bytes())
+    data[data.index(b"tiny/SHA256SUMS.sig") + 512] ^= 1
+    place.write_bytes(data)
+    (tmp_path / "tiny.tar.sha256").unlink()
+    with pytest.raises(AdvpipeError, match="not the signature of SHA256SUMS"):
+        unpack(made[0], tmp_path / "damaged")
     assert bytes_of(folder).items() >= bytes_of(recorded).items()
 
 
