@@ -44,7 +44,7 @@ class PlaceDetector:
         return Detections(PLACES[seen], points[seen] / 100, labels)
 
     def loss(self, points, boxes, labels):
-        raise NotImplementedError
+        raise AssertionError("nobody asks for this here")
 
 
 class BlindDetector(PlaceDetector):
