@@ -5,14 +5,10 @@ import math
 import numpy as np
 import pytest
 import torch
-from linear_detector import LinearVoxelDetector
 
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, xyz, xyzi
-from advpipe.pipeline.detector.protocol import Detections
+from advpipe.pipeline.bag.cloud import xyz, xyzi
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import points_in_boxes
-from advpipe.stages.attack.lidar.constraints import GOALS, Constraints
-from advpipe.stages.attack.lidar.goal import FALSE_WEIGHT, goal_of, with_decoys
 from advpipe.stages.attack.lidar.perturb import RECIPES, Perturb
 from advpipe.stages.attack.lidar.pgd import project
 
@@ -257,126 +253,3 @@ def test_bad_parameters(wrong, line):
     with pytest.raises(AdvpipeError, match=line) as caught:
         Perturb(eps_cm=1, **wrong)
     assert "\n" not in str(caught.value)
-
-
-def test_decoys_are_what_the_detector_finds_beside_the_truth(scene, make_boxes):
-    cloud, boxes, detector = scene
-    detector.anchors = np.array([BOX, [1.0, 1.0, 1.0, 1.5, 1.5, 1.5, 0.0]])  # the second stands in free space
-    plain_goal = goal_of(Constraints(), detector, cloud, boxes)
-    goal = with_decoys(plain_goal, detector, cloud, boxes)
-    assert goal.regions.tolist() == detector.anchors.tolist()
-    clean = goal.success(detector.detect(cloud))
-    assert clean.tolist() == [-1.0, pytest.approx(FALSE_WEIGHT)]  # scores are cut off at 1
-    assert plain_goal.success(detector.detect(cloud)).tolist() == [pytest.approx(FALSE_WEIGHT - 1)]
-
-
-def test_success_counts_what_the_map_counts(scene):
-    cloud, boxes, detector = scene
-    goal = goal_of(Constraints(), detector, cloud, boxes)
-    box = np.array([BOX])
-    aside = box + [[1.5, 0, 0, 0, 0, 0, 0]]  # IoU 4.5 / 7.5: too little for a car
-
-    def success(*found):
-        geometry = np.concatenate([b for b, _ in found]) if found else np.zeros((0, 7))
-        scores = np.array([s for _, s in found])
-        return goal.success(Detections(geometry, scores, np.zeros(len(found), np.int64))).tolist()
-
-    assert success() == [0.0]
-    assert success((box, 0.9)) == [-0.9]
-    assert success((aside, 0.8)) == [pytest.approx(0.8 * FALSE_WEIGHT)]
-    assert success((box, 0.9), (aside, 0.8)) == [pytest.approx(0.8 * FALSE_WEIGHT - 0.9)]
-
-
-class Contrasting(LinearVoxelDetector):
-    """Its loss falls with the scores of what is taught and rises with those of what is not."""
-
-    def occupancy_loss(self, points, boxes, labels, ghosts=None):
-        places = torch.as_tensor(self.anchors, dtype=torch.float32)
-        ghosts = torch.zeros(0, 4) if ghosts is None else ghosts
-        scores, occupancy, voxel = self._scores(points, places, ghosts)
-        taught = (places[:, None] == boxes[None]).all(2).any(1)
-        return torch.where(taught, -scores, scores).sum(), occupancy, voxel
-
-    def loss(self, points, boxes, labels):
-        return self.occupancy_loss(points, boxes, labels)[0]
-
-
-def test_one_object_is_hidden_and_the_others_left_alone(make_cloud, make_boxes):
-    cars = [[1.5, 0.5, 0.5, 3.0, 1.0, 1.0, 0.0], [1.5, 7.5, 0.5, 3.0, 1.0, 1.0, 0.0]]
-    points = [[x + 0.5, y, 0.6] for x in range(3) for y in (0.6, 7.6) for _ in range(2)]
-    boxes, detector = make_boxes(*cars), Contrasting(np.ones((10, 10, 10)), cars)
-    cloud = make_cloud(points)
-    for name, hidden in (("car1", 1), ("car0", 0)):
-        result = Perturb(eps_cm=60, objects=(name,))(cloud, boxes, detector, rng())
-        assert detector.detect(result.cloud).boxes.tolist() == [cars[1 - hidden]]
-        assert np.isin(result.labels.point, points_in_boxes(points, boxes.geometry)[hidden]).all()
-    assert "no object" in Perturb(eps_cm=60, objects=("bus7",))(cloud, boxes, detector, rng()).note
-
-
-def test_a_ghost_is_conjured_from_points_about(make_cloud, make_boxes, make_detector):
-    # Fifty points just below the voxels of a car that is not there.
-    draw = np.random.default_rng(2)
-    cloud = make_cloud(np.column_stack([draw.uniform(3, 7, (50, 2)), np.full(50, 0.97)]))
-    detector = make_detector(np.full((10, 10, 10), 0.2), [[5.0, 5.0, 1.745, 4.5, 1.85, 1.55, 0.0]])
-    detector.weights[:, :, 0] = 0
-    assert len(detector.detect(cloud)) == 0
-    result = Perturb(eps_cm=5, ghost="car:5:5")(cloud, make_boxes(), detector, rng())
-    assert len(detector.detect(result.cloud)) == 1
-    assert result.loss_after < result.loss_before
-
-
-def test_every_other_gradient_is_that_of_a_lie(scene, monkeypatch):
-    taught, ask = [], LinearVoxelDetector.occupancy_loss
-
-    def watched(self, points, boxes, labels, ghosts=None):
-        taught.append(len(boxes))
-        return ask(self, points, boxes, labels, ghosts)
-
-    monkeypatch.setattr(LinearVoxelDetector, "occupancy_loss", watched)
-    Perturb(eps_cm=10, steps=4)(*scene, rng())
-    assert taught == [1, 0, 1, 0]
-
-
-def test_robust_moves_points_where_the_reach_is_shorter_than_its_landing(scene):
-    attack = Perturb(eps_cm=2, recipe="robust")
-    attack.tactics = type(attack.tactics)(landing_m=attack.tactics.landing_m, jitter_m=0.01, keep=False)
-    result = attack(*scene, rng())
-    assert len(result.labels) > 0
-    assert result.loss_after > result.loss_before
-
-
-def test_hiding_asks_for_no_box_at_all(make_boxes, make_detector):
-    """Of two boxes over one car, a tight and a loose one: to break one is not to hide it."""
-    truth, off = [4.0, 5.0, 5.0, 6.0, 6.0, 6.0, 0.0], [4.9, 5.0, 5.0, 6.0, 6.0, 6.0, 0.0]
-    detector, boxes = make_detector(np.ones((10, 10, 10)), [truth]), make_boxes(truth)
-    cloud = np.zeros(50, POINT_DTYPE)
-    for name in "xyz":
-        cloud[name] = np.linspace(2, 7, 50)
-    goals = {word: goal_of(Constraints(goal=word), detector, cloud, boxes) for word in GOALS}
-    seen = Detections(np.array([off]), np.array([0.8]), np.zeros(1, np.int64))  # an IoU of 5.1 / 6.9 = 0.74
-    far = Detections(np.array([[5.5, *off[1:]]]), np.array([0.8]), np.zeros(1, np.int64))  # 4.5 / 7.5 = 0.6
-    none = Detections(np.zeros((0, 7)), np.zeros(0), np.zeros(0, np.int64))
-    assert goals["break"].success(seen) == goals["hide"].success(seen) == pytest.approx([-0.8])
-    assert goals["break"].success(far) == pytest.approx([FALSE_WEIGHT * 0.8])  # misplaced: broken
-    assert goals["hide"].success(far) == pytest.approx([-0.8])  # but still seen
-    assert goals["hide"].success(none) == goals["break"].success(none) == 0
-
-
-def test_hiding_hides(hand_worked):
-    cloud, boxes, detector = hand_worked
-    assert len(detector.detect(cloud)) == 1
-    result = Perturb(eps_cm=51, goal="hide")(cloud, boxes, detector, rng())
-    assert len(detector.detect(result.cloud)) == 0
-
-
-def test_intensity_alone_needs_no_reach(scene):
-    """Points stay where they are, to the bit."""
-    for recipe in ("random", "random-near", "random-best", "best"):
-        attack = Perturb(eps_cm=0, recipe=recipe, steps=2, intensity=True)
-        result = attack(*scene, rng())
-        assert xyz(result.cloud).tobytes() == xyz(scene[0]).tobytes()
-        assert not result.labels.displacement_m.any()
-        if recipe.startswith("random") and recipe != "random-best":
-            assert (result.cloud["intensity"] != scene[0]["intensity"]).any()
-    with pytest.raises(AdvpipeError, match="eps_cm is 0, but must lie above 0"):
-        Perturb(eps_cm=0)
