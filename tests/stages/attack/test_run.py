@@ -27,7 +27,7 @@ from advpipe.pipeline.detector.second.presets import preset_named
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack import provenance
-from advpipe.stages.attack.run import AttackRequest, attack, attack_id
+from advpipe.stages.attack.run import AttackRequest, attack
 
 LIDAR = "/ego/lidar/points"
 DETECTOR = "linear_detector:Shipped"
@@ -325,19 +325,6 @@ def test_output_must_not_replace_the_clean_bag(clean_bag, tmp_path, target):
     with pytest.raises(AdvpipeError, match="clean bag"):
         attack(clean_bag, tmp_path / target, request(), overwrite=True)
     assert files_of(clean_bag) == before
-
-
-@pytest.mark.parametrize(
-    ("changes", "name"),
-    [
-        ({"parameters": {"ratio": 0.01}}, "detach-best-0.01"),
-        ({"parameters": {"ratio": 0.015}, "recipe": "paper"}, "detach-paper-0.015"),
-        ({"parameters": {"ratio": 0.01, "rounds": 10}}, "detach-best-0.01"),
-        ({"parameters": {"ratio": 0.01, "rounds": 20}}, "detach-best-0.01-rounds20"),
-    ],
-)
-def test_attack_id(changes, name):
-    assert attack_id(request(**changes)) == name
 
 
 @pytest.mark.parametrize("recipe", ["best", "paper"])

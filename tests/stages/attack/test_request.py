@@ -1,0 +1,29 @@
+"""What an attack job is called."""
+
+from __future__ import annotations
+
+import pytest
+
+from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.stages.attack.run import AttackRequest, attack_id
+
+DETECTOR = "linear_detector:Shipped"
+
+
+def request(**changes):
+    given = {"type": "detach", "parameters": {"ratio": 0.1}, "detector": DETECTOR, "seed": 3, **changes}
+    seed = given.pop("seed")
+    return AttackRequest((AttackSpec(**given),), seed)
+
+
+@pytest.mark.parametrize(
+    ("changes", "name"),
+    [
+        ({"parameters": {"ratio": 0.01}}, "detach-best-0.01"),
+        ({"parameters": {"ratio": 0.015}, "recipe": "paper"}, "detach-paper-0.015"),
+        ({"parameters": {"ratio": 0.01, "rounds": 10}}, "detach-best-0.01"),
+        ({"parameters": {"ratio": 0.01, "rounds": 20}}, "detach-best-0.01-rounds20"),
+    ],
+)
+def test_attack_id(changes, name):
+    assert attack_id(request(**changes)) == name
