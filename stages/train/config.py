@@ -28,7 +28,7 @@ class Augmentation:
     drop: float = 0.2
     jitter_m: float = 0.02
     intensity: float = 0.3
-    paste: tuple[int, int, int, int] = (6, 4, 5, 6)
+    paste: tuple[int, int, int, int] = (5, 4, 8, 7)
 
     @classmethod
     def none(cls) -> Augmentation:
