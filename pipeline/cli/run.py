@@ -81,17 +81,38 @@ def _has_drive(folder: Path, scenario: Scenario, overwrite: bool) -> bool:
 def _attack(clean: Path, bag: Path, request: AttackRequest, workers: int | None, overwrite: bool) -> None:
     """Makes the bag, unless the same request made it of the same clean one."""
     from advpipe.pipeline.bag.reader import BagReader
-    from advpipe.pipeline.errors import writing
+    from advpipe.pipeline.errors import AdvpipeError, writing
     from advpipe.stages.attack.provenance import provenance_of, resolved_text
     from advpipe.stages.attack.run import attack
 
     made = bag / "attack.yaml"
     wanted = resolved_text(provenance_of(BagReader(clean), request))
-    if made.is_file() and made.read_text(encoding="utf-8") == wanted:
-        print(f"{bag}: kept")
-        return
+    if made.is_file():
+        others = _differing_keys(made.read_text(encoding="utf-8"), wanted)
+        if not others:
+            print(f"{bag}: kept")
+            return
+        if not overwrite:
+            raise AdvpipeError(
+                f"{bag} was made with other {', '.join(others)} (see {made.name} in it); pass --overwrite to "
+                "make it again, or give another --out"
+            )
     with writing(bag):
         print(attack(clean, bag, request, overwrite=overwrite, workers=workers))
+
+
+def _differing_keys(made: str, wanted: str) -> list[str]:
+    """The keys at the top of two YAML texts whose values differ; the whole text where one is no mapping."""
+    import yaml
+
+    if made == wanted:
+        return []
+    try:
+        old, new = yaml.safe_load(made), yaml.safe_load(wanted)
+        keys = sorted(key for key in old.keys() | new.keys() if old.get(key) != new.get(key))
+    except (yaml.YAMLError, AttributeError):
+        keys = []
+    return keys or ["text"]
 
 
 def _is_report_of(report: Path, bags: Sequence[Path], detector: str, device: str) -> bool:

@@ -63,9 +63,17 @@ def test_all_stages_and_again(
             run(str(scenario), made)
     assert stamps(made) == before
 
+    with monkeypatch.context() as other:
+        other.setattr("advpipe.stages.attack.provenance.code_sha256", lambda *parts: "7" * 64)
+        with pytest.raises(AdvpipeError, match="fewer_points was made with other code_sha256"):
+            run(str(scenario), made)
+    assert stamps(made) == before
+
     # Another attack under an old name: the drive and the other bag are kept, the rest is asked about.
     scenario.write_text(SCENARIO.replace("ratio: 0.1", "ratio: 0.2"), encoding="utf-8")
-    with pytest.raises(AdvpipeError, match="fewer_points exists already, not overwriting"):
+    with pytest.raises(
+        AdvpipeError, match="fewer_points was made with other attacks, parameters .*--overwrite"
+    ):
         run(str(scenario), made)
     assert stamps(made) == before
     capsys.readouterr()
