@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -27,10 +28,20 @@ CLASS_ALIASES = {
 }
 """Other names of the classes, in lower case."""
 
+BOX_TYPES = ("vision_msgs/msg/Detection3DArray", "derived_object_msgs/msg/ObjectArray")
+"""3D boxes that are read; where a bag has both, the first."""
+
+OBJECT_CLASSES = {4: "pedestrian", 5: "bicycle", 6: "car", 7: "truck", 8: "motorcycle"}
+"""Road users by the `classification` of derived_object_msgs/Object; the rest are signs, barriers, unknown."""
+
+SOLID_BOX = 1
+"""shape_msgs/SolidPrimitive.BOX"""
+
 
 def objects_topic(reader: BagReader, topics: VehicleTopics) -> str | None:
-    """The topic with the boxes: the vehicle's own, or the bag's only one; None without any."""
-    candidates = [name for name in reader.topics_of_type(topics.objects.type) if is_truth(name)]
+    """The topic with the boxes: the vehicle's own, or the bag's only one of a type; None without any."""
+    by_type = ([name for name in reader.topics_of_type(each) if is_truth(name)] for each in BOX_TYPES)
+    candidates: list[str] = next(filter(None, by_type), [])
     if topics.objects.name in candidates:
         return topics.objects.name
     if len(candidates) > 1:
@@ -113,19 +124,19 @@ class GroundTruth:
         return invert(root_SE3_lidar) @ root_SE3_frame
 
     def _boxes_of(self, message: Any) -> Boxes:
-        geometry = np.zeros((len(message.detections), 7))
-        labels = np.zeros(len(message.detections), np.int64)
-        for row, detection in enumerate(message.detections):
-            centre, size = detection.bbox.center, detection.bbox.size
+        rows, labels, ids = [], [], []
+        of_objects = hasattr(message, "objects")
+        for name, class_name, centre, size_m in _objects(message) if of_objects else _detections(message):
             position = (centre.position.x, centre.position.y, centre.position.z)
-            geometry[row] = (*position, size.x, size.y, size.z, _yaw(centre.orientation))
-            labels[row] = self._label_of(detection)
-        ids = tuple(detection.id for detection in message.detections)
-        return Boxes(geometry, labels, ids, np.full((len(ids), 3), np.nan))
+            if len(size_m) != 3:
+                raise AdvpipeError(f"{self._reader.path}: {self._objects} has {name!r}, which is no box")
+            rows.append((*position, *size_m, _yaw(centre.orientation)))
+            labels.append(self._label_of(class_name))
+            ids.append(name)
+        geometry = np.array(rows, np.float64).reshape(-1, 7)
+        return Boxes(geometry, np.array(labels, np.int64), tuple(ids), np.full((len(ids), 3), np.nan))
 
-    def _label_of(self, detection: Any) -> int:
-        results = [result.hypothesis for result in detection.results]
-        name = max(results, key=lambda result: result.score).class_id if results else ""
+    def _label_of(self, name: str) -> int:
         known = CLASS_ALIASES.get(name.lower(), name.lower())
         if known not in CLASSES:
             raise AdvpipeError(
@@ -133,6 +144,27 @@ class GroundTruth:
                 f"{', '.join((*CLASSES, *CLASS_ALIASES))}"
             )
         return CLASSES.index(known)
+
+
+Named = tuple[str, str, Any, tuple[float, ...]]
+"""Id, class, pose of the centre, and length, width and height in metres."""
+
+
+def _detections(message: Any) -> Iterator[Named]:
+    """The boxes of a vision_msgs/Detection3DArray."""
+    for each in message.detections:
+        results = [result.hypothesis for result in each.results]
+        class_name = max(results, key=lambda result: result.score).class_id if results else ""
+        size = each.bbox.size
+        yield each.id, class_name, each.bbox.center, (size.x, size.y, size.z)
+
+
+def _objects(message: Any) -> Iterator[Named]:
+    """The road users of a derived_object_msgs/ObjectArray; what is no box has no size."""
+    for each in message.objects:
+        if each.classification in OBJECT_CLASSES:
+            size_m = tuple(map(float, each.shape.dimensions)) if each.shape.type == SOLID_BOX else ()
+            yield str(each.id), OBJECT_CLASSES[each.classification], each.pose, size_m
 
 
 def _yaw(quaternion: Any) -> float:

@@ -35,14 +35,17 @@ def train(
 
     if not 0 < learning_rate < math.inf:
         raise AdvpipeError(f"--learning-rate is {learning_rate:g}; it has to be finite and above 0")
+    learned, held_out = tuple(map(resolve_bag, bags)), resolve_bag(validate) if validate else None
+    if held_out and held_out.resolve() in {bag.resolve() for bag in learned}:
+        raise AdvpipeError(f"--validate {validate} is a bag to learn from; name one that is held out")
     config = TrainConfig(
-        bags=tuple(resolve_bag(bag) for bag in bags),
+        bags=learned,
         out=out,
         preset=preset,
         start=start,
         steps=steps,
         learning_rate=learning_rate,
-        validation=resolve_bag(validate) if validate else None,
+        validation=held_out,
         bf16=bf16,
         device=device,
         seed=seed,

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from advpipe.pipeline.detector.device import CPU, open_device
 from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.geometry.boxes import CLASSES
 
 if TYPE_CHECKING:
     import torch
@@ -70,8 +71,8 @@ def _find_class(module: str, attribute: str) -> Callable[..., object]:
         sys.path.insert(0, os.getcwd())
     try:
         found: Callable[..., object] = getattr(importlib.import_module(module), attribute)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise AdvpipeError(f"cannot load detector {module}:{attribute}: {error}") from None
+    except Exception as error:  # a user's module may raise anything
+        raise _not_loaded(module, attribute, error) from None
     return found
 
 
@@ -79,11 +80,20 @@ def _load_class(module: str, attribute: str, device: torch.device) -> Detector:
     found = _find_class(module, attribute)
     try:
         made = found(device=device) if _takes_device(found) else found()
-    except (ImportError, AttributeError, TypeError, ValueError) as error:
-        raise AdvpipeError(f"cannot load detector {module}:{attribute}: {error}") from None
+    except Exception as error:  # a user's class may raise anything
+        raise _not_loaded(module, attribute, error) from None
     if not isinstance(made, Detector):
         raise AdvpipeError(f"{module}:{attribute} is no detector: it needs classes, range_m, detect and loss")
+    if not made.classes or not set(made.classes) <= set(CLASSES):
+        raise AdvpipeError(
+            f"{module}:{attribute} finds the classes {tuple(made.classes)}; each has to be one of "
+            f"{', '.join(CLASSES)}"
+        )
     return made
+
+
+def _not_loaded(module: str, attribute: str, error: Exception) -> AdvpipeError:
+    return AdvpipeError(f"cannot load detector {module}:{attribute}: {type(error).__name__}: {error}")
 
 
 def _takes_device(found: Callable[..., object]) -> bool:

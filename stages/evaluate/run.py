@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from advpipe.pipeline.bag.frames import ALL_FRAMES, FrameSlice, find_lidar_topic, has_ground_truth
+from advpipe.pipeline.bag.ground_truth import BOX_TYPES
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.detector.device import CPU, device_record
@@ -203,7 +204,7 @@ def _checked_clean(clean: Path) -> str:
 def _require_ground_truth(clean: Path, lidar_topic: str | None) -> None:
     if not has_ground_truth(clean, lidar_topic):
         raise AdvpipeError(
-            f"{clean} has no ground truth (no vision_msgs/msg/Detection3DArray topic); "
+            f"{clean} has no ground truth (no topic of {' or '.join(BOX_TYPES)}); "
             "give the clean bag that holds it"
         )
 

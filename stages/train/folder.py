@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -64,12 +65,13 @@ class RunFolder:
         wanted = json.dumps(about, default=str, indent=2, sort_keys=True) + "\n"
         if self.path.exists() and not self.path.is_dir():
             raise AdvpipeError(f"{self.path} is a file; name a folder for the training run")
-        if self.path.exists() and not self.config.is_file() and any(self.path.iterdir()):
+        if self.path.exists() and not self._is_run() and any(self.path.iterdir()):
             raise AdvpipeError(f"{self.path} is not empty and holds no training run; choose another folder")
         if overwrite:
             for file in (self.checkpoint, self.latest, self.state, self.log, self.validations, self.picture):
                 file.unlink(missing_ok=True)
         elif self.checkpoint.exists():
+            self.tidy()  # a kill may have come in between
             raise OutputExistsError(self.checkpoint)
         elif self.config.is_file() and self.config.read_text(encoding="utf-8") != wanted:
             raise AdvpipeError(
@@ -77,10 +79,20 @@ class RunFolder:
                 "pass --overwrite to start anew, or choose another folder"
             )
         self.path.mkdir(parents=True, exist_ok=True)
-        self.config.write_text(wanted, encoding="utf-8")
+        beside = self.path / f".{self.config.name}.part"
+        beside.write_text(wanted, encoding="utf-8")
+        os.replace(beside, self.config)
+
+    def _is_run(self) -> bool:
+        """Whether the folder's config.json is one of ours; others use that name too."""
+        try:
+            about = json.loads(self.config.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return False
+        return isinstance(about, dict) and about.keys() >= {"bags", "preset", "origin"}
 
     def tidy(self) -> None:
         """Remove what only an unfinished run needs."""
-        self.state.unlink()
-        self.latest.unlink()
-        shutil.rmtree(self.frames)
+        self.state.unlink(missing_ok=True)
+        self.latest.unlink(missing_ok=True)
+        shutil.rmtree(self.frames, ignore_errors=True)

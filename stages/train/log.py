@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 from pathlib import Path
 
 import numpy as np
@@ -16,18 +17,24 @@ VALIDATIONS = ("step", *CLASSES)
 
 
 class Log:
-    """A CSV file of `columns`, appended row by row; steps from `first_step` on are written anew."""
+    """A CSV file of `columns`, appended row by row; steps from `first_step` on are written anew.
+
+    A kill at any moment loses no row before them.
+    """
 
     def __init__(self, path: Path, columns: tuple[str, ...], first_step: int) -> None:
         rows = []
         if path.is_file() and first_step:
             with path.open(newline="") as file:
                 rows = [row for row in list(csv.reader(file))[1:] if len(row) == len(columns)]
+        beside = path.with_name(f".{path.name}.part")
+        with beside.open("w", newline="") as file:
+            kept = (row for row in rows if int(row[0]) < first_step)
+            csv.writer(file, lineterminator="\n").writerows([columns, *kept])
+        os.replace(beside, path)
         self.path = path
-        self._file = path.open("w", newline="")
+        self._file = path.open("a", newline="")
         self._writer = csv.writer(self._file, lineterminator="\n")
-        self._writer.writerow(columns)
-        self._writer.writerows(row for row in rows if int(row[0]) < first_step)
 
     def add(self, step: int, *values: float) -> None:
         self._writer.writerow([step, *(f"{value:.6g}" for value in values)])

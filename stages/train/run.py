@@ -16,6 +16,7 @@ from types import FrameType
 import torch
 
 from advpipe.pipeline.bag.frames import Frame, FrameSlice, count_frames, has_ground_truth, read_frames
+from advpipe.pipeline.bag.ground_truth import BOX_TYPES
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.detector.device import device_record, open_device
@@ -86,7 +87,8 @@ def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
     status = Status()
     with (
         closing(Log(folder.log, STEPS, state.step)) as log,
-        closing(Log(folder.validations, VALIDATIONS, state.step)) as validations,
+        # A run that was killed in its last validation does it again.
+        closing(Log(folder.validations, VALIDATIONS, min(state.step, steps - 1))) as validations,
         interrupts() as interrupted,
         gradients(net, examples, workers) as gradients_of,
     ):
@@ -119,7 +121,7 @@ def labelled_bag(path: Path) -> Path:
     """The bag that a path names; it has to hold ground truth."""
     bag = resolve_bag(path)
     if not has_ground_truth(bag):
-        raise AdvpipeError(f"{bag} holds no ground truth (vision_msgs/msg/Detection3DArray) to learn from")
+        raise AdvpipeError(f"{bag} holds no ground truth ({' or '.join(BOX_TYPES)}) to learn from")
     return bag
 
 

@@ -82,7 +82,9 @@ def _read_weights(path: Path, wanted: set[str]) -> dict[str, Tensor]:
     if wrong:
         raise AdvpipeError(f"{path} is no SECOND of OpenPCDet's second.yaml: it {' and '.join(wrong)}")
     for name in sorted(wanted):
-        if not state[name].is_floating_point() or not torch.isfinite(state[name]).all():
+        value = state[name]
+        is_plain = value.layout is torch.strided and value.device.type == "cpu" and value.is_floating_point()
+        if not is_plain or not torch.isfinite(value.float()).all():
             raise AdvpipeError(f"{path}: {name} holds values that are no finite numbers")
     return {name: state[name].float() for name in wanted}
 

@@ -13,6 +13,7 @@ from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.bag.frames import Frame
 from advpipe.pipeline.defences.base import Placement
 from advpipe.pipeline.detector.protocol import Detections, Detector, Range
+from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS, Boxes, count_points
 from advpipe.pipeline.geometry.iou import iou_3d, iou_bev
 from advpipe.pipeline.metrics.average_precision import LOOSE_IOU, STRICT_IOU
@@ -116,12 +117,26 @@ class Eye:
         about = f"{placement}".encode()
         key = hashlib.blake2b(np.ascontiguousarray(cloud).tobytes() + about, digest_size=16).digest()
         if key not in self._seen:
-            found = self._detector.detect(cloud)
+            found = self._checked(self._detector.detect(cloud))
             boxes = placement.boxes_back(found.boxes)
             inside = np.flatnonzero(self.range_m.contains_centres(boxes))
             best = inside[np.argsort(-found.scores[inside], kind="stable")]
             self._seen[key] = Detections(boxes[best], found.scores[best], self._labels[found.labels[best]])
         return self._seen[key]
+
+    def _checked(self, found: Detections) -> Detections:
+        """The detections, if they are what `Detections` promises: a user's own class may err."""
+        count = len(found.boxes)
+        shapes = (found.boxes.shape, found.scores.shape, found.labels.shape)
+        if shapes != ((count, 7), (count,), (count,)):
+            problem = f"shapes {shapes} of boxes, scores and labels"
+        elif not (np.isfinite(found.boxes).all() and np.isfinite(found.scores).all()):
+            problem = "boxes or scores that are not finite"
+        elif not ((found.labels >= 0) & (found.labels < len(self._labels))).all():
+            problem = f"labels beyond its {len(self._labels)} classes"
+        else:
+            return found
+        raise AdvpipeError(f"{type(self._detector).__name__}.detect gave {problem}; mend the detector")
 
 
 def match(

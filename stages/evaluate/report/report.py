@@ -18,7 +18,8 @@ FORMULAS: Mapping[str, str] = {
     "map": "mAP = mean AP over the classes with at least 50 evaluated boxes in the scored clean frames",
     "map_ratio": "mAP ratio = 100 % * mAP(adversarial clouds) / mAP(clean clouds), on the same frames",
     "iou": "strict 3D IoU: car and truck 0.7, cyclist and pedestrian 0.5; loose: 0.5 and 0.25",
-    "ignored": "no object counts with fewer than 5 points in the clean cloud or out of the detector's range",
+    "ignored": "no object counts with fewer than 5 points in the clean cloud or with its centre out of the "
+    "detector's range in the plane, and no detection that finds one, nor one out of that range",
     "strata": "by range (of the centre, in the plane), by LiDAR points in the clean cloud and by the share "
     "hidden, as recorded: objects of other strata are ignored, and so is what finds them; a false positive "
     "counts in the stratum of its own range and points, and in every stratum of occlusion",

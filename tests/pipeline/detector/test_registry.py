@@ -45,10 +45,20 @@ class NoDetector:
     pass
 
 
+class WithOtherClasses(Mine):
+    classes = ("car", "Bus")
+
+
+class WithoutItsWeights(Mine):
+    def __init__(self):
+        raise RuntimeError("no weights at hand")
+
+
 @pytest.fixture
 def module(monkeypatch):
     module = types.ModuleType("my_detectors")
-    module.Mine, module.NoDetector = Mine, NoDetector
+    for detector in (Mine, NoDetector, WithOtherClasses, WithoutItsWeights):
+        setattr(module, detector.__name__, detector)
     monkeypatch.setitem(sys.modules, "my_detectors", module)
 
 
@@ -96,6 +106,8 @@ def test_checksum_of_a_class_is_that_of_its_source_file(module):
     ("name", "message"),
     [
         ("my_detectors:NoDetector", "is no detector"),
+        ("my_detectors:WithOtherClasses", "Bus.*each has to be one of car, truck, cyclist, pedestrian"),
+        ("my_detectors:WithoutItsWeights", "cannot load detector .*RuntimeError: no weights at hand"),
         ("my_detectors:Missing", "cannot load detector"),
         ("no_such_module:Mine", "cannot load detector"),
         (":", "cannot load detector"),

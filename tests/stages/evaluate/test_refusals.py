@@ -2,6 +2,7 @@
 
 from functools import partial
 
+import numpy as np
 import pytest
 from place_drive import DETECTOR, FRAMES, clean_cloud, hide_first_car, write_bag
 
@@ -9,7 +10,9 @@ from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.frames import FrameSlice
 from advpipe.pipeline.bag.topics import CLOCK
 from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.detector.protocol import Detections, Range
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.stages.evaluate.detection.scoring import Eye
 from advpipe.stages.evaluate.run import evaluate as evaluate_anywhere
 
 evaluate = partial(evaluate_anywhere, workers=1)
@@ -20,6 +23,35 @@ def refused(tmp_path, match, *args, **kwargs):
         evaluate(*args, tmp_path / "report", **({"detector": DETECTOR} | kwargs))
     assert "\n" not in str(caught.value)
     assert not [p for p in tmp_path.iterdir() if "report" in p.name]
+
+
+class Careless:
+    """Finds what `Detections` does not allow."""
+
+    classes, range_m = ("car",), Range(-50, -50, -3, 50, 50, 3)
+    boxes, scores, labels = np.zeros((1, 7)), np.ones(1), np.zeros(1, np.int64)
+
+    def detect(self, cloud):
+        return Detections(self.boxes, self.scores, self.labels)
+
+    def loss(self, points, boxes, labels):
+        raise AssertionError("nobody asks for this here")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"boxes": np.zeros((1, 8))}, r"shapes \(\(1, 8\), \(1,\), \(1,\)\)"),
+        ({"labels": np.zeros(2, np.int64)}, "shapes"),
+        ({"boxes": np.full((1, 7), np.nan)}, "not finite"),
+        ({"labels": np.ones(1, np.int64)}, "labels beyond its 1 classes"),
+    ],
+)
+def test_a_detector_that_errs_is_told_how(monkeypatch, wrong, message):
+    for name, value in wrong.items():
+        monkeypatch.setattr(Careless, name, value)
+    with pytest.raises(AdvpipeError, match=f"Careless.detect gave .*{message}"):
+        Eye(Careless()).detect(clean_cloud(0))
 
 
 def test_bag_without_clouds_is_refused(tmp_path):

@@ -101,6 +101,25 @@ def test_a_killed_run_goes_on_from_its_last_state(drive, tiny, tmp_path, monkeyp
     assert resumed.checkpoint.read_bytes() == whole.checkpoint.read_bytes()
 
 
+def test_a_run_killed_in_its_last_validation_or_after_it_leaves_no_trace(drive, tiny, tmp_path, monkeypatch):
+    config = configured(drive, tmp_path / "run", steps=2, validation=drive)
+
+    def die(*_):
+        raise MemoryError
+
+    # After the row of the last validation, and again after the checkpoint.
+    for owner, name in ((run, "plot_training"), (run.RunFolder, "tidy")):
+        with monkeypatch.context() as patch:
+            patch.setattr(owner, name, die)
+            with pytest.raises(MemoryError):
+                run.train(config)
+        assert steps_of(config.out / "validation.csv") == [1]
+    with pytest.raises(OutputExistsError):
+        run.train(config)
+    files = ["config.json", "detector.safetensors", "train.csv", "training.png", "validation.csv"]
+    assert sorted(p.name for p in config.out.iterdir()) == files
+
+
 def test_another_seed_gives_other_weights(drive, tiny, tmp_path):
     a, b = (run.train(configured(drive, tmp_path / str(s), seed=s, steps=1)) for s in (0, 1))
     assert a.checkpoint.read_bytes() != b.checkpoint.read_bytes()
@@ -130,6 +149,10 @@ def test_folders_that_hold_something_else(drive, tiny, tmp_path):
     (tmp_path / "photos" / "a.jpg").touch()
     with pytest.raises(AdvpipeError, match="holds no training run"):
         run.train(configured(drive, tmp_path / "photos"), overwrite=True)
+    (tmp_path / "model" / "frames").mkdir(parents=True)
+    (tmp_path / "model" / "config.json").write_text('{"architectures": ["another"]}')
+    with pytest.raises(AdvpipeError, match="holds no training run"):
+        run.train(configured(drive, tmp_path / "model"), overwrite=True)
     with pytest.raises(AdvpipeError, match="is a file"):
         run.train(configured(drive, tmp_path / "photos" / "a.jpg"))
 

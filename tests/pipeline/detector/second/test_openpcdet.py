@@ -158,6 +158,14 @@ def changed(path: Path, checkpoint: Path, change) -> Path:
             r"conv_input.0.weight has shape \(16, 3, 3, 3, 5\), not \(16, 3, 3, 3, 4\)",
         ),
         (lambda s: s["dense_head.conv_cls.bias"].fill_(float("nan")), "conv_cls.bias holds values"),
+        (
+            lambda s: s.update({"dense_head.conv_cls.bias": torch.full((18,), 1e300, dtype=torch.float64)}),
+            "conv_cls.bias holds values",
+        ),
+        (
+            lambda s: s.update({"dense_head.conv_cls.bias": torch.zeros(18).to_sparse()}),
+            "conv_cls.bias holds values",
+        ),
         (lambda s: s.update({"dense_head.conv_cls.bias": 3.0}), "no `model_state` of tensors"),
     ],
 )
