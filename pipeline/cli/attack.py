@@ -112,11 +112,19 @@ def _parameters(settings: list[str]) -> dict[str, Any]:
         if not equals or not name.strip():
             raise AdvpipeError(f"--set {setting!r}: write name=value, such as rounds=20")
         try:
-            found[name.strip().replace("-", "_")] = yaml.safe_load(text)
+            found[name.strip().replace("-", "_")] = _number_of(yaml.safe_load(text))
         except (yaml.YAMLError, ValueError) as error:
             problem = getattr(error, "problem", None) or "it is not YAML"
             raise AdvpipeError(f"--set {setting!r}: the value cannot be read: {problem}") from None
     return found
+
+
+def _number_of(value: Any) -> Any:
+    """The number that a word stands for, if any: YAML 1.1 takes 1e6 for a word, as it has no point."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
 
 
 def _attackers(words: list[str]) -> dict[str, Any] | None:

@@ -91,9 +91,9 @@ class Schedule(Section):
 class RoadsideUnit(Section):
     """A station of the attacker's beside the road, at a place in the map's frame."""
 
-    x_m: float
-    y_m: float
-    z_m: float = Field(3.0, description="of its antenna, as high as the map has it")
+    x_m: float = Field(ge=-1e5, le=1e5)
+    y_m: float = Field(ge=-1e5, le=1e5)
+    z_m: float = Field(3.0, ge=-1e4, le=1e4, description="of its antenna, as high as the map has it")
 
 
 class Attackers(Section):

@@ -30,10 +30,11 @@ def whole(attack: str, parameter: str, value: Any, low: int, high: int) -> int:
 
 
 def span(attack: str, parameter: str, low: Any, high: Any, least: float, most: float) -> tuple[float, float]:
-    """Both ends of a range to draw from, `<parameter>_min...` and `..._max...` in one word, in order."""
-    ends = number(attack, parameter, low, least, most), number(attack, parameter, high, least, most)
+    """Both ends of a range to draw from, in order; `{}` in the parameter's name stands for min and max."""
+    names = parameter.format("min"), parameter.format("max")
+    ends = number(attack, names[0], low, least, most), number(attack, names[1], high, least, most)
     if ends[0] > ends[1]:
-        raise AdvpipeError(f"{attack}: {parameter}: the least, {low:g}, is above the most, {high:g}")
+        raise AdvpipeError(f"{attack}: {names[0]}, {low:g}, is above {names[1]}, {high:g}")
     return ends
 
 

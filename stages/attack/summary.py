@@ -45,6 +45,8 @@ class AttackSummary:
         parts = [self._clouds()] if self.frames else []
         if self.replaced:
             parts.append(f"new messages on {', '.join(sorted(self.replaced))}")
+            if not self.counts.total():
+                parts.append("none is other than it was")
         parts += [f"{count:,} {what}" for what, count in sorted(self.counts.items()) if count]
         notes = [f"  {count} of {self.frames} frames: {note}" for note, count in sorted(self.notes.items())]
         return "\n".join([f"{self.bag}: {'; '.join(parts)}", *notes])

@@ -75,8 +75,8 @@ class GnssChange:
 
     def counts(self) -> Counter[str]:
         """How many fixes the attacks made false, and how many they took away."""
-        struck = [record for one in self.vehicles for record in one.records if record.lie is not None]
-        return Counter("fixes missing" if record.told is None else "fixes spoofed" for record in struck)
+        false = [record for one in self.vehicles for record in one.records if record.is_false]
+        return Counter("fixes missing" if record.told is None else "fixes spoofed" for record in false)
 
     def editors(self) -> tuple[MessageEditor, ...]:
         """What puts the lies into the victims' CAMs, at the begin of a drive; none for a bag without CAMs."""

@@ -23,8 +23,8 @@ def write_labels(vehicles: Sequence[SpoofedVehicle], path: Path) -> None:
     vehicle; fix: counts the vehicle's fixes; stamp_ns; attack: its word, null where none was on; true and
     false latitude_deg, longitude_deg, altitude_m: what the receiver would have said and what it says, null
     without a fix; offset_east_m, offset_north_m, offset_up_m: false minus true; squared_sigmas: the offset in
-    the receiver's own covariance; matters: whether it is missing, or as far off as matters in messages, too
-    (`v2x/effect.py`).
+    the receiver's own covariance; mattered: whether it is missing, or as far off as matters in messages, too
+    (`v2x/effect.py`). Who spoofs is no station of the bag, and so no column.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -40,7 +40,7 @@ def write_labels(vehicles: Sequence[SpoofedVehicle], path: Path) -> None:
             ("stamp_ns", pa.int64()),
             ("attack", pa.string()),
             *((name, pa.float64()) for name in numbers),
-            ("matters", pa.bool_()),
+            ("mattered", pa.bool_()),
         ]
     )
     pq.write_table(pa.Table.from_pylist(list(_rows(vehicles)), schema), str(path))
@@ -65,7 +65,7 @@ def label(record: FixRecord) -> Row:
         "stamp_ns": record.stamp_ns,
         "attack": None if record.lie is None else record.lie.attack,
         "squared_sigmas": None if offset_m is None else squared,
-        "matters": is_lost or (offset_m is not None and fix_matters(*offset_m.tolist())),
+        "mattered": is_lost or (offset_m is not None and fix_matters(*offset_m.tolist())),
     }
     for kind, place in (("true", record.genuine), ("false", record.told)):
         values = [None] * 3 if place is None else place.tolist()

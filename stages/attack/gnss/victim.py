@@ -40,6 +40,11 @@ class FixRecord:
     lie: Lie | None
     told: Float64 | None
 
+    @property
+    def is_false(self) -> bool:
+        """Whether it says something else than it would have: an attack that is on may leave it as it was."""
+        return self.told is not self.genuine
+
 
 @dataclass(frozen=True)
 class SpoofedVehicle:

@@ -51,5 +51,5 @@ class FeignedBraking(Falsification):
 
 
 def _factors(context: AttackContext, least: float, most: float) -> dict[int, float]:
-    ends, draws = span(context.name, "factor", least, most, 0, 1000), Draws(context)
+    ends, draws = span(context.name, "factor_{}", least, most, 0, 1000), Draws(context)
     return {one: float(draws.of(one).uniform(*ends)) for one in context.attackers}

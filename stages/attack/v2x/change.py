@@ -185,8 +185,11 @@ class V2xChange:
 
     def counts(self) -> Counter[str]:
         """How many CAMs were changed, added, delayed, dropped, made invalid, were corrupt before an attack
-        that left them so, and were held back by others' congestion control."""
+        that left them so, and were held back by others' congestion control; and which attacks met none."""
         counts = Counter({f"CAMs {what}": count for what, count in self._labels.counts.items()})
+        for place, editor in enumerate(self._editors):
+            if isinstance(editor, V2xAttack) and place not in self._labels.touching:
+                counts[f"attack that met no CAM: {editor.name}"] += 1
         if self._congestion:
             counts["CAMs held back by others' congestion control"] = self.held_back
         return counts

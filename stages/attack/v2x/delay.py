@@ -31,7 +31,7 @@ class Delay(V2xAttack):
         restamp: bool = False,
     ) -> None:
         super().__init__(context)
-        least_s, most_s = span(context.name, "delay_s", delay_min_s, delay_max_s, 0, 600)
+        least_s, most_s = span(context.name, "delay_{}_s", delay_min_s, delay_max_s, 0, 600)
         self._restamp = bool(restamp)
         self._delays_ns = {
             attacker: round(float(context.rng("delay", attacker).uniform(least_s, most_s)) * 1e9)

@@ -51,7 +51,8 @@ class Labels:
     True values are those of the recorded message. Of one that was added or delayed, they are what the station
     that it claims to be from had said itself by then; null for a station that does not exist.
 
-    counts: of the messages by action, and "made invalid": of those, how many were CAMs and no longer are.
+    touching: places, among all editors, of those that touched any message. counts: of the messages by
+    action, and "made invalid": of those, how many were CAMs and no longer are.
     Those held back count as dropped once the file is written.
     """
 
@@ -64,6 +65,7 @@ class Labels:
         self._newest: dict[int, bytes] = {}
         self._step: dict[int, Sent] = {}
         self._by_station: dict[int, list[Sent]] = {}
+        self.touching: set[int] = set()
         self.counts: Counter[str] = Counter()
 
     def begin(self, recorded: Sequence[Sent]) -> None:
@@ -85,15 +87,15 @@ class Labels:
         for one in after:
             old = olds.pop(one.number, None)
             if old is None:
-                self._arrived(place, editor, one)
+                self._arrived(place, one)
             elif one is old or one == old:
                 if isinstance(editor, V2xAttack) and self._is_corrupt(editor, one):
-                    self._add(editor, "corrupt", one, one.request_ns, one.payload, one.payload)
+                    self._add(place, "corrupt", one, one.request_ns, one.payload, one.payload)
             elif one.payload == old.payload and one.request_ns != old.request_ns:
-                self._add(editor, "delayed", one, old.request_ns, old.payload, self._honest(one))
+                self._add(place, "delayed", one, old.request_ns, old.payload, self._honest(one))
             else:
                 original = self._step.get(one.number, old)
-                self._add(editor, "changed", one, original.request_ns, old.payload, original.payload)
+                self._add(place, "changed", one, original.request_ns, old.payload, original.payload)
         for number, one in olds.items():
             self._held[place, number] = one
         if len(self._rows) >= _BLOCK:
@@ -105,7 +107,7 @@ class Labels:
         import pyarrow.parquet as pq
 
         for (place, _), one in self._held.items():
-            self._add(self._editors[place], "dropped", one, one.request_ns, one.payload, one.payload, False)
+            self._add(place, "dropped", one, one.request_ns, one.payload, one.payload, False)
             if len(self._rows) >= _BLOCK:
                 self._close_block()
                 self.cams.forget()
@@ -115,13 +117,13 @@ class Labels:
         order = [("time_ns", "ascending"), ("number", "ascending"), ("attack", "ascending")]
         pq.write_table(table.sort_by(order), folder / FILE_NAME)
 
-    def _arrived(self, place: int, editor: MessageEditor, one: Sent) -> None:
+    def _arrived(self, place: int, one: Sent) -> None:
         held = self._held.pop((place, one.number), None)
         honest = self._honest(one)
         if held is None:
-            self._add(editor, "added", one, one.request_ns, None, honest)
+            self._add(place, "added", one, one.request_ns, None, honest)
         else:
-            self._add(editor, "delayed", one, held.request_ns, held.payload, honest)
+            self._add(place, "delayed", one, held.request_ns, held.payload, honest)
 
     def _is_corrupt(self, attack: V2xAttack, one: Sent) -> bool:
         return attack.context.acts(one) and self.cams.open(one.payload) is None
@@ -140,7 +142,7 @@ class Labels:
 
     def _add(
         self,
-        editor: MessageEditor,
+        place: int,
         action: str,
         one: Sent,
         time_ns: int,
@@ -148,7 +150,8 @@ class Labels:
         true: bytes | None,
         is_sent: bool = True,
     ) -> None:
-        sender = self._names.get(one.station_id, "")
+        sender, editor = self._names.get(one.station_id, ""), self._editors[place]
+        self.touching.add(place)
         part = editor.part(one.station_id) if isinstance(editor, V2xAttack) else None
         row = _Row(
             one,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 from advpipe.pipeline.bag.v2x_drive import V2xStep
 from advpipe.pipeline.errors import AdvpipeError
@@ -33,18 +34,22 @@ MIXES: dict[str, tuple[str, ...]] = {
     "all": tuple(dict.fromkeys((*F2MD, *NEXTGEN))),
 }
 """NextGen's mixThree, its mixAll, the same of the 19 of F2MD, and of both catalogues together."""
+SETTINGS: dict[str, dict[str, dict[str, Any]]] = {"nextgen": {"cam-speed-constant": {"speed_mps": 0.0}}}
+"""By mix and word, what is not the default: NextGen's constant speed is its zero speed report."""
 
 
 class Mix(V2xAttack):
-    """Each attacker draws one of these attacks, which it carries out with the defaults.
+    """Each attacker draws one of these attacks, which it carries out with the defaults (but see `SETTINGS`).
 
-    attacks: three, nextgen, f2md or all (see `MIXES`), or words with commas between them. Labels name the one
-    that was drawn as the `part`.
+    attacks: three, nextgen, f2md or all (see `MIXES`), a word, or several of both with commas between them.
+    Labels name the one that was drawn as the `part`.
     """
 
     def __init__(self, context: AttackContext, *, attacks: str = "three") -> None:
         super().__init__(context)
-        words = MIXES.get(attacks, tuple(word.strip() for word in attacks.split(",")))
+        named = [name.strip() for name in attacks.split(",")]
+        words = [word for name in named for word in MIXES.get(name, (name,))]
+        settings = {word: given for name in named for word, given in SETTINGS.get(name, {}).items()}
         for word in words:
             if word not in ATTACKS or not word.startswith("cam-") or word == WORD:
                 known = ", ".join(one for one in ATTACKS if one.startswith("cam-") and one != WORD)
@@ -56,7 +61,7 @@ class Mix(V2xAttack):
             drawn[words[int(context.rng("mix", one).integers(len(words)))]].append(one)
         own = replace(context, seed_name=f"{WORD} {context.seed_name}")
         self._attacks: list[V2xAttack] = [
-            find_attack(word)(replace(own, name=word, attackers=tuple(attackers)))
+            find_attack(word)(replace(own, name=word, attackers=tuple(attackers)), **settings.get(word, {}))
             for word, attackers in drawn.items()
             if attackers
         ]

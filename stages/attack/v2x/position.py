@@ -30,8 +30,8 @@ class _Playground:
         self._x_m = self._y_m = 0.0, 0.0
         self._is_known = bool(given)
         if given:
-            self._x_m = span(attack, "x_m", given[0], given[1], -_FAR_M, _FAR_M)
-            self._y_m = span(attack, "y_m", given[2], given[3], -_FAR_M, _FAR_M)
+            self._x_m = span(attack, "x_{}_m", given[0], given[1], -_FAR_M, _FAR_M)
+            self._y_m = span(attack, "y_{}_m", given[2], given[3], -_FAR_M, _FAR_M)
 
     def learn(self, step: V2xStep) -> None:
         """The places of the first step that has any."""
@@ -99,7 +99,7 @@ class PositionOffset(Misplacement):
         rebuild_path: bool = True,
     ) -> None:
         super().__init__(context, rebuild_path=rebuild_path)
-        least_m, most_m = span(context.name, "offset_m", min_m, max_m, 0, _FAR_M)
+        least_m, most_m = span(context.name, "{}_m", min_m, max_m, 0, _FAR_M)
         for name, value in (("x_m", x_m), ("y_m", y_m)):
             if value is not None:
                 number(context.name, name, value, -_FAR_M, _FAR_M)
@@ -158,7 +158,7 @@ class PositionRandomOffset(Misplacement):
         rebuild_path: bool = True,
     ) -> None:
         super().__init__(context, rebuild_path=rebuild_path)
-        self._span_m = span(context.name, "offset_m", min_m, max_m, 0, _FAR_M)
+        self._span_m = span(context.name, "{}_m", min_m, max_m, 0, _FAR_M)
         self._draws = Draws(context)
 
     def lie(self, message: Told) -> Mapping[str, Any]:

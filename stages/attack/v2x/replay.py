@@ -104,7 +104,7 @@ class Replay(_Echo):
             ahead_s=ahead_s,
         )
         self._age_ns = round(age_s * 1e9)
-        limits = span(context.name, "messages", messages_min, messages_max, 1, 10_000)
+        limits = span(context.name, "messages_{}", messages_min, messages_max, 1, 10_000)
         self._least, self._most = int(limits[0]), int(limits[1])
         self._followed: dict[int, tuple[int, int]] = {}
 

@@ -51,7 +51,7 @@ class SpeedOffset(Falsification):
         max_mps: float = 7.0,
     ) -> None:
         super().__init__(context)
-        ends_mps = span(context.name, "offset_mps", min_mps, max_mps, 0, MAX_MPS)
+        ends_mps = span(context.name, "{}_mps", min_mps, max_mps, 0, MAX_MPS)
         draws = Draws(context)
         self._offsets_mps = {
             one: draws.signed(one, *ends_mps)
@@ -84,7 +84,7 @@ class SpeedRandomOffset(Falsification):
 
     def __init__(self, context: AttackContext, *, min_mps: float = 1.0, max_mps: float = 7.0) -> None:
         super().__init__(context)
-        self._ends_mps = span(context.name, "offset_mps", min_mps, max_mps, 0, MAX_MPS)
+        self._ends_mps = span(context.name, "{}_mps", min_mps, max_mps, 0, MAX_MPS)
         self._draws = Draws(context)
 
     def lie(self, message: Told) -> Mapping[str, Any]:

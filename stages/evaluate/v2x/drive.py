@@ -21,7 +21,7 @@ from advpipe.stages.evaluate.v2x.collision import Warnings, known_of_radio, warn
 from advpipe.stages.evaluate.v2x.detection import Detection, attack_parameters, detect
 from advpipe.stages.evaluate.v2x.labels import MessageLabel, read_labels
 from advpipe.stages.evaluate.v2x.ldm_error import Known, LdmError, Moment, ldm_error, moments
-from advpipe.stages.evaluate.v2x.radio import RadioRow, honest_delivered, radio_row
+from advpipe.stages.evaluate.v2x.radio import Heard, RadioRow, radio_row
 from advpipe.stages.evaluate.v2x.receptions import read_receptions, roads_of_bag
 
 
@@ -29,8 +29,8 @@ from advpipe.stages.evaluate.v2x.receptions import read_receptions, roads_of_bag
 class Drive:
     """One bag under evaluation: the clean one has no labels.
 
-    moments, errors, warned, honest_delivered: by listener. roads: None where the bag does not tell
-    them, so that the checks that need them are off.
+    moments, errors, warned, heard: by listener. roads: None where the bag does not tell them, so that the
+    checks that need them are off.
     """
 
     name: str
@@ -38,10 +38,14 @@ class Drive:
     moments: dict[str, list[Moment]]
     errors: dict[str, LdmError]
     warned: dict[str, Warnings]
-    honest_delivered: dict[str, float]
+    heard: dict[str, Heard]
     radio: RadioRow | None
     labels: list[MessageLabel]
     roads: RoadMap | None
+
+    def honest(self, listener: str) -> frozenset[int]:
+        """Numbers of the messages that others sent near a listener, and no attack touched."""
+        return self.heard[listener].near - {label.number for label in self.labels}
 
     def wrong(self, listener: str) -> Float64:
         """How many entries of a listener's map are wrong or missing, at each of its moments."""
@@ -54,13 +58,16 @@ class Drive:
         return max(self.errors, key=lambda one: float(np.nansum(self.wrong(one))), default=None)
 
     def telling(self, listener: str) -> tuple[Moment, Moment]:
-        """The last map before the first lie, or the first of all; and the one that is most wrong after it."""
+        """The last map before the first lie, or the first of all; and the one that is most wrong from then to
+        the last lie, or after it where none was recorded in between."""
         found = self.moments[listener]
-        first_ns = min((label.time_ns for label in self.labels), default=0)
-        before = [index for index, moment in enumerate(found) if moment.time_ns <= first_ns]
-        after = np.array([moment.time_ns > first_ns for moment in found])
-        worst = int(np.argmax(np.where(after, self.wrong(listener), -1.0)))
-        return found[before[-1] if before else 0], found[worst]
+        lied_ns = [label.time_ns for label in self.labels] or [0]
+        times_ns = np.array([moment.time_ns for moment in found])
+        before = np.flatnonzero(times_ns <= min(lied_ns))
+        after = times_ns > min(lied_ns)
+        during = after & (times_ns <= max(lied_ns))
+        worst = int(np.argmax(np.where(during if during.any() else after, self.wrong(listener), -1.0)))
+        return found[before[-1] if len(before) else 0], found[worst]
 
 
 def read_drive(
@@ -82,7 +89,7 @@ def read_drive(
         found,
         {one: ldm_error(found[one]) for one in listeners},
         {one: warnings(found[one], _believed(reader, one, found[one])) for one in listeners},
-        {each.listener: honest_delivered(each, labels) for each in receptions},
+        {each.listener: Heard(each.near, frozenset(each.numbers)) for each in receptions},
         radio_row(read_statistics(reader)),
         labels,
         roads_of_bag(reader),

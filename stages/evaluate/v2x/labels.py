@@ -40,6 +40,11 @@ class MessageLabel:
         return self.action != NOT_SENT and (self.mattered or self.action == CORRUPT)
 
     @property
+    def word(self) -> str:
+        """The attack that was carried out: of a mix, the part."""
+        return self.part or self.attack
+
+    @property
     def kind(self) -> str:
         """The attack, and which part of a mix."""
         return f"{self.attack} / {self.part}" if self.part else self.attack

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from advpipe.pipeline.v2x.statistics import BIN_M, Statistics
-from advpipe.stages.evaluate.v2x.labels import MessageLabel
-from advpipe.stages.evaluate.v2x.receptions import NEAR_M, Receptions
+from advpipe.stages.evaluate.v2x.receptions import NEAR_M
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,12 @@ def radio_row(statistics: Statistics | None) -> RadioRow | None:
     )
 
 
-def honest_delivered(each: Receptions, labels: Sequence[MessageLabel]) -> float:
-    """The share that a listener received of what others sent within `NEAR_M` and no attack touched."""
-    honest = each.near - {label.number for label in labels}
-    return len(honest & set(each.numbers)) / len(honest) if honest else math.nan
+class Heard(NamedTuple):
+    """Numbers of messages: what others sent within `NEAR_M` of a listener, and what it received at all."""
+
+    near: frozenset[int]
+    received: frozenset[int]
+
+    def delivered(self, numbers: Collection[int]) -> float:
+        """The share of these messages that it received; NaN of none."""
+        return len(self.received.intersection(numbers)) / len(numbers) if numbers else math.nan

@@ -55,7 +55,8 @@ FORMULAS = (
     (
         "delivered",
         "share of pairs of message and receiver within 300 m, of all messages and stations; honest CAMs: of "
-        "those that no attack touched, to the vehicle itself; busy: channel busy ratio of 100 ms windows",
+        "those that the attack left alone, the same ones in both drives, to the vehicle itself; busy: "
+        "channel busy ratio of 100 ms windows",
     ),
     (
         "CaTCH published",
@@ -125,7 +126,7 @@ def section(
             baseline_table(parameters),
         ),
         pictures=tuple(_pictures(clean, attacked)),
-        records=tuple(_record(drive, listener) for drive in drives for listener in drive.errors),
+        records=tuple(_record(clean, drive, listener) for drive in drives for listener in drive.errors),
         notes=tuple(_notes(drives)),
         formulas=FORMULAS,
     )
@@ -160,7 +161,8 @@ def _pictures(clean: Drive, attacked: Sequence[Drive]) -> list[Picture]:
     return [Picture(SECTION, bag, name, caption, to_png(figure)) for bag, name, caption, figure in figures]
 
 
-def _record(drive: Drive, listener: str) -> Row:
+def _record(clean: Drive, drive: Drive, listener: str) -> Row:
+    honest = drive.honest(listener)
     each, warned = drive.detection, drive.warned[listener]
     record: Row = {"bag": drive.name, "vehicle": listener, "attack": each.attack, "lies": each.lies}
     record |= {"messages": each.messages, "undecoded": each.undecoded, "has_roads": drive.roads is not None}
@@ -170,7 +172,8 @@ def _record(drive: Drive, listener: str) -> Row:
     ]
     record |= {f"ldm_{name}": value for name, value in drive.errors[listener].row().items()}
     record |= {f"warning_{name}": value for name, value in asdict(warned).items()}
-    record["honest_delivered"] = drive.honest_delivered[listener]
+    record["honest_delivered"] = drive.heard[listener].delivered(honest)
+    record["honest_delivered_clean"] = clean.heard[listener].delivered(honest)
     if drive.radio is not None:
         record |= {f"radio_{name}": value for name, value in asdict(drive.radio).items()}
     return record

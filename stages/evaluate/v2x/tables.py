@@ -37,10 +37,13 @@ def detection_table(attacked: Sequence[Drive]) -> Table:
 
 
 def victim_table(drives: Sequence[Drive]) -> Table:
-    """What each listener knows, what it is warned of, and what it hears of the honest."""
+    """What each listener knows, what it is warned of, and what it hears of the honest; the clean drive first.
+
+    Delivery compares the same messages: those that the attack left alone, in the clean drive and in its own.
+    """
     heads = (
         *("bag", "vehicle", "entries", "ghosts", "at most", "missing", "displaced", "error m"),
-        *("alarms", "dangers", "false alarms", "misses", "honest CAMs delivered %"),
+        *("alarms", "dangers", "false alarms", "misses", "honest CAMs delivered %, clean → attacked"),
     )
     lines = []
     for drive in drives:
@@ -53,7 +56,7 @@ def victim_table(drives: Sequence[Drive]) -> Table:
                     number(row["error_m"], 2),
                     *(number(value, 0) for value in (warned.alarms, warned.dangers)),
                     *(number(value, 0) for value in (warned.false_alarms, warned.misses)),
-                    number(100 * drive.honest_delivered[listener], 1),
+                    " → ".join(number(100 * share, 1) for share in _delivered(drives[0], drive, listener)),
                 )
             )
     return Table("Local Dynamic Map and collision warning", heads, tuple(lines))
@@ -98,6 +101,12 @@ def baseline_table(parameters: CatchParameters) -> Table:
         for unit, checks, meaning in (CATCH_MEANINGS[name],)
     )
     return Table("The baseline's parameters", ("parameter", "bounds", "checks", "here", "untuned"), lines)
+
+
+def _delivered(clean: Drive, drive: Drive, listener: str) -> Iterable[float]:
+    honest = drive.honest(listener)
+    both = (clean, drive) if drive is not clean else (clean,)
+    return (one.heard[listener].delivered(honest) for one in both)
 
 
 def _figures(found: Scores) -> Iterable[str]:

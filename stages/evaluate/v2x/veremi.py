@@ -88,8 +88,8 @@ def export_veremi(bag: Path, out: Path, *, form: str = "extension", overwrite: b
     and are left out. Extension: `traceJSON-<id>-<pseudonym>-A<type>-<second>-0.json` and
     `traceGroundTruthJSON-0.json`, with `attackerType` and `RSSI` as the 2018 form has them; that one:
     `JSONlog-<index>-<id>-A<type>.json` and `GroundTruthJSONlog.json`. The type in a name is that of the
-    vehicle, 0 if it never attacks; `attackerType` that of the message, 0 where it is no lie that matters.
-    Times are seconds of the day that the drive begins on.
+    vehicle, 0 if it never attacks; `attackerType` that of the message, 0 where it is no lie that matters. Of
+    a mix, both are of the attack that was drawn. Times are seconds of the day that the drive begins on.
 
     Raises AdvpipeError for a bag without V2X, an unknown form and an `out` that exists.
     """
@@ -97,7 +97,7 @@ def export_veremi(bag: Path, out: Path, *, form: str = "extension", overwrite: b
         raise AdvpipeError(f"no form of VeReMi is named {form}; known: {', '.join(ATTACKER_TYPES)}")
     drive = V2xDrive(BagReader(bag))
     labels = [label for label in read_labels(bag) if label.action != NOT_SENT]
-    numbers = attack_numbers(sorted({label.attack for label in labels}), form)
+    numbers = attack_numbers(sorted({label.word for label in labels}), form)
     with staged_folder(out, overwrite, _KIND) as folder:
         (folder / TRACE).mkdir()
         trace = _Trace(drive, labels, numbers, form, folder / TRACE)
@@ -129,8 +129,8 @@ class _Trace:
         self._drive, self._form, self._folder = drive, form, folder
         self._geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
         self._attacks = dict(numbers)
-        self._type_of_message = {one.number: numbers[one.attack] for one in labels if one.is_lie}
-        self._type_of_station = {one.station_id: numbers[one.attack] for one in reversed(labels)}
+        self._type_of_message = {one.number: numbers[one.word] for one in labels if one.is_lie}
+        self._type_of_station = {one.station_id: numbers[one.word] for one in reversed(labels)}
         self._id_of = {name: station for station, name in drive.listeners.items()}
         self._index = {station: index for index, station in enumerate(sorted(drive.listeners))}
         self._day_ns = 0

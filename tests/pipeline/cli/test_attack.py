@@ -16,12 +16,15 @@ from advpipe.stages.attack.run import AttackRequest
 
 
 def test_parameters_are_read_as_yaml() -> None:
-    assert _parameters(["ratio=0.1", "along-ray=true", "ids=[a, b]", "mode=place", "most=null"]) == {
+    assert _parameters(
+        ["ratio=0.1", "along-ray=true", "ids=[a, b]", "mode=place", "most=null", "x_m=1e6"]
+    ) == {
         "ratio": 0.1,
         "along_ray": True,
         "ids": ["a", "b"],
         "mode": "place",
         "most": None,
+        "x_m": 1e6,
     }
 
 

@@ -105,6 +105,10 @@ def test_words(word: str, name: str, family: str) -> None:
             "ego is both attacker and victim of cam-dos; name another",
         ),
         ({"type": "gnss-bias", "dcc_reacts": True}, "gnss-bias has no use for dcc_reacts"),
+        (
+            {"type": "cam-dos-random", "attackers": {"roadside_unit": {"x_m": 1e9, "y_m": 0}}},
+            "attackers.roadside_unit.x_m: Input should be less than or equal to 100000",
+        ),
         ({"type": "detach", "frames": "::0"}, "the step must be at least 1"),
         ({"type": "detach", "parameters": {"ratio": float("nan")}}, "ratio is nan; it has to be finite"),
         ({"type": "detach", "parameters": {"ratio": {"a": 1}}}, "ratio is a dict; give a number"),

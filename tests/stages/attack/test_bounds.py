@@ -20,14 +20,14 @@ def test_what_is_taken():
     assert number("cam-x", "gap_m", 0, 0) == 0
     assert number("cam-x", "share", 1.0, 0, 1) == 1
     assert whole("cam-x", "ghosts", 3.0, 1, 5) == 3
-    assert span("cam-x", "age", 1, 2, 0, 5) == (1, 2)
+    assert span("cam-x", "age_{}_s", 1, 2, 0, 5) == (1, 2)
     assert one_of("cam-x", "around", "victim", ("attacker", "victim")) == "victim"
 
 
 def test_halves_reversed_ends_and_unknown_words():
     with pytest.raises(AdvpipeError, match="whole number"):
         whole("cam-x", "ghosts", 2.5, 1, 5)
-    with pytest.raises(AdvpipeError, match="the least, 3, is above the most, 2"):
-        span("cam-x", "age", 3, 2, 0, 5)
+    with pytest.raises(AdvpipeError, match="cam-x: age_min_s, 3, is above age_max_s, 2"):
+        span("cam-x", "age_{}_s", 3, 2, 0, 5)
     with pytest.raises(AdvpipeError, match="known: attacker, victim"):
         one_of("gnss-x", "around", "nobody", ("attacker", "victim"))

@@ -57,6 +57,7 @@ def test_without_a_lie_every_byte_stays(drive):
     assert [raw.cdr for raw in with_nothing.messages()] == [
         raw.cdr for raw in drive.raw_messages(with_nothing.topics)
     ]
+    assert not with_nothing.counts()  # each fix is attacked, and none is false
 
 
 JAM = {"type": "gnss-jam", "schedule": {"from_s": 2, "to_s": 4}}
@@ -136,6 +137,7 @@ def test_jammed(drive):
     jammed = [fix.status.status == -1 for fix in fixes]
     assert [index for index, one in enumerate(jammed) if one] == list(range(20, 40))
     assert all(np.isnan([fix.latitude, fix.longitude, fix.altitude]).all() for fix in fixes[20:40])
+    assert made.counts() == {"fixes missing": 20}
     innovations = [estimate.innovation for estimate in made.vehicles[0].estimates.values()]
     assert [innovation is None for innovation in innovations] == jammed
 
@@ -162,9 +164,9 @@ def test_labels(drive, biased, tmp_path: Path):
     # variances of the default receiver: 0.3^2 + 1 m^2 to the east and north, four times that in height
     expected = (delta[0] ** 2 + delta[1] ** 2) / 1.09 + delta[2] ** 2 / 4.36
     assert table[40]["squared_sigmas"] == pytest.approx(expected)
-    assert table[40]["matters"] == (np.hypot(delta[0], delta[1]) > 1.0 or abs(delta[2]) > 5.0)
+    assert table[40]["mattered"] == (np.hypot(delta[0], delta[1]) > 1.0 or abs(delta[2]) > 5.0)
     assert table[0]["true_latitude_deg"] == table[0]["false_latitude_deg"]
-    assert not table[0]["matters"]
+    assert not table[0]["mattered"]
     fixes = decoded(drive, drive.raw_messages(), EGO.gnss_fix.name)
     assert [row["true_latitude_deg"] for row in table] == [fix.latitude for fix in fixes]
 
@@ -172,7 +174,7 @@ def test_labels(drive, biased, tmp_path: Path):
 def test_labels_without_a_fix(drive, tmp_path: Path):
     change(drive, JAM).write_labels(tmp_path)
     row = pq.read_table(tmp_path / "gnss_labels.parquet").to_pylist()[25]
-    assert (row["attack"], row["matters"]) == ("gnss-jam", True)
+    assert (row["attack"], row["mattered"]) == ("gnss-jam", True)
     assert row["false_latitude_deg"] is None
     assert row["squared_sigmas"] is None
     assert row["true_latitude_deg"] is not None

@@ -248,6 +248,20 @@ def test_a_corrupt_cam_is_kept_counted_and_labelled(recorded, tmp_path):
     assert sum(row["action"] == "changed" for row in rows) > 2
 
 
+def test_what_met_nothing_is_told(recorded, tmp_path):
+    """Whose CAMs are all dropped tells no false speed; nor does anybody between two messages."""
+    reader = recorded()
+    own = {"vehicles": [vehicle(reader)]}
+    kinds = ("cam-heading-reversed", "cam-drop", "cam-speed-constant")
+    change = forge(reader, [spec(kind, attackers=own) for kind in kinds], 1)
+    change.write_labels(tmp_path)
+    idle = {what: count for what, count in change.counts().items() if what.startswith("attack")}
+    assert idle == {"attack that met no CAM: cam-speed-constant": 1}
+    change = forge(reader, [spec("cam-drop", schedule={"from_s": 1e-6, "to_s": 2e-6})], 1)
+    change.write_labels(tmp_path)
+    assert change.counts() == {"attack that met no CAM: cam-drop": 1}
+
+
 def test_bad_input(recorded, tmp_path):
     reader = recorded()
     with pytest.raises(AdvpipeError, match=r"cam-drop: attacker 'nobody' has no radio in .*; stations are"):

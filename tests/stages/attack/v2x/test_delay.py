@@ -99,5 +99,5 @@ def test_stale_remembers_what_was_said_before_it_acted():
 def test_bad_parameters(messages):
     with pytest.raises(AdvpipeError, match="cam-stale: messages is"):
         Stale(context("cam-stale"), messages=messages)
-    with pytest.raises(AdvpipeError, match="the least, 3, is above the most, 2"):
+    with pytest.raises(AdvpipeError, match="delay_min_s, 3, is above delay_max_s, 2"):
         Delay(context("cam-delay"), delay_min_s=3, delay_max_s=2)

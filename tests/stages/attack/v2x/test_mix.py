@@ -24,6 +24,14 @@ def test_each_attacker_draws_one(strike):
     assert kinds == {(True, False), (False, True)}
 
 
+def test_a_constant_speed_of_nextgen_is_zero(strike, monkeypatch):
+    """Its zero speed report; F2MD's is drawn."""
+    for name, drawn in (("nextgen", False), ("f2md", True)):
+        monkeypatch.setitem(MIXES, name, ("cam-speed-constant",))
+        (told,) = strike("cam-mix", [honest(0)], attacks=name)
+        assert (told.speed_mps > 0) == drawn
+
+
 def test_no_attack(strike):
     with pytest.raises(AdvpipeError, match="'cam-mix' is no attack to mix"):
         strike("cam-mix", [honest(0)], attacks="cam-dimensions, cam-mix")
@@ -34,7 +42,8 @@ def test_mixes_are_those_of_the_catalogues():
     rows = [
         line.split("|")[1:-1] for line in README.read_text(encoding="utf-8").splitlines() if "| `cam-" in line
     ]
-    words = [(f2md.strip(), nextgen.strip(), word.strip(" `")) for _, f2md, nextgen, word in rows]
+    words = [(f2md.strip(), nextgen.strip(), word.strip(" `")) for _, f2md, nextgen, word, _ in rows]
+    assert sum(bool(row[0].strip()) for row in rows) == 5
     assert len(words) > 20
     assert set(MIXES["f2md"]) == {word for f2md, _, word in words if f2md}
     assert len(MIXES["f2md"]) == 19

@@ -106,7 +106,7 @@ def test_same_seed_same_messages():
     [
         ({"identity": "mine"}, "identity is 'mine'; known: own, theirs"),
         ({"age_s": -1}, "age_s is -1; it takes a number, 0 to 600"),
-        ({"messages_min": 9}, "messages: the least, 9, is above the most, 8"),
+        ({"messages_min": 9}, "messages_min, 9, is above messages_max, 8"),
         ({"ahead_s": "soon"}, "ahead_s is 'soon'; it takes a number"),
     ],
 )

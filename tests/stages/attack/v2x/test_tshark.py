@@ -12,6 +12,7 @@ import pytest
 from advpipe.pipeline.bag.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.pipeline.v2x.codec import decode
+from advpipe.stages.attack.gnss.change import spoof
 from advpipe.stages.attack.registry import ATTACKS
 from advpipe.stages.attack.v2x.cams import HIGH
 from advpipe.stages.attack.v2x.change import forge
@@ -20,6 +21,8 @@ pytestmark = pytest.mark.oracle
 
 LINK_TYPE = 147
 FIELDS = ("its.stationID", "its.speedValue", "its.headingValue", "its.latitude", "its.longitude")
+SPOOFED = ("gnss-relocate", "gnss-jam")
+"""With a filter on board and without one: a CAM tells the estimate, another place, or none."""
 WORDS = [word for word in ATTACKS if word.startswith("cam-")]
 
 
@@ -41,9 +44,13 @@ def test_every_message_of_every_attack(recorded, tmp_path):
     steps = [step for step in V2xDrive(reader).steps() if step.end_ns is not None]
     clean = {one.payload for step in steps for one in step.sent}
     payloads: list[bytes] = []
-    for word in WORDS:
-        spec = attack_spec({"type": word, "victim": "ego", "attackers": {"share": 0.3}})
-        change = forge(reader, [spec], 1)
+    specs = [attack_spec({"type": word, "victim": "ego", "attackers": {"share": 0.3}}) for word in WORDS]
+    changes = [forge(reader, [spec], 1) for spec in specs]
+    for kind in SPOOFED:
+        victims = ("ego", next(name for name in V2xDrive(reader).stations.values() if name != "ego"))
+        gnss = [attack_spec({"type": kind, "victim": victim}) for victim in victims]
+        changes.append(forge(reader, [], 1, spoof(reader, gnss, 1).editors()))
+    for change in changes:
         payloads += [one.payload for step in steps for one in change.edited(step) if one.payload not in clean]
     assert len(payloads) > 1000
     lines = read(payloads, tmp_path / "attacks.pcap")

@@ -5,13 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.misbehaviour.config import DetectorConfig
 from advpipe.stages.evaluate.v2x.drive import Drive, read_drive
+from advpipe.stages.evaluate.v2x.labels import MessageLabel
+from advpipe.stages.evaluate.v2x.radio import Heard
 from advpipe.stages.evaluate.v2x.section import section
+from advpipe.stages.evaluate.v2x.tables import victim_table
 
 ODOMETRY = "/ego/odometry"
 
@@ -25,13 +29,39 @@ def test_the_most_fooled(clean: Drive) -> None:
     assert clean.most_fooled == "ego"
 
 
+def test_the_map_during_an_attack_is_of_its_time(clean: Drive) -> None:
+    """One ghost while it lasts is shown, not nine long after."""
+    times_ns = [moment.time_ns for moment in clean.moments["ego"]]
+    ghosts = np.zeros(len(times_ns))
+    ghosts[2], ghosts[-1] = 1, 9
+    error = replace(clean.errors["ego"], ghosts=ghosts, missing=0 * ghosts, displaced=0 * ghosts)
+    lies = [MessageLabel(n, "cam-dos", "a", "changed", True, times_ns[n], 7) for n in (1, 3)]
+    drive = replace(clean, errors={"ego": error}, labels=lies)
+    assert [moment.time_ns for moment in drive.telling("ego")] == [times_ns[1], times_ns[2]]
+    at_once = replace(drive, labels=lies[:1])
+    assert [moment.time_ns for moment in at_once.telling("ego")] == [times_ns[1], times_ns[-1]]
+
+
 def test_nobody_listens(clean: Drive) -> None:
     """No map, so no picture of one, nor a line about a victim."""
-    silent = replace(clean, name="silent", errors={}, moments={}, warned={}, honest_delivered={})
+    silent = replace(clean, name="silent", errors={}, moments={}, warned={}, heard={})
     assert silent.most_fooled is None
     made = section(clean, [silent], DetectorConfig())
     assert [picture.file_name for picture in made.pictures] == ["v2x-detection.png"]
     assert [record["bag"] for record in made.records] == ["clean"]
+
+
+def test_delivery_is_of_the_same_messages(clean: Drive) -> None:
+    """Of 1 to 4, the clean drive delivers 1, 2 and 4; with 4 forged, 1, 2 and 3 are honest: two before, one
+    under attack. What is far away counts for nothing."""
+    near = frozenset({1, 2, 3, 4})
+    before = replace(clean, heard={"ego": Heard(near, frozenset({1, 2, 4, 9}))})
+    forged = MessageLabel(4, "cam-dos", "a", "changed", True, 0, 7)
+    after = replace(clean, name="dos", heard={"ego": Heard(near, frozenset({1, 4, 9}))}, labels=[forged])
+    lines = victim_table([before, after]).lines
+    assert [line[-1] for line in lines] == ["75.0", "66.7 → 33.3"]
+    nothing = replace(clean, name="all", heard={"ego": Heard(frozenset({4}), near)}, labels=[forged])
+    assert victim_table([before, nothing]).lines[1][-1] == "– → –"
 
 
 def test_a_vehicle_that_estimated_nothing(clean: Drive, smoke: Path, tmp_path: Path) -> None:

@@ -14,7 +14,10 @@ from typer.testing import CliRunner
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.cli import app
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.registry import ATTACKS
+from advpipe.stages.attack.request import AttackRequest
+from advpipe.stages.attack.run import attack
 from advpipe.stages.evaluate.v2x.labels import read_labels
 from advpipe.stages.evaluate.v2x.receptions import read_receptions
 from advpipe.stages.evaluate.v2x.veremi import ATTACKER_TYPES, FIRST_OF_OURS, attack_numbers, export_veremi
@@ -88,6 +91,22 @@ def test_receptions_and_truth(offset: Path, exported: Path) -> None:
         assert 10 * math.log10(line["RSSI"]) == pytest.approx(one.power_dbm)
         off_m = math.dist(line["pos"], truth[line["messageID"]]["pos"])
         assert off_m > 15 if line["messageID"] in lied else off_m < 6
+
+
+def test_a_mix_is_told_by_its_parts(smoke: Path, tmp_path: Path) -> None:
+    """Constant speeds are number 5 of the Extension, reversed headings are none of its own."""
+    words = "cam-speed-constant, cam-heading-reversed"
+    spec = AttackSpec(type="cam-mix", parameters={"attacks": words}, attackers={"share": 0.6})
+    attack(smoke, tmp_path / "mix", AttackRequest((spec,)))
+    export_veremi(tmp_path / "mix", tmp_path / "out")
+    kinds = {"cam-heading-reversed": FIRST_OF_OURS, "cam-speed-constant": 5}
+    assert json.loads((tmp_path / "out" / "attacks.json").read_text()) == kinds
+    of_message = {label.number: label for label in read_labels(tmp_path / "mix")}
+    told = lines(tmp_path / "out" / "trace" / "traceGroundTruthJSON-0.json")
+    assert {line["attackerType"] for line in told} == {0, 5, FIRST_OF_OURS}
+    for line in told:
+        if line["attackerType"]:
+            assert kinds[of_message[line["messageID"]].part] == line["attackerType"]
 
 
 def test_form_of_2018(offset: Path, tmp_path: Path) -> None:
