@@ -55,10 +55,9 @@ def read_labels(bag: Path) -> list[MessageLabel]:
 
     bag: its folder, or the file in it. Raises AdvpipeError for a file that holds no labels.
     """
-    folder = bag if bag.is_dir() else bag.parent
-    path = folder / LABELS
-    if not path.exists():
+    if not has_labels(bag):
         return []
+    path = _path(bag)
     import pyarrow.parquet as pq
 
     names = ["number", "attack", "attacker", "action", "mattered", "time_ns", "station_id"]
@@ -69,6 +68,15 @@ def read_labels(bag: Path) -> list[MessageLabel]:
         reason = str(error).splitlines()[0]
         raise AdvpipeError(f"{path} holds no labels of messages: {reason}; attack again") from None
     return [MessageLabel(*(row[name] for name in names)) for row in rows]
+
+
+def has_labels(bag: Path) -> bool:
+    """Whether messages of a bag were attacked, if only in vain."""
+    return _path(bag).exists()
+
+
+def _path(bag: Path) -> Path:
+    return (bag if bag.is_dir() else bag.parent) / LABELS
 
 
 def lies(numbers: Sequence[int], labels: Iterable[MessageLabel]) -> Bools:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,7 @@ from advpipe.stages.evaluate.report.numbers import number
 from advpipe.stages.evaluate.report.pictures import to_png
 from advpipe.stages.evaluate.report.section import SECTION, Picture, Section
 from advpipe.stages.evaluate.v2x.drive import Drive, read_drive
-from advpipe.stages.evaluate.v2x.labels import read_labels
+from advpipe.stages.evaluate.v2x.labels import has_labels, read_labels
 from advpipe.stages.evaluate.v2x.picture import draw_detection, draw_errors, draw_maps
 from advpipe.stages.evaluate.v2x.tables import (
     baseline_table,
@@ -85,7 +85,8 @@ def sections(
     for bags whose V2X or labels cannot be read.
     """
     del seed
-    lied = [bag for bag in adversarial if has_v2x(bag) and read_labels(bag)]
+    labelled = [bag for bag in adversarial if has_v2x(bag) and has_labels(bag)]
+    lied = [bag for bag in labelled if read_labels(bag)]
     if not lied or not has_v2x(clean):
         return ()
     config = config or DetectorConfig()
@@ -93,7 +94,10 @@ def sections(
         read_drive(bag, name, config, parameters)
         for bag, name in ((clean, "clean"), *((bag, bag_name(bag)) for bag in lied))
     )
-    return (section(first, others, config, parameters),)
+    found = section(first, others, config, parameters)
+    idle = [bag_name(bag) for bag in labelled if bag not in lied]
+    note = f"{', '.join(idle)}: the attacks touched no message, so there is nothing to say."
+    return (replace(found, notes=(*found.notes, *([note] if idle else []))),)
 
 
 def section(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 
@@ -10,11 +11,15 @@ from advpipe.pipeline.misbehaviour.config import CHECKS, NEED_ROADS, DetectorCon
 from advpipe.pipeline.misbehaviour.scores import Scores
 from advpipe.stages.evaluate.report.numbers import number
 from advpipe.stages.evaluate.report.section import Table
+from advpipe.stages.evaluate.v2x.detection import Part
 from advpipe.stages.evaluate.v2x.drive import Drive
 
 
 def detection_table(attacked: Sequence[Drive]) -> Table:
-    """A line for each attack; one for a whole bag before them where it holds several."""
+    """A line for each attack; one for a whole bag before them where no attack is all of it.
+
+    Where nobody lies, as where messages are dropped, there is nothing to find and no figure.
+    """
     heads = (
         *("bag", "attack", "messages", "lies", "precision", "recall", "F1", "MCC", "latency s", "caught %"),
         *("baseline precision", "recall", "F1", "MCC", "latency s", "CaTCH published F1"),
@@ -22,15 +27,15 @@ def detection_table(attacked: Sequence[Drive]) -> Table:
     lines = []
     for drive in attacked:
         each = drive.detection
-        if len(each.parts) != 1:
-            figures = (*_figures(each.ours), number(100 * each.ours.caught, 0), *_figures(each.baseline))
-            lines.append((drive.name, "all", number(each.messages, 0), number(each.lies, 0), *figures, "–"))
-        for part in each.parts:
+        whole = Part("all", each.lies, each.ours, each.baseline, math.nan)
+        is_one = any(part.lies == each.lies for part in each.parts)
+        for part in each.parts if is_one else (whole, *each.parts):
+            figures = (*_figures(part.ours), number(100 * part.ours.caught, 0), *_figures(part.baseline))
             lines.append(
                 (
                     *(drive.name, part.attack, number(each.messages, 0), number(part.lies, 0)),
-                    *(*_figures(part.ours), number(100 * part.ours.caught, 0)),
-                    *(*_figures(part.baseline), number(part.published, 3)),
+                    *(figures if part.lies else ("–",) * len(figures)),
+                    number(part.published, 3),
                 )
             )
     return Table("Detection of lies", heads, tuple(lines))

@@ -15,8 +15,13 @@ from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.misbehaviour.catch import TUNED_CATCH
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
 from advpipe.pipeline.misbehaviour.scores import Scores
+from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
+from advpipe.stages.attack.request import AttackRequest
+from advpipe.stages.attack.run import attack
 from advpipe.stages.evaluate.report.section import SECTION, Section
+from advpipe.stages.evaluate.v2x.detection import Part
 from advpipe.stages.evaluate.v2x.section import read_drive, section, sections
+from advpipe.stages.evaluate.v2x.tables import detection_table
 
 
 @pytest.fixture(scope="module")
@@ -74,6 +79,34 @@ def test_bags_without_lies_do_not_count_in_the_mean(smoke: Path, offset: Path) -
     lead = section(clean, [lied, replace(lied, name="drop", detection=none)], DetectorConfig()).lead
     assert lead == section(clean, [lied], DetectorConfig()).lead
     assert lead.startswith("Mean F1 over 1 bags with lies ")
+
+
+def test_lines_where_one_attack_is_all_or_nobody_lies(offset: Path) -> None:
+    """A mix has a line for itself and for each part, two attacks have one for both; without lies, dashes."""
+    lied = read_drive(offset, "offset")
+    (own,) = lied.detection.parts
+    half = replace(own, attack="cam-mix / cam-delay", lies=own.lies - 1)
+    none = replace(own, attack="cam-drop", lies=0, ours=Scores(0, 3, 10, 0), baseline=Scores(0, 3, 10, 0))
+
+    def lines(*parts: Part) -> list[tuple[str, ...]]:
+        return list(detection_table([replace(lied, detection=replace(lied.detection, parts=parts))]).lines)
+
+    assert [line[1] for line in lines(own, half)] == [own.attack, half.attack]
+    assert [line[1] for line in lines(half, half)] == ["all", half.attack, half.attack]
+    (found, dashes) = lines(own, none)
+    assert "–" not in found[2:-1]
+    assert dashes[:4] == ("offset", "cam-drop", found[2], "0")
+    assert set(dashes[4:-1]) == {"–"}
+
+
+def test_attacks_that_met_nothing_are_named(smoke: Path, offset: Path, tmp_path: Path) -> None:
+    idle = tmp_path / "idle"
+    spec = AttackSpec(type="cam-drop", schedule=Schedule(from_s=1e-6, to_s=2e-6))
+    attack(smoke, idle, AttackRequest((spec,)))
+    (found,) = sections(smoke, [idle, offset])
+    assert {line[0] for line in found.tables[0].lines} == {offset.name}
+    assert found.notes == ("idle: the attacks touched no message, so there is nothing to say.",)
+    assert sections(smoke, [idle]) == ()
 
 
 def test_without_its_roads_a_bag_has_those_checks_off_and_the_report_says_so(
