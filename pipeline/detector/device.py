@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     import torch
 
 CPU = "cpu"
+
+FRAMES_AT_ONCE = {"cpu": 1, "cuda": 8}
+"""How many frames an attack on clouds works through at once, as one batch, by the kind of device."""
+
 _KNOWN = re.compile(r"cpu|cuda(?::([0-9]{1,4}))?")
 
 
@@ -49,9 +53,18 @@ def open_device(name: str) -> torch.device:
     return torch.device("cuda", index)
 
 
+def frames_at_once(name: str) -> int:
+    """Of how many frames a device gets a batch; it decides their last bits."""
+    return FRAMES_AT_ONCE[_kind(name)]
+
+
 def device_record(name: str) -> dict[str, str]:
     """What records of results say of the device, since it decides their last bits: nothing of the CPU.
 
     Which of several GPUs it was is not told.
     """
-    return {} if name == CPU else {"device": name.partition(":")[0]}
+    return {} if name == CPU else {"device": _kind(name)}
+
+
+def _kind(name: str) -> str:
+    return name.partition(":")[0]

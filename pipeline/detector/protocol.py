@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
@@ -131,3 +132,32 @@ class VoxelDetector(Detector, Protocol):
         (N + G,) int64 in it, -1 for one that the detector does not read (out of range). Where the points
         require a gradient, the same backward pass brings it to them.
         """
+
+
+@dataclass(frozen=True)
+class LossInput:
+    """What `loss` and `occupancy_loss` are asked about, under the names that they have there."""
+
+    points: Tensor
+    boxes: Tensor
+    labels: Tensor
+    ghosts: Tensor | None = None
+
+
+@runtime_checkable
+class BatchDetector(VoxelDetector, Protocol):
+    """A detector that computes several clouds in one pass, each as if it were alone up to rounding.
+
+    The methods for batches answer for each cloud what the method without the ending answers for one. The
+    losses of a batch may share a graph, so they are differentiated together. What one input does wrong, such
+    as points that are not finite, may fail the whole batch: it is then asked again one by one.
+    """
+
+    def detect_batch(self, clouds: Sequence[Tensor]) -> list[Detections]:
+        """The objects in each of the clouds (N_i, 4) x, y, z, intensity."""
+
+    def loss_batch(self, inputs: Sequence[LossInput]) -> list[Tensor]:
+        """The loss of each, a scalar; there are no ghosts."""
+
+    def occupancy_loss_batch(self, inputs: Sequence[LossInput]) -> list[tuple[Tensor, Tensor, Tensor]]:
+        """The loss, the occupancy, a leaf of its own, and the rows in it, of each."""

@@ -1,47 +1,97 @@
-"""What one process does: it attacks clouds of a bag one by one, and keeps what it made of each."""
+"""What one process does: it attacks clouds of a bag, one by one or several at once, and keeps what it made of
+each."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache, partial
+from itertools import groupby
 from pathlib import Path
 
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
+from advpipe.pipeline.detector.batching import run_together
 from advpipe.pipeline.detector.device import CPU
+from advpipe.pipeline.detector.protocol import BatchDetector, Detector
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.pipeline.seeding import named_generator
 from advpipe.stages.attack.clouds import AttackedCloud
 from advpipe.stages.attack.job import Job
+from advpipe.stages.attack.lidar.base import LidarAttack, LidarResult
 from advpipe.stages.attack.lidar.refusal import refuse_wrong
 from advpipe.stages.attack.parameters import build_lidar_attack, resolved_recipe
+
+Group = tuple[int, ...]
+"""Clouds that are attacked at once, by their places in the plan."""
+
+
+def groups_of(clouds: Sequence[AttackedCloud], at_once: int) -> list[Group]:
+    """The clouds in groups of at most so many, of one attack each.
+
+    They hang on what is to be done alone, not on what is done already: the clouds of a batch decide each
+    other's last bits.
+    """
+    groups: list[Group] = []
+    for _, same in groupby(range(len(clouds)), key=lambda place: clouds[place].attack):
+        places = tuple(same)
+        groups += [places[first : first + at_once] for first in range(0, len(places), at_once)]
+    return groups
+
+
+def unfinished(groups: Sequence[Group], job: Job) -> list[int]:
+    """Which of the groups hold a cloud that is not done."""
+    return [n for n, group in enumerate(groups) if any(job.load(place) is None for place in group)]
 
 
 def cloud_attacker(
     clean: Path,
     attacks: Sequence[AttackSpec],
     clouds: Sequence[AttackedCloud],
+    groups: Sequence[Group],
     seed: int,
     job: Job,
     device: str = CPU,
 ) -> Callable[[int], None]:
-    """Attacks one of the clouds, named by its place in the sequence, and stores the result in the job.
+    """Attacks one of the groups, named by its place in the sequence, and stores the results in the job.
 
-    Several processes may share a GPU: each is started anew and has a CUDA context of its own.
+    A group of several is done as a whole, also where some of it was done before, if the detector takes
+    batches; else cloud by cloud. Several processes may share a GPU: each is started anew and has a CUDA
+    context of its own.
     """
     detectors = {spec.detector: load_detector(spec.detector, device) for spec in attacks}
-    attackers = [build_lidar_attack(spec) for spec in attacks]
 
-    def attack_cloud(place: int) -> None:
+    @cache
+    def attacker(attack: int, member: int) -> LidarAttack:
+        """Members of a group run in threads, and a user's attack may keep things in itself."""
+        return build_lidar_attack(attacks[attack])
+
+    def attack_cloud(place: int, attack: LidarAttack, detector: Detector) -> LidarResult:
         cloud = clouds[place]
         spec = attacks[cloud.attack]
         only = FrameSlice(cloud.frame, cloud.frame + 1)
         (frame,) = read_frames(clean, only, lidar_topic=cloud.topic)
         named = filter(None, [spec.victim, spec.lidar, spec.seed_name])  # two LiDARs draw apart
         rng = named_generator(seed, "attack", spec.type, resolved_recipe(spec), cloud.frame, *named)
-        with fixed_torch_threads():
-            result = attackers[cloud.attack](frame.cloud, frame.boxes, detectors[spec.detector], rng)
+        result = attack(frame.cloud, frame.boxes, detector, rng)
         refuse_wrong(spec.type, frame.cloud, result)
-        job.store(place, result)
+        return result
 
-    return attack_cloud
+    def attack_group(number: int) -> None:
+        places = groups[number]
+        attack = clouds[places[0]].attack
+        detector = detectors[attacks[attack].detector]
+        with fixed_torch_threads():
+            if len(places) > 1 and isinstance(detector, BatchDetector):
+                works = [
+                    partial(attack_cloud, place, attacker(attack, member))
+                    for member, place in enumerate(places)
+                ]
+                for place, result in zip(places, run_together(detector, works), strict=True):
+                    job.store(place, result)
+                return
+            for place in places:
+                if job.load(place) is None:
+                    job.store(place, attack_cloud(place, attacker(attack, 0), detector))
+
+    return attack_group

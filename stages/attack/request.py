@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from advpipe.pipeline.bag.frames import FrameSlice
-from advpipe.pipeline.detector.device import CPU, device_record, open_device
+from advpipe.pipeline.detector.device import CPU, device_record, frames_at_once, open_device
 from advpipe.pipeline.detector.registry import detector_sha256
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import OWN_KEYS, AttackSpec
@@ -113,4 +113,6 @@ def _resolved(spec: AttackSpec, device: str) -> dict[str, Any]:
         "detector_sha256": detector_sha256(spec.detector),
         "attack_sha256": source_sha256(spec.type),
     }
-    return {**plain, **checksums, **device_record(device)}
+    count = frames_at_once(device)
+    batch = {"frames_at_once": str(count)} if count > 1 else {}
+    return {**plain, **checksums, **device_record(device), **batch}

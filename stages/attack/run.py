@@ -12,11 +12,12 @@ from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import RawMessage
 from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.detector.device import frames_at_once
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.jobs import run_jobs
 from advpipe.stages.attack.change import Change, changed_messages
-from advpipe.stages.attack.cloud_attack import cloud_attacker
+from advpipe.stages.attack.cloud_attack import cloud_attacker, groups_of, unfinished
 from advpipe.stages.attack.clouds import CloudPlan, plan_clouds
 from advpipe.stages.attack.contradictions import refuse_contradictions
 from advpipe.stages.attack.job import Job, open_job
@@ -46,8 +47,8 @@ def attack(
     their clouds alone where messages are attacked too. Beside the bag in the folder `out` lie attack.yaml
     (the resolved request) and Parquet files that say what was done: labels.parquet and frames.parquet of
     clouds (see `tables`), and what each change of messages tells. A run that was interrupted goes on where
-    it stopped. The bytes are the same for any number of worker processes (default: one for each core), and
-    whether it ran in one go or in pieces.
+    it stopped. The bytes are the same for any number of worker processes (default: one for each core, or one
+    where a GPU takes several clouds at once), and whether it ran in one go or in pieces.
 
     Raises AdvpipeError for an unknown attack, a bad parameter, a bag that is none or lacks what is attacked,
     frames or times that it does not have, attacks that contradict each other, an output that exists, and
@@ -68,11 +69,7 @@ def attack(
     changes = change_messages(reader, request.attacks, request.seed)
     with open_job(out, resolved) as job:
         if plan is not None:
-            todo = [place for place in range(len(plan.attacked)) if job.load(place) is None]
-            attacker = partial(
-                cloud_attacker, reader.path, request.lidar, plan.attacked, request.seed, job, request.device
-            )
-            run_jobs(attacker, todo, f"attacking: {attack_id(request)}", workers)
+            _attack_clouds(reader.path, plan, request, job, workers)
         with writer as bag:
             (bag.folder / "attack.yaml").write_text(resolved, encoding="utf-8")
             if plan is None:
@@ -85,6 +82,21 @@ def attack(
                 change.write_labels(bag.folder)
                 summary.counts.update(change.counts())
     return summary
+
+
+def _attack_clouds(
+    clean: Path, plan: CloudPlan, request: AttackRequest, job: Job, workers: int | None
+) -> None:
+    """Attack the clouds that the job lacks; by batches in one process, unless more are asked for."""
+    at_once = frames_at_once(request.device)
+    groups = groups_of(plan.attacked, at_once)
+    attacker = partial(
+        cloud_attacker, clean, request.lidar, plan.attacked, groups, request.seed, job, request.device
+    )
+    description = f"attacking: {attack_id(request)}"
+    if at_once > 1:
+        workers, description = workers or 1, f"{description}, {at_once} clouds at once"
+    run_jobs(attacker, unfinished(groups, job), description, workers)
 
 
 def _plan(reader: BagReader, request: AttackRequest) -> CloudPlan | None:

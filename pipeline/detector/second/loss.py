@@ -37,7 +37,16 @@ class Losses:
 def losses(predictions: Predictions, targets: Sequence[Targets], grid: AnchorGrid) -> Losses:
     """The mean losses over the clouds of a batch."""
     parts = [_of_cloud(predictions, b, target, grid) for b, target in enumerate(targets)]
-    score, box, direction, quality = torch.stack(parts).mean(0)
+    return _weighted(torch.stack(parts).mean(0))
+
+
+def losses_by_cloud(predictions: Predictions, targets: Sequence[Targets], grid: AnchorGrid) -> list[Losses]:
+    """The losses of each cloud of a batch."""
+    return [_weighted(_of_cloud(predictions, b, target, grid)) for b, target in enumerate(targets)]
+
+
+def _weighted(parts: Tensor) -> Losses:
+    score, box, direction, quality = parts
     return Losses(
         SCORE_WEIGHT * score, BOX_WEIGHT * box, DIRECTION_WEIGHT * direction, QUALITY_WEIGHT * quality
     )

@@ -10,13 +10,13 @@ import torch
 from torch import Tensor, nn
 
 from advpipe.pipeline.bag.cloud import xyzi
-from advpipe.pipeline.detector.protocol import Detections, Range, VoxelGrid
+from advpipe.pipeline.detector.protocol import Detections, LossInput, Range, VoxelGrid
 from advpipe.pipeline.detector.second.anchors import AnchorGrid
 from advpipe.pipeline.detector.second.backbone2d import Backbone2d
 from advpipe.pipeline.detector.second.backbone3d import Backbone3d
 from advpipe.pipeline.detector.second.decode import detections
 from advpipe.pipeline.detector.second.head import Head, Predictions
-from advpipe.pipeline.detector.second.loss import losses
+from advpipe.pipeline.detector.second.loss import losses, losses_by_cloud
 from advpipe.pipeline.detector.second.presets import Preset
 from advpipe.pipeline.detector.second.voxels import Voxels, voxelise
 from advpipe.pipeline.errors import AdvpipeError
@@ -53,7 +53,7 @@ class SecondNet(nn.Module):
 
 
 class Second:
-    """A trained SECOND as a `VoxelDetector`: frozen weights, frozen batch norm.
+    """A trained SECOND as a `BatchDetector`: frozen weights, frozen batch norm.
 
     It computes where its network is. Tensors may come from anywhere, and those that it returns are where the
     points came from.
@@ -105,6 +105,11 @@ class Second:
         """
         return self._loss(self._voxels(points), boxes, labels, None).to(points.device)
 
+    def loss_batch(self, inputs: Sequence[LossInput]) -> list[Tensor]:
+        """The training loss of each cloud, as `loss`; frozen batch norm keeps them apart."""
+        voxels = self._voxels_of([each.points for each in inputs], [None] * len(inputs))
+        return self._losses(voxels, inputs, None)
+
     def occupancy_loss(
         self, points: Tensor, boxes: Tensor, labels: Tensor, ghosts: Tensor | None = None
     ) -> tuple[Tensor, Tensor, Tensor]:
@@ -118,14 +123,43 @@ class Second:
         loss = self._loss(voxels, boxes, labels, occupancy.to(self.device))
         return loss.to(points.device), occupancy, voxels.point_to_voxel.to(points.device)
 
+    def occupancy_loss_batch(self, inputs: Sequence[LossInput]) -> list[tuple[Tensor, Tensor, Tensor]]:
+        """What `occupancy_loss` says of each cloud."""
+        voxels = self._voxels_of([each.points for each in inputs], [each.ghosts for each in inputs])
+        # A cloud's voxels follow one another, and so do its points, with its ghosts behind them.
+        counts = torch.bincount(voxels.sites.bzyx()[0], minlength=len(inputs)).tolist()
+        sizes = [sum(len(part) for part in (each.points, each.ghosts) if part is not None) for each in inputs]
+        first, rows, occupancies = 0, [], []
+        for each, count, row in zip(inputs, counts, torch.split(voxels.point_to_voxel, sizes), strict=True):
+            held = voxels.holds_points[first : first + count]
+            occupancies.append(held.to(each.points.device, voxels.features.dtype).requires_grad_())
+            rows.append(torch.where(row >= 0, row - first, row).to(each.points.device))
+            first += count
+        together = torch.cat([occupancy.to(self.device) for occupancy in occupancies])
+        return list(zip(self._losses(voxels, inputs, together), occupancies, rows, strict=True))
+
     def _voxels(self, points: Tensor, ghosts: Tensor | None = None) -> Voxels:
-        given = points if ghosts is None else torch.cat([points, ghosts])
-        if not torch.isfinite(given).all():
+        return self._voxels_of([points], [ghosts])
+
+    def _voxels_of(self, clouds: Sequence[Tensor], ghosts: Sequence[Tensor | None]) -> Voxels:
+        given = [
+            cloud if extra is None else torch.cat([cloud, extra])
+            for cloud, extra in zip(clouds, ghosts, strict=True)
+        ]
+        if not all(torch.isfinite(each).all() for each in given):
             raise AdvpipeError(
                 "the cloud holds points that are not finite; remove them before asking for a loss"
             )
-        return voxelise([given.to(self.device)], self.preset, ghosts=len(given) - len(points))
+        counts = [len(each) - len(cloud) for each, cloud in zip(given, clouds, strict=True)]
+        return voxelise([each.to(self.device) for each in given], self.preset, ghosts=counts)
 
     def _loss(self, voxels: Voxels, boxes: Tensor, labels: Tensor, occupancy: Tensor | None) -> Tensor:
         target = self._grid.assign(boxes.to(self.device), labels.to(self.device))
         return losses(self.net(voxels, occupancy), [target], self._grid).total
+
+    def _losses(self, voxels: Voxels, inputs: Sequence[LossInput], occupancy: Tensor | None) -> list[Tensor]:
+        targets = [
+            self._grid.assign(each.boxes.to(self.device), each.labels.to(self.device)) for each in inputs
+        ]
+        found = losses_by_cloud(self.net(voxels, occupancy), targets, self._grid)
+        return [loss.total.to(each.points.device) for loss, each in zip(found, inputs, strict=True)]

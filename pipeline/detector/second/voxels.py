@@ -28,15 +28,17 @@ class Voxels:
     holds_points: Tensor
 
 
-def voxelise(clouds: Sequence[Tensor], preset: Preset, *, training: bool = False, ghosts: int = 0) -> Voxels:
+def voxelise(
+    clouds: Sequence[Tensor], preset: Preset, *, training: bool = False, ghosts: Sequence[int] = ()
+) -> Voxels:
     """The voxels of clouds (N_i, 4) x, y, z, intensity, one batch entry each.
 
     Points out of range or not finite are not read. Every point of a voxel counts, so the order of the
     points does not matter and each has a gradient; except where the preset limits the points of a voxel
     or, in `training` to another number, the voxels of a cloud: the first ones then count, as in OpenPCDet.
 
-    The last `ghosts` points of the last cloud are none yet: a voxel that holds a point besides is as if
-    they were not there, and one without a point has them as its features.
+    ghosts: of each cloud, how many of its last points are none yet: a voxel that holds a point besides is as
+    if they were not there, and one without a point has them as its features.
     """
     points = torch.cat(list(clouds))
     batch = torch.cat([torch.full((len(c),), b, device=c.device) for b, c in enumerate(clouds)])
@@ -57,8 +59,8 @@ def voxelise(clouds: Sequence[Tensor], preset: Preset, *, training: bool = False
     point_to_voxel = torch.full((len(points),), -1, dtype=torch.int64, device=points.device)
     point_to_voxel[rows] = voxel
     holds_points = torch.ones(len(keys), dtype=torch.bool, device=points.device)
-    if ghosts:
-        is_ghost = rows >= len(points) - ghosts
+    if any(ghosts):
+        is_ghost = _last_of_each(clouds, ghosts)[rows]
         holds_points = torch.zeros_like(holds_points).index_fill(0, voxel[~is_ghost], True)
         counts = ~is_ghost | ~holds_points[voxel]
         rows, voxel = rows[counts], voxel[counts]
@@ -69,6 +71,16 @@ def voxelise(clouds: Sequence[Tensor], preset: Preset, *, training: bool = False
     count = torch.bincount(voxel, minlength=len(keys)).to(points.dtype)
     total = points.new_zeros(len(keys), points.shape[1]).index_add(0, voxel, inside)
     return Voxels(total / count[:, None], Sites(keys, shape, len(clouds)), point_to_voxel, holds_points)
+
+
+def _last_of_each(clouds: Sequence[Tensor], counts: Sequence[int]) -> Tensor:
+    """Which points (N,) of the concatenated clouds are among so many last ones of their cloud."""
+    return torch.cat(
+        [
+            torch.arange(len(cloud), device=cloud.device) >= len(cloud) - count
+            for cloud, count in zip(clouds, counts, strict=True)
+        ]
+    )
 
 
 def _place_in_voxel(voxel: Tensor) -> Tensor:

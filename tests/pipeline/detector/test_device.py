@@ -6,7 +6,7 @@ import types
 import pytest
 import torch
 
-from advpipe.pipeline.detector.device import device_record, open_device
+from advpipe.pipeline.detector.device import device_record, frames_at_once, open_device
 from advpipe.pipeline.detector.protocol import Range
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.errors import AdvpipeError
@@ -42,6 +42,10 @@ def test_what_is_recorded():
         {"device": "cuda"},
         {"device": "cuda"},
     ]
+
+
+def test_frames_are_batched_on_a_gpu_alone():
+    assert [frames_at_once(name) for name in ("cpu", "cuda", "cuda:3")] == [1, 8, 8]
 
 
 class Plain:

@@ -8,7 +8,7 @@ import signal
 import numpy as np
 import torch
 
-from advpipe.pipeline.bag.cloud import xyzi
+from advpipe.pipeline.bag.cloud import POINT_DTYPE, xyzi
 from advpipe.pipeline.detector.protocol import Detections, Range, VoxelGrid
 
 BOX = [4.0, 5.0, 5.0, 6.0, 6.0, 6.0, 0.0]
@@ -88,3 +88,32 @@ class Interrupted(Shipped):
                 os.kill(os.getpid(), signal.SIGKILL)
             raise KeyboardInterrupt
         return super().occupancy_loss(*given)
+
+
+class Batched(Shipped):
+    """It takes batches, and computes each cloud of one by itself: to the bit as if it were alone."""
+
+    batches = 0
+    """How many batches there were; the one of this number is never answered."""
+    interrupted_at = -1
+
+    def _each(self, answers):
+        Batched.batches += 1
+        if Batched.batches == Batched.interrupted_at:
+            raise KeyboardInterrupt
+        return answers
+
+    def detect_batch(self, clouds):
+        structured = [np.zeros(len(cloud), POINT_DTYPE) for cloud in clouds]
+        for made, cloud in zip(structured, clouds, strict=True):
+            for column, name in enumerate(("x", "y", "z", "intensity")):
+                made[name] = cloud[:, column].numpy()
+        return self._each([self.detect(cloud) for cloud in structured])
+
+    def loss_batch(self, inputs):
+        return self._each([self.loss(each.points, each.boxes, each.labels) for each in inputs])
+
+    def occupancy_loss_batch(self, inputs):
+        return self._each(
+            [self.occupancy_loss(each.points, each.boxes, each.labels, each.ghosts) for each in inputs]
+        )

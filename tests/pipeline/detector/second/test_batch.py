@@ -1,0 +1,80 @@
+"""Several clouds in one pass: each as if it were alone, up to rounding (of doubles)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from advpipe.pipeline.detector.protocol import BatchDetector, LossInput
+from advpipe.pipeline.detector.second.model import Second
+from advpipe.pipeline.errors import AdvpipeError
+
+CLOSE = {"rtol": 1e-9, "atol": 1e-12}
+
+
+def inputs_of(scene) -> list[LossInput]:
+    """Clouds that differ: with ghosts, without; without objects; without points; out of range."""
+    points, boxes, labels = scene[0].double(), scene[1].double(), scene[2]
+    shifted, ghosts = points.clone(), points[:40] + points.new_tensor([0.0, 0.0, 0.5, 0.0])
+    shifted[:, 0] = -shifted[:, 0]
+    return [
+        LossInput(points, boxes, labels, ghosts),
+        LossInput(shifted[:300], boxes[:1], labels[:1]),
+        LossInput(points[::2], boxes[:0], labels[:0], ghosts[:7]),
+        LossInput(points[:0], boxes, labels),
+        LossInput(points + 50, boxes, labels),
+        LossInput(points[:0], boxes, labels, ghosts),
+        LossInput(points, boxes, labels),
+    ]
+
+
+def leaves_of(inputs: list[LossInput]) -> list[LossInput]:
+    return [replace(each, points=each.points.clone().requires_grad_()) for each in inputs]
+
+
+def test_it_takes_batches(tiny: Second) -> None:
+    assert isinstance(tiny, BatchDetector)
+
+
+@pytest.fixture
+def double(tiny: Second) -> Second:
+    tiny.net.double()
+    return tiny
+
+
+def test_losses_and_gradients_are_those_of_the_clouds_alone(double: Second, scene) -> None:
+    batch, alone = leaves_of(inputs_of(scene)), leaves_of(inputs_of(scene))
+    found = double.loss_batch(batch)
+    gradients = torch.autograd.grad(found, [each.points for each in batch])
+    for each, loss, gradient in zip(alone, found, gradients, strict=True):
+        wanted = double.loss(each.points, each.boxes, each.labels)
+        torch.testing.assert_close(loss, wanted, **CLOSE)
+        torch.testing.assert_close(gradient, torch.autograd.grad(wanted, each.points)[0], **CLOSE)
+    assert [bool(gradient.any()) for gradient in gradients] == [True, True, True, False, False, False, True]
+
+
+def test_occupancies_with_ghosts_are_those_of_the_clouds_alone(double: Second, scene) -> None:
+    batch, alone = leaves_of(inputs_of(scene)), leaves_of(inputs_of(scene))
+    found = double.occupancy_loss_batch(batch)
+    leaves = [leaf for each, (_, held, _) in zip(batch, found, strict=True) for leaf in (each.points, held)]
+    gradients = iter(torch.autograd.grad([loss for loss, _, _ in found], leaves))
+    for each, (loss, held, rows) in zip(alone, found, strict=True):
+        wanted, wanted_held, wanted_rows = double.occupancy_loss(
+            each.points, each.boxes, each.labels, each.ghosts
+        )
+        assert held.is_leaf
+        torch.testing.assert_close(loss, wanted, **CLOSE)
+        assert torch.equal(held, wanted_held)
+        assert torch.equal(rows, wanted_rows)
+        for gradient in torch.autograd.grad(wanted, [each.points, wanted_held]):
+            torch.testing.assert_close(next(gradients), gradient, **CLOSE)
+
+
+def test_points_that_are_not_finite_are_refused(double: Second, scene) -> None:
+    inputs = inputs_of(scene)
+    inputs[1].points[3, 2] = torch.nan
+    for ask in (double.loss_batch, double.occupancy_loss_batch):
+        with pytest.raises(AdvpipeError, match="not finite"):
+            ask(inputs)
