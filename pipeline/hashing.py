@@ -6,16 +6,24 @@ import hashlib
 from collections.abc import Callable
 from pathlib import Path
 
+from advpipe.pipeline.errors import AdvpipeError
+
 _BLOCK_BYTES = 1 << 20
 
 
 def sha256_of(*paths: Path) -> str:
-    """Of the bytes of files, one behind the other: 64 hexadecimal digits in lower case."""
+    """Of the bytes of files, one behind the other: 64 hexadecimal digits in lower case.
+
+    Raises AdvpipeError for a file that cannot be read: of a failing disk, the system does not say which.
+    """
     sha256 = hashlib.sha256()
     for path in paths:
-        with path.open("rb") as stream:
-            while block := stream.read(_BLOCK_BYTES):
-                sha256.update(block)
+        try:
+            with path.open("rb") as stream:
+                while block := stream.read(_BLOCK_BYTES):
+                    sha256.update(block)
+        except OSError as error:
+            raise AdvpipeError(f"{path}: cannot be read: {error.strerror or error}") from None
     return sha256.hexdigest()
 
 

@@ -13,11 +13,13 @@ LIMIT_BYTES = 1 << 24
 
 
 def read_report(path: Path) -> dict[str, Any]:
-    """A report.json; raises AdvpipeError for a file that is none."""
-    if path.stat().st_size > LIMIT_BYTES:
-        raise AdvpipeError(f"{path} is too large for a report")
+    """A report.json; raises AdvpipeError for a file that is none, or that cannot be read."""
     try:
+        if path.stat().st_size > LIMIT_BYTES:
+            raise AdvpipeError(f"{path} is too large for a report")
         document = json.loads(path.read_bytes())
+    except OSError as error:
+        raise AdvpipeError(f"{path}: cannot be read: {error.strerror or error}") from None
     except (ValueError, RecursionError):
         raise AdvpipeError(f"{path} is no JSON; evaluate again with --overwrite") from None
     if not isinstance(document, dict):

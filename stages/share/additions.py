@@ -28,11 +28,11 @@ def write_additions(
     found: Layout,
     bags: Sequence[BagFacts],
     sums: Mapping[str, str],
-    clean_sha256: str,
+    sha256_of_bags: Mapping[str, str],
     options: ShareOptions,
     remarks: Sequence[str],
 ) -> None:
-    """Write them below the folder `made`; bags: the clean one first."""
+    """Write them below the folder `made`; bags: the clean one first. sha256_of_bags: by the bag's name."""
     clean = bags[0]
     for folder in (names.CHECKS, names.PLAY):
         (made / folder).mkdir()
@@ -46,8 +46,9 @@ def write_additions(
     (made / names.RVIZ).write_text(rviz_config(clean), encoding="utf-8")
     if any(topic.type.startswith(_OWN_PACKAGE) for topic in clean.topics.values()):
         _write_messages(made / names.MESSAGES / _OWN_PACKAGE)
-    pictures = _draw(clean, bags[1:], made / names.FIGURES)
-    text = write_card(name, found, bags, sums, clean_sha256, options, remarks, pictures)
+    drives = {sha256_of_bags[bag.path.name]: bag for bag in bags if not bag.is_attack}
+    pictures = _draw(bags, drives, made / names.FIGURES)
+    text = write_card(name, found, bags, sums, drives, options, remarks, pictures)
     (made / CARD_NAME).write_text(text, encoding="utf-8")
 
 
@@ -62,16 +63,18 @@ def _write_messages(folder: Path) -> None:
             (folder / "msg" / file.name).write_bytes(file.read_bytes())
 
 
-def _draw(clean: BagFacts, attacks: Sequence[BagFacts], folder: Path) -> list[Picture]:
-    """Of the first LiDAR by name, and of V2X where there is any."""
+def _draw(bags: Sequence[BagFacts], drives: Mapping[str, BagFacts], folder: Path) -> list[Picture]:
+    """Of the first LiDAR by name, and of V2X where there is any. drives: by SHA-256."""
     folder.mkdir()
+    clean = bags[0]
     pictures: list[Picture] = []
     if clean.lidars:
         topic = clean.lidars[0].name
         pictures.append(draw_clean(clean.path, topic, folder))
-        for bag in track(attacks, "drawing"):
-            if any(lidar.name == topic for lidar in bag.lidars):
-                picture = draw_attack(clean.path, bag.path, topic, folder)
+        for bag in track([bag for bag in bags if bag.is_attack], "drawing"):
+            parent = drives.get(bag.provenance.get("parent_sha256", ""), clean)
+            if all(any(lidar.name == topic for lidar in one.lidars) for one in (bag, parent)):
+                picture = draw_attack(parent.path, bag.path, topic, folder)
                 pictures += [picture] if picture else []
     if clean.description.v2x is not None:
         draw_bag(clean.path, folder / "v2x.png")

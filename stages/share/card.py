@@ -37,6 +37,8 @@ _WHAT = {
     names.FIGURES: "the pictures of this page",
     names.MESSAGES: "our own message types, a ROS 2 package",
 }  # fmt: skip
+_ATTACK = "an adversarial version of it, playable alone, with its labels"
+_DRIVE = "another recorded drive; its own record holds its scenario"
 _POINT_TYPES = {1: "i1", 2: "u1", 3: "<i2", 4: "<u2", 5: "<i4", 6: "<u4", 7: "<f4", 8: "<f8"}
 """numpy's names of sensor_msgs/PointField's types."""
 
@@ -61,13 +63,16 @@ def write_card(
     found: Layout,
     bags: Sequence[BagFacts],
     sums: Mapping[str, str],
-    clean_sha256: str,
+    drives: Mapping[str, BagFacts],
     options: ShareOptions,
     remarks: Sequence[str],
     pictures: Sequence[Picture],
 ) -> str:
-    """The card's text; bags: the clean one first. sums: checksums of the data set's files, by path."""
-    clean, attacks = bags[0], bags[1:]
+    """The card's text; bags: the clean one first.
+
+    sums: checksums of the data set's files, by path. drives: the bags that are no attacks, by SHA-256.
+    """
+    clean, attacks = bags[0], [bag for bag in bags if bag.is_attack]
     scenario = _scenario(clean)
     first = clean.lidars[0] if clean.lidars else next(iter(clean.topics.values()))
     environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True)
@@ -88,7 +93,8 @@ def write_card(
         pictures=pictures,
         contents=list(_contents(found, bags, pictures)),
         digest_of=lambda bag: _digest_of(bag, found, sums),
-        chain=_chain(attacks, clean_sha256),
+        chain=_chain(attacks, drives),
+        other_drives=len(drives) - 1,
         rate=_rate,
         lidars=list(_lidars(scenario)),
         origin=_origin(clean, scenario),
@@ -192,7 +198,7 @@ def _contents(
     found: Layout, bags: Sequence[BagFacts], pictures: Sequence[Picture]
 ) -> Iterator[dict[str, str]]:
     for bag in bags:
-        what = _WHAT.get(bag.path.name) or "an adversarial version of it, playable alone, with its labels"
+        what = _WHAT.get(bag.path.name) or (_ATTACK if bag.is_attack else _DRIVE)
         yield {"name": bag.path.name, "link": bag.path.name, "size": f"{bag.description.bytes / 1e6:.1f} MB",
                "what": what}  # fmt: skip
     if found.scenario is not None:
@@ -213,13 +219,17 @@ def _digest_of(bag: BagFacts, found: Layout, sums: Mapping[str, str]) -> str:
     return of_bag[0] if len(of_bag) == 1 else "several files, see SHA256SUMS"
 
 
-def _chain(attacks: Sequence[BagFacts], clean_sha256: str) -> str:
-    """What ties the adversarial bags to the clean one; run.py refused any that states another parent."""
-    tied = [bag.path.name for bag in attacks if bag.provenance.get("parent_sha256") == clean_sha256]
-    if not tied:
-        return ""
-    bags = ", ".join(f"`{bag}`" for bag in tied)
-    return f"Provenance: the records of {bags} name the clean bag's SHA-256, of which they were made."
+def _chain(attacks: Sequence[BagFacts], drives: Mapping[str, BagFacts]) -> str:
+    """What ties the adversarial bags to a drive; run.py refused any that states another parent."""
+    lines = []
+    for sha256, drive in drives.items():
+        tied = [f"`{bag.path.name}`" for bag in attacks if bag.provenance.get("parent_sha256") == sha256]
+        if tied:
+            place = f"`{drive.path.name}`"
+            lines.append(
+                f"the records of {', '.join(tied)} name the SHA-256 of {place}, of which they were made"
+            )
+    return f"Provenance: {'; '.join(lines)}." if lines else ""
 
 
 def _rate(topic: TopicFacts) -> str:

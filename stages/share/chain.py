@@ -1,11 +1,10 @@
-"""From each adversarial bag to the clean one that it was made of, and from reports to both, by checksum."""
+"""From each adversarial bag to the drive that it was made of, and from reports to both, by checksum."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
-from advpipe.pipeline.bag.locate import CLEAN_NAME
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.dataset.layout import REPORT_NAME, Layout
 from advpipe.pipeline.dataset.reports import bags_of_report
@@ -13,14 +12,16 @@ from advpipe.pipeline.errors import AdvpipeError
 
 
 def check_chain(layout: Layout, sha256_of_bags: Mapping[str, str]) -> list[str]:
-    """Raises AdvpipeError for an adversarial bag of another parent, and for a report on other bags.
+    """Raises AdvpipeError for an adversarial bag of no drive here, and for a report on other bags.
 
     sha256_of_bags: `parent_sha256` by the bag's name. Returns what cannot be checked.
     """
-    if BagReader(layout.clean).provenance.get("kind") == "attack":
+    records = {bag: BagReader(bag).provenance for bag in layout.bags}
+    attacks = {bag: record for bag, record in records.items() if record.get("kind") == "attack"}
+    if layout.clean in attacks:
         raise AdvpipeError(f"{layout.clean} is an adversarial bag; a data set's clean bag is no attack")
-    clean_sha256 = sha256_of_bags[CLEAN_NAME]
-    remarks = [remark for bag in layout.attacks if (remark := _check_bag(bag, clean_sha256))]
+    drives = {sha256_of_bags[bag.name] for bag in records if bag not in attacks}
+    remarks = [remark for bag, record in attacks.items() if (remark := _check_bag(bag, record, drives))]
     for report in layout.reports:
         _check_report(report / REPORT_NAME, sha256_of_bags)
     return remarks
@@ -39,13 +40,14 @@ def _check_report(path: Path, sha256_of_bags: Mapping[str, str]) -> None:
             )
 
 
-def _check_bag(bag: Path, clean_sha256: str) -> str:
-    stated = BagReader(bag).provenance.get("parent_sha256")
+def _check_bag(bag: Path, record: Mapping[str, str], drives: Collection[str]) -> str:
+    stated = record.get("parent_sha256")
     if stated is None:
         return f"{bag.name} does not say which bag it was made from"
-    if stated != clean_sha256:
+    if stated not in drives:
         raise AdvpipeError(
             f"{bag} was made from another bag (parent SHA-256 {stated[:12]}…) than this data set's clean one "
-            f"({clean_sha256[:12]}…); attack that again with --overwrite, or move this bag elsewhere"
+            f"({', '.join(f'{drive[:12]}…' for drive in sorted(drives))}); attack that again with "
+            "--overwrite, or move this bag elsewhere"
         )
     return ""

@@ -113,6 +113,11 @@ class BagFacts:
         return self.description.provenance
 
     @property
+    def is_attack(self) -> bool:
+        """Another drive, recorded by advpipe or not, may lie beside the clean one."""
+        return self.provenance.get("kind") == "attack"
+
+    @property
     def lidars(self) -> list[TopicFacts]:
         return [topic for topic in self.topics.values() if topic.type == CLOUD_TYPE]
 

@@ -21,9 +21,10 @@ def remarks_on(found: Layout, bags: Sequence[BagFacts], options: ShareOptions) -
         yield "no licence is stated, so nobody may use the data set: give one with --licence CC-BY-4.0, say"
     if found.scenario is None:
         yield "there is no scenario.yaml: the drive cannot be simulated again"
-    if not found.attacks:
+    attacks = [facts.path for facts in bags if facts.is_attack]
+    if not attacks:
         yield "there is no adversarial bag"
-    for bag in found.attacks:
+    for bag in attacks:
         if not (bag / "attack.yaml").is_file():
             yield f"{bag.name} has no attack.yaml: what was done is told by the bag's own record alone"
     for facts in bags:

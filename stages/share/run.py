@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from advpipe.pipeline.bag.files import mcap_files
-from advpipe.pipeline.bag.locate import CLEAN_NAME
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.dataset import checksums, layout, signature
 from advpipe.pipeline.dataset.archive import pack, refuse_existing
@@ -65,7 +64,7 @@ def share(dataset: Path, out: Path, options: ShareOptions = NOTHING_SAID) -> Sha
     name = out.stem if _is_archive(out) else out.resolve().name
     with tempfile.TemporaryDirectory() as scratch:
         made = Path(scratch)
-        write_additions(made, name, found, bags, sums, sha256_of_bags[CLEAN_NAME], options, remarks)
+        write_additions(made, name, found, bags, sums, sha256_of_bags, options, remarks)
         sums |= {added: sha256_of(made / added) for added in layout.files(made)}
         _write_sums(made, sums, options)
         files |= {added: made / added for added in layout.files(made)}

@@ -47,3 +47,6 @@ CHECKS: dict[str, type[FolderCheck] | type[BagCheck]] = {
 
 QUICK = ("checksums", "signature", "crcs")
 """Those that read every byte once and unpack nothing."""
+
+QUICK_ALONE = (*QUICK, "beside")
+"""The same without SHA256SUMS: then bags tell what lies beside them."""

@@ -13,7 +13,7 @@ from advpipe.pipeline.dataset.parts import existing_parts, whole_name
 from advpipe.pipeline.errors import AdvpipeError, os_error_line
 from advpipe.pipeline.progress import track
 from advpipe.stages.verify.checks.base import BagCheck, FolderCheck, MessageCheck, Seen
-from advpipe.stages.verify.registry import CHECKS, QUICK
+from advpipe.stages.verify.registry import CHECKS, QUICK, QUICK_ALONE
 from advpipe.stages.verify.result import Fault, Gap, Result, Verification
 from advpipe.stages.verify.subject import Bag, Subject, find_subject
 from advpipe.stages.verify.walk import Walk
@@ -35,12 +35,13 @@ def verify(path: Path, *, quick: bool = False, key: Path | None = None) -> Verif
         from advpipe.pipeline.dataset.signature import load_public_key
 
         load_public_key(key)
-    names = QUICK if quick else tuple(CHECKS)
-    result = Verification(str(path), names)
+    result = Verification(str(path), QUICK if quick else tuple(CHECKS))
     with _opened(Path(path), result) as subject:
         if subject is not None:
             subject.key = key
-            _run(subject, names, result)
+            if quick and not subject.has_sums:
+                result.checks = QUICK_ALONE
+            _run(subject, quick, result)
     result.close()
     return result
 
@@ -50,7 +51,12 @@ def _opened(path: Path, result: Verification) -> Iterator[Subject | None]:
     """What a path names; of an archive, what it holds. None where that cannot be unpacked: a finding."""
     whole = whole_name(path)
     if not (path.is_file() or existing_parts(whole)) or whole.suffix != ".tar":
-        yield find_subject(path)
+        try:
+            subject = find_subject(path)
+        except OSError as error:  # a folder in it that cannot be read
+            result.add("container", [Fault(path.name, os_error_line(error))])
+            subject = None
+        yield subject
         return
     with tempfile.TemporaryDirectory() as scratch:
         try:
@@ -65,31 +71,30 @@ def _opened(path: Path, result: Verification) -> Iterator[Subject | None]:
         yield find_subject(folder)
 
 
-def _run(subject: Subject, names: tuple[str, ...], result: Verification) -> None:
+def _run(subject: Subject, quick: bool, result: Verification) -> None:
     if subject.layout is not None:
         for left in subject.layout.unfinished:
             result.add("container", [Fault(subject.place(left), "was left by a job that has not ended")])
-    for name in names:
+    for name in result.checks:
         made = CHECKS[name]
         if issubclass(made, FolderCheck):
             result.add(name, _safely(made(subject).check(), subject.root.name))
-    if names == QUICK:
+    if quick:
         return
     if not subject.bags:
         result.add("container", [Gap(subject.root.name, "the clean bag cannot be read: no more is checked")])
     for bag in subject.bags:
-        _check_bag(bag, names, result)
+        _check_bag(bag, result)
 
 
-def _check_bag(bag: Bag, names: tuple[str, ...], result: Verification) -> None:
+def _check_bag(bag: Bag, result: Verification) -> None:
     """One pass over all messages, and then what only the whole bag tells."""
-    try:
-        files, _ = bag.files, bag.provenance
-        count = sum(info.count for info in bag.reader.topics.values())
-    except AdvpipeError as error:
-        result.add("container", [Fault(bag.place, str(error))])
+    faults = list(_safely(_opening(bag), bag.place))
+    result.add("container", faults)
+    if faults:
         return
-    classes = {name: CHECKS[name] for name in names}
+    files, count = bag.files, sum(info.count for info in bag.reader.topics.values())
+    classes = {name: CHECKS[name] for name in result.checks}
     checks = {name: made(bag) for name, made in classes.items() if issubclass(made, BagCheck)}
     watching = [(name, check) for name, check in checks.items() if isinstance(check, MessageCheck)]
     bag.walks = [Walk(file) for file in files]
@@ -100,6 +105,12 @@ def _check_bag(bag: Bag, names: tuple[str, ...], result: Verification) -> None:
             result.add(name, _safely(watcher.see(seen), seen.where))
     for name, check in checks.items():
         result.add(name, _safely(check.check(), bag.place))
+
+
+def _opening(bag: Bag) -> Iterator[Result]:
+    """Nothing, of a bag whose record and list of topics can be read; raises what keeps others from it."""
+    _ = bag.files, bag.provenance, bag.reader.topics
+    yield from ()
 
 
 def _safely(results: Iterator[Result], where: str) -> Iterator[Result]:

@@ -65,18 +65,21 @@ class Bag:
         return tree if isinstance(tree, dict) else None
 
     @cached_property
-    def sha256(self) -> str:
-        """Over its .mcap files, as an attack on it states it."""
-        if len(self.files) == 1:
-            return self.subject.scan(self.files[0]).sha256
-        return parent_sha256(self.path)
+    def sha256(self) -> str | None:
+        """Over its .mcap files, as an attack on it states it; None where one of them cannot be read."""
+        try:
+            if len(self.files) == 1:
+                return self.subject.scan(self.files[0]).sha256
+            return parent_sha256(self.path)
+        except (AdvpipeError, OSError):
+            return None
 
     @cached_property
     def parent(self) -> Bag | None:
         """The bag that an attack was made from: the one with the right checksum; None if it is not here."""
         wanted = self.provenance.get("parent_sha256")
         for bag in self.subject.candidates:
-            if bag.path != self.path and bag.sha256 == wanted:
+            if bag.path != self.path and bag.sha256 is not None and bag.sha256 == wanted:
                 return bag
         return None
 
@@ -93,13 +96,19 @@ class Subject:
     bags: list[Bag] = field(default_factory=list)
     candidates: list[Bag] = field(default_factory=list)
     key: Path | None = None
-    _scans: dict[Path, FileScan] = field(default_factory=dict)
+    _scans: dict[Path, FileScan | AdvpipeError] = field(default_factory=dict)
 
     def scan(self, path: Path) -> FileScan:
-        """Its bytes, read once however often this is asked."""
+        """Its bytes, read once however often this is asked. Raises AdvpipeError where they cannot be read."""
         if path not in self._scans:
-            self._scans[path] = scan(path)
-        return self._scans[path]
+            try:
+                self._scans[path] = scan(path)
+            except OSError as error:
+                self._scans[path] = AdvpipeError(f"cannot be read: {error.strerror or error}")
+        found = self._scans[path]
+        if isinstance(found, AdvpipeError):
+            raise found
+        return found
 
     def place(self, path: Path) -> str:
         """How findings name a path."""

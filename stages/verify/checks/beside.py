@@ -3,33 +3,59 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
+from textwrap import indent
 
 from advpipe.pipeline.bag.files import METADATA_NAME
+from advpipe.pipeline.bag.mcap_file import McapFile
 from advpipe.pipeline.bag.writer import FILES_RECORD
-from advpipe.stages.verify.checks.base import BagCheck
+from advpipe.pipeline.errors import AdvpipeError, os_error_line
+from advpipe.stages.verify.checks.base import FolderCheck
 from advpipe.stages.verify.result import Fault, Gap, Result
+from advpipe.stages.verify.subject import Bag
 
 
-class FilesBeside(BagCheck):
-    """The bag holds the SHA-256 of its labels and of attack.yaml: it protects them without SHA256SUMS."""
+class FilesBeside(FolderCheck):
+    """A bag holds the SHA-256 of its labels and of attack.yaml, and metadata.yaml to the byte: it protects
+    them without SHA256SUMS."""
 
     def check(self) -> Iterator[Result]:
-        if self.bag.path.is_file() or not self.bag.provenance:
+        for bag in self.subject.bags:
+            try:
+                yield from self._of_bag(bag)
+            except AdvpipeError as error:
+                yield Fault(bag.place, str(error))
+            except OSError as error:
+                yield Fault(bag.place, os_error_line(error))
+
+    def _of_bag(self, bag: Bag) -> Iterator[Result]:
+        if bag.path.is_file() or not bag.provenance:
             return
-        told: dict[str, str] = {}
-        for walk in self.bag.walks:
-            told |= walk.records.get(FILES_RECORD, {})
+        records = [McapFile(file).metadata for file in bag.files]
+        told = {name: sha256 for each in records for name, sha256 in each.get(FILES_RECORD, {}).items()}
+        metadata = records[-1].get("rosbag2", {}).get("serialized_metadata")
         present = {
             path.name: path
-            for path in sorted(self.bag.path.iterdir())
+            for path in sorted(bag.path.iterdir())
             if path.is_file() and path.suffix != ".mcap" and path.name != METADATA_NAME
         }
-        subject = self.bag.subject
         for name in sorted(told.keys() | present.keys()):
-            where = f"{self.bag.place}/{name}"
+            where = f"{bag.place}/{name}"
             if name not in present:
                 yield Fault(where, "is missing, though the bag remembers it")
-            elif name in told and subject.scan(present[name]).sha256 != told[name]:
-                yield Fault(where, "is not the file that the bag remembers (SHA-256)")
-            elif name not in told and not subject.has_sums:
+            elif name in told:
+                yield from self._compare(present[name], told[name])
+            elif not self.subject.has_sums:
                 yield Gap(where, "no checksum protects it")
+        expected = "" if metadata is None else f"rosbag2_bagfile_information:\n{indent(metadata, '  ')}"
+        if metadata is not None and (bag.path / METADATA_NAME).read_bytes() != expected.encode():
+            yield Fault(f"{bag.place}/{METADATA_NAME}", "is not what the bag's own record of it says")
+
+    def _compare(self, path: Path, told: str) -> Iterator[Result]:
+        try:
+            is_same = self.subject.scan(path).sha256 == told
+        except AdvpipeError as error:
+            yield Fault(self.subject.place(path), str(error))
+        else:
+            if not is_same:
+                yield Fault(self.subject.place(path), "is not the file that the bag remembers (SHA-256)")

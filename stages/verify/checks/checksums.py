@@ -34,5 +34,8 @@ class Checksums(FolderCheck):
             else:
                 yield Fault(name, f"is not listed in {checksums.FILE}")
         for name in track([name for name in present if name in sums], "hashing"):
-            if self.subject.scan(root / name).sha256 != sums[name]:
-                yield Fault(name, f"has another SHA-256 than {checksums.FILE} lists")
+            try:
+                if self.subject.scan(root / name).sha256 != sums[name]:
+                    yield Fault(name, f"has another SHA-256 than {checksums.FILE} lists")
+            except AdvpipeError as error:
+                yield Fault(name, str(error))

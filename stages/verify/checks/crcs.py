@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 from advpipe.pipeline.bag.checksums import validate_checksums
 from advpipe.pipeline.errors import AdvpipeError
@@ -15,16 +16,22 @@ class Crcs(FolderCheck):
     """Data section and summary. Where a recorder left those out, chunks are unpacked for their own."""
 
     def check(self) -> Iterator[Result]:
-        files = [(bag, file) for bag in self.subject.bags for file in bag.files]
-        for bag, file in track(files, "checksums"):
-            found = self.subject.scan(file)
-            yield from (Fault(self.subject.place(file), fault) for fault in found.faults)
-            if found.faults or found.covered:
-                continue
+        for bag in track(self.subject.bags, "checksums"):
             try:
-                coverage = validate_checksums(file)
+                files = bag.files
             except AdvpipeError as error:
-                yield Fault(self.subject.place(file), str(error))
+                yield Fault(bag.place, str(error))
                 continue
+            for file in files:
+                try:
+                    yield from self._of_file(file, bag.place)
+                except AdvpipeError as error:
+                    yield Fault(self.subject.place(file), str(error))
+
+    def _of_file(self, file: Path, bag: str) -> Iterator[Result]:
+        found, where = self.subject.scan(file), self.subject.place(file)
+        yield from (Fault(where, fault) for fault in found.faults)
+        if not found.faults and not found.covered:
+            coverage = validate_checksums(file)
             if not self.subject.has_sums:
-                yield Gap(self.subject.place(file), f"checksums of {bag.place}: {coverage}")
+                yield Gap(where, f"checksums of {bag}: {coverage}")

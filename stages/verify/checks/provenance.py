@@ -18,7 +18,9 @@ class Provenance(BagCheck):
             return
         if not bag.is_attack:
             return
-        if bag.parent is None and bag.subject.layout is not None:
+        if bag.parent is None and any(one.sha256 is None for one in bag.subject.candidates):
+            yield Gap(bag.place, "the bag that it may be made from cannot be read: it is verified alone")
+        elif bag.parent is None and bag.subject.layout is not None:
             yield Fault(bag.place, "was made from a bag that is not the one in this data set (parent_sha256)")
         elif bag.parent is None:
             yield Gap(bag.place, "the bag that it was made from is not here: the attack is verified alone")

@@ -33,8 +33,8 @@ class ScenarioFiles(MessageCheck):
 
     def check(self) -> Iterator[Result]:
         subject, provenance = self.bag.subject, self.bag.provenance
-        if subject.layout is not None and "scenario" in provenance:
-            path = subject.root / SCENARIO_NAME
+        if subject.layout is not None and self.bag.path == subject.layout.clean and "scenario" in provenance:
+            path = subject.root / SCENARIO_NAME  # of another drive beside it, its own record alone tells
             if not path.is_file():
                 yield self._missing(SCENARIO_NAME)
             elif path.stat().st_size > LIMIT_BYTES or path.read_bytes() != provenance["scenario"].encode():
