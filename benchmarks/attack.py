@@ -1,11 +1,15 @@
 """What the attacks on clouds cost beside the detector's own passes, and frames an hour by preset.
 
     python benchmarks/attack.py [BAG] [--rounds 5] [--steps 40] [--presets small 360 kitti] [--recipes ...]
+    python benchmarks/attack.py [BAG] --device cuda [--batches 1 4 8 16]
 
 The peer of `perturb --recipe paper` is as many bare passes of the same detector on the same cloud: its loss,
 forward, and the gradient to the points, backward. The mark: at most 1.15 times as long. All other recipes
 are timed once each, against nothing. One thread computes, as in advpipe; random weights take as long as
-trained ones. BAG is a recorded drive; by default two seconds of the boulevard are simulated.
+trained ones.
+
+On a GPU, instead: frames a second of each attack at its usual budget with the shipped detector, so many
+frames at once. BAG is a recorded drive; by default two seconds of the boulevard are simulated.
 """
 
 from __future__ import annotations
@@ -13,6 +17,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -22,15 +27,28 @@ from common import compare, finish, machine
 from advpipe.pipeline.bag.cloud import xyzi
 from advpipe.pipeline.bag.frames import Frame, FrameSlice, read_frames
 from advpipe.pipeline.bag.locate import resolve_bag
+from advpipe.pipeline.detector.batching import run_together
+from advpipe.pipeline.detector.device import CPU
+from advpipe.pipeline.detector.protocol import BatchDetector, Detector
+from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import PRESETS
 from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.scenario import load_scenario
+from advpipe.stages.attack.lidar.attach import Attach
+from advpipe.stages.attack.lidar.base import LidarAttack, LidarResult
+from advpipe.stages.attack.lidar.detach import Detach
 from advpipe.stages.attack.lidar.perturb import RECIPES, Perturb
 from advpipe.stages.attack.lidar.targets import find_targets
 from advpipe.stages.simulate.run import simulate
 
 MOST = 1.15
+
+ATTACKS: dict[str, LidarAttack] = {
+    "perturb": Perturb(eps_cm=10),
+    "detach": Detach(ratio=0.01),
+    "attach": Attach(eps_m=0.5),
+}
 
 
 def report(preset: str, frame: Frame, given: argparse.Namespace) -> bool:
@@ -60,6 +78,26 @@ def report(preset: str, frame: Frame, given: argparse.Namespace) -> bool:
     return timed.ratio >= 1 / MOST
 
 
+def report_batches(frames: list[Frame], device: str, batches: list[int]) -> None:
+    """Print frames a second of each attack, by how many frames there are in a batch."""
+    detector = load_detector("small", device)
+    assert isinstance(detector, BatchDetector)
+
+    def work(attack: LidarAttack, number: int) -> Callable[[Detector], LidarResult]:
+        frame = frames[number % len(frames)]
+        return lambda seen: attack(frame.cloud, frame.boxes, seen, np.random.default_rng(number))
+
+    for word, attack in ATTACKS.items():
+        run_together(detector, [work(attack, 0)])  # warms up, and does not count
+        for size in batches:
+            count = max(batches)
+            start_s = time.perf_counter()
+            for first in range(0, count, size):
+                run_together(detector, [work(attack, n) for n in range(first, min(first + size, count))])
+            rate_hz = count / (time.perf_counter() - start_s)
+            print(f"{word}: {size:>3} at once {rate_hz:9.3f} frames/s", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("bag", type=Path, nargs="?")
@@ -67,14 +105,21 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=40)
     parser.add_argument("--presets", nargs="+", default=list(PRESETS), choices=list(PRESETS))
     parser.add_argument("--recipes", nargs="*", default=list(RECIPES), choices=list(RECIPES))
+    parser.add_argument("--device", default=CPU)
+    parser.add_argument("--batches", type=int, nargs="+", help="default: 1 4 8 16, on a GPU alone")
     given = parser.parse_args()
+    batches = given.batches or ([] if given.device == CPU else [1, 4, 8, 16])
     with tempfile.TemporaryDirectory() as folder, fixed_torch_threads():
         bag = given.bag
         if bag is None:
             bag = Path(folder) / "boulevard"
             simulate(load_scenario("boulevard", ["simulation.duration_s=2"]), bag)
-        (frame,) = read_frames(resolve_bag(bag), FrameSlice(10, 11, 1))
+        frames = list(read_frames(resolve_bag(bag), FrameSlice(10, 10 + max([1, *batches]), 1)))
+        frame = frames[0]
         print(f"{machine()}; PyTorch {torch.__version__}; {len(frame.cloud)} points")
+        if batches:
+            report_batches(frames, given.device, batches)
+            return
         passed = [report(preset, frame, given) for preset in given.presets]
     finish(all(passed))
 
