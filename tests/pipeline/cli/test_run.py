@@ -72,7 +72,7 @@ def test_all_stages_and_again(
     # Another attack under an old name: the drive and the other bag are kept, the rest is asked about.
     scenario.write_text(SCENARIO.replace("ratio: 0.1", "ratio: 0.2"), encoding="utf-8")
     with pytest.raises(
-        AdvpipeError, match="fewer_points was made with other attacks, parameters .*--overwrite"
+        AdvpipeError, match=r"fewer_points was made with other attacks, parameters .*--overwrite"
     ):
         run(str(scenario), made)
     assert stamps(made) == before
