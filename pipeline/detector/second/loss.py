@@ -68,6 +68,7 @@ def _of_cloud(predictions: Predictions, b: int, target: Targets, grid: AnchorGri
     quality = score.new_zeros(())
     if predictions.qualities is not None:
         logits = predictions.qualities[b][target.positive]
+        # What a quality should be counts as given: boxes are not made worse to be judged well.
         iou = aligned_iou(decode(code.detach(), anchors), target.boxes)
         quality = F.binary_cross_entropy_with_logits(logits, iou, reduction="sum") / count
     return torch.stack([score, box, direction, quality])

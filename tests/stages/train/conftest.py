@@ -70,6 +70,6 @@ def drive(tmp_path_factory) -> Path:
 @pytest.fixture
 def tiny(monkeypatch) -> str:
     """`small` over a sixth of the width, as a preset of its own."""
-    preset = replace(presets.SMALL, name="tiny", range_m=Range(-8.0, -8.0, -3.0, 8.0, 8.0, 1.05))
+    preset = replace(presets.SMALL, name="tiny", range_m=Range(-8.0, -8.0, -3.1, 8.0, 8.0, 2.3))
     monkeypatch.setitem(presets.PRESETS, "tiny", preset)
     return "tiny"

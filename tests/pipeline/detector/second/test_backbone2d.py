@@ -27,10 +27,11 @@ def test_head_is_a_convolution():
     x = torch.randn(2, 12, 4, 5)
     out = head(x)
     expected = head.convolution(x).permute(0, 2, 3, 1)
-    scores, codes, directions = expected.split([40, 70, 20], dim=3)
-    torch.testing.assert_close(out.scores, scores.reshape(2, 200, 4))
-    torch.testing.assert_close(out.codes, codes.reshape(2, 200, 7))
-    torch.testing.assert_close(out.directions, directions.reshape(2, 200, 2))
+    scores, codes, directions, qualities = expected.split([48, 84, 24, 12], dim=3)
+    torch.testing.assert_close(out.scores, scores.reshape(2, 240, 4))
+    torch.testing.assert_close(out.codes, codes.reshape(2, 240, 7))
+    torch.testing.assert_close(out.directions, directions.reshape(2, 240, 2))
+    torch.testing.assert_close(out.qualities, qualities.reshape(2, 240))
 
 
 def test_map_keeps_its_size():
