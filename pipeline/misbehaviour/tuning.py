@@ -30,7 +30,8 @@ MOST_FALSE_POSITIVES = 0.005
 """Of clean messages, on the tuning drives: half of the 1 % that another drive may show."""
 EXCEEDED = (0.0, 0.0005, 0.001)
 """Shares of clean messages that may be above a check's tuned threshold."""
-PARDON_S = (3.0, 10.0, math.inf)
+PARDON_S = (3.0, 10.0, 30.0)
+"""Never for ever: a drive is longer than those that tune, and an honest station may be flagged once."""
 CATCH_DRAWS = 300
 
 

@@ -8,6 +8,7 @@ from advpipe.pipeline.misbehaviour import tuned
 from advpipe.pipeline.misbehaviour.catch import CATCH_MEANINGS, TUNED_CATCH
 from advpipe.pipeline.misbehaviour.config import CHECKS, THRESHOLDS, DetectorConfig
 from advpipe.pipeline.misbehaviour.tuning import CATCH_RANGES
+from advpipe.pipeline.scenario import shipped_scenarios
 
 
 def test_every_check_has_a_threshold() -> None:
@@ -21,4 +22,9 @@ def test_the_baseline_is_within_what_tuning_tries() -> None:
     values = asdict(TUNED_CATCH)
     assert list(values) == list(CATCH_MEANINGS) == list(CATCH_RANGES)
     assert all(low <= values[name] <= high for name, (low, high) in CATCH_RANGES.items())
+
+
+def test_nothing_shipped_was_tuned_on() -> None:
     assert tuned.DRIVES
+    for drive in tuned.DRIVES:
+        assert not drive.startswith(tuple(shipped_scenarios()))
