@@ -117,7 +117,7 @@ def unkept(attack):
 )
 def test_second_is_attacked_in_batches_as_one_by_one(make_cloud, make_boxes, make):
     torch.manual_seed(5)
-    tiny = replace(SMALL, name="tiny", range_m=Range(-6.4, -6.4, -3.0, 6.4, 6.4, 1.05))
+    tiny = replace(SMALL, name="tiny", range_m=Range(-6.4, -6.4, -3.1, 6.4, 6.4, 2.3))
     net = SecondNet(tiny)
     torch.nn.init.normal_(net.head.convolution.weight, std=0.05)
     detector = Second(net)
