@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from advpipe.stages.evaluate.cooperative.section import sections as cooperative
 from advpipe.stages.evaluate.detection.comparison import Comparison, bag_name, touches_clouds
 from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.detection.looking import Looking
+from advpipe.stages.evaluate.detection.pairing import chosen_indices
 from advpipe.stages.evaluate.detection.scoring import known_classes
 from advpipe.stages.evaluate.detection.summary import Summary, summarise
 from advpipe.stages.evaluate.detection.write_back import write_detections
@@ -97,15 +98,20 @@ def evaluate(
         with_clouds=with_clouds,
         device=device,
     )
-    parent = _checked_clean(clean)
-    provenances = {bag: _checked_adversarial(bag, clean, parent) for bag in adversarial}
+    # Whole bags are hashed last: what can be refused at once is.
+    _refuse_adversarial(clean)
+    provenances = {bag: BagReader(bag).provenance for bag in adversarial}
     _refuse_equal_names(adversarial)
     on_clouds = [bag for bag in adversarial if touches_clouds(provenances[bag])]
     is_looked_at = bool(on_clouds) or not adversarial
     if is_looked_at:
         _require_ground_truth(clean, lidar_topic)
+        chosen_indices(clean, frames, lidar_topic)  # refuses a choice of none
     models = [load_detector(name, device) for name in options.detectors] if is_looked_at else []
     with staged_folder(out, overwrite, REPORT) as folder:
+        clean_sha256 = parent_sha256(clean)
+        for bag, provenance in provenances.items():
+            _refuse_another_parent(bag, provenance, clean, clean_sha256)
         summaries: list[Summary] = []
         for name, model in zip(options.detectors, models, strict=False):
             about = tuple(provenances[bag] for bag in on_clouds)
@@ -129,7 +135,7 @@ def evaluate(
             "baseline_tries": baseline_tries if baseline else 0,
             "defences": list(options.defences),
             **device_record(device),
-            **describe_bags(clean, parent, comparisons, [bag for bag in adversarial if bag not in on_clouds]),
+            **describe_bags(clean, clean_sha256, comparisons, [b for b in adversarial if b not in on_clouds]),
         }
         rows = tuple(summary.row for summary in summaries)
         report = Report(rows, origin, FORMULAS, precision_records(summaries), tuple(sections))
@@ -192,13 +198,11 @@ def _write_detections(
         )
 
 
-def _checked_clean(clean: Path) -> str:
-    """The SHA-256 of a clean bag."""
+def _refuse_adversarial(clean: Path) -> None:
     if BagReader(clean).provenance.get("kind") == "attack":
         raise AdvpipeError(
             f"{clean} is an adversarial bag; give the clean bag that it was made from first, then this one"
         )
-    return parent_sha256(clean)
 
 
 def _require_ground_truth(clean: Path, lidar_topic: str | None) -> None:
@@ -209,17 +213,15 @@ def _require_ground_truth(clean: Path, lidar_topic: str | None) -> None:
         )
 
 
-def _checked_adversarial(bag: Path, clean: Path, clean_sha256: str) -> dict[str, str]:
-    """The provenance of an adversarial bag that was made from the clean one."""
-    provenance = BagReader(bag).provenance
-    if provenance.get("parent_sha256", clean_sha256) != clean_sha256:
+def _refuse_another_parent(bag: Path, provenance: Mapping[str, str], clean: Path, clean_sha256: str) -> None:
+    """Raises AdvpipeError for an adversarial bag that says that it was made from another bag."""
+    told = provenance.get("parent_sha256", clean_sha256)
+    if told != clean_sha256:
         raise AdvpipeError(
-            f"{bag} was made from another bag than {clean} (parent SHA-256 "
-            f"{provenance['parent_sha256'][:12]}…, not {clean_sha256[:12]}…); "
-            "give the bag that was attacked; if that was recorded anew since, "
+            f"{bag} was made from another bag than {clean} (parent SHA-256 {told[:12]}…, not "
+            f"{clean_sha256[:12]}…); give the bag that was attacked; if that was recorded anew since, "
             "attack again with --overwrite or remove that folder"
         )
-    return provenance
 
 
 def _refuse_equal_names(bags: Sequence[Path]) -> None:

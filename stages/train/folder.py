@@ -53,8 +53,18 @@ class RunFolder:
     def frames(self) -> Path:
         return self.path / "frames"
 
+    def refuse(self, overwrite: bool) -> None:
+        """Raises AdvpipeError where no run may start or go on, whatever it is to learn from."""
+        if self.path.exists() and not self.path.is_dir():
+            raise AdvpipeError(f"{self.path} is a file; name a folder for the training run")
+        if self.path.exists() and not self._is_run() and any(self.path.iterdir()):
+            raise AdvpipeError(f"{self.path} is not empty and holds no training run; choose another folder")
+        if self.checkpoint.exists() and not overwrite:
+            self.tidy()  # a kill may have come in between
+            raise OutputExistsError(self.checkpoint)
+
     def open(self, config: TrainConfig, origin: Mapping[str, str], overwrite: bool) -> None:
-        """Make the folder, or accept the unfinished run of the same configuration in it.
+        """Make the folder, or accept the unfinished run of the same configuration in it; see `refuse`.
 
         origin: checksums of the files that the configuration names, which may change under their names.
         """
@@ -63,16 +73,9 @@ class RunFolder:
         del about["device"]
         about |= device_record(config.device)
         wanted = json.dumps(about, default=str, indent=2, sort_keys=True) + "\n"
-        if self.path.exists() and not self.path.is_dir():
-            raise AdvpipeError(f"{self.path} is a file; name a folder for the training run")
-        if self.path.exists() and not self._is_run() and any(self.path.iterdir()):
-            raise AdvpipeError(f"{self.path} is not empty and holds no training run; choose another folder")
         if overwrite:
             for file in (self.checkpoint, self.latest, self.state, self.log, self.validations, self.picture):
                 file.unlink(missing_ok=True)
-        elif self.checkpoint.exists():
-            self.tidy()  # a kill may have come in between
-            raise OutputExistsError(self.checkpoint)
         elif self.config.is_file() and self.config.read_text(encoding="utf-8") != wanted:
             raise AdvpipeError(
                 f"{self.path} holds an unfinished run with another configuration or other bags; "

@@ -64,6 +64,7 @@ def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
     drive = validation_drive(config)
     torch.manual_seed(config.seed)
     net = new_net(config).to(device)
+    folder.refuse(overwrite)
     digests = {bag: parent_sha256(bag) for bag in bags}
     origin = origin_of(config, digests)
     folder.open(config, origin, overwrite)

@@ -6,26 +6,35 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from advpipe.stages.train.validate import ClassPrecision
+from advpipe.stages.train.workers import PARTS
 
 SMOOTHING = 0.98
-"""Of the loss shown: it remembers about 50 steps."""
+"""Of the losses shown: they remember about 50 steps."""
 
 
 @dataclass
 class Status:
-    """The smoothed loss and the last average precision."""
+    """The smoothed losses of `PARTS` and the last average precision."""
 
-    loss: float = 0.0
+    losses: list[float] = field(default_factory=lambda: [0.0] * len(PARTS))
     steps: int = 0
     precision: dict[str, ClassPrecision] = field(default_factory=dict)
 
     def step(self, losses: Sequence[float]) -> None:
         """Note the parts of a step's loss."""
-        self.loss = SMOOTHING * self.loss + (1 - SMOOTHING) * sum(losses)
+        pairs = zip(self.losses, losses, strict=True)
+        self.losses = [SMOOTHING * old + (1 - SMOOTHING) * new for old, new in pairs]
         self.steps += 1
 
     def text(self) -> str:
-        """Such as `loss 0.82, AP car 71 truck 40`."""
-        loss = self.loss / (1 - SMOOTHING**self.steps) if self.steps else float("nan")
+        """Such as `loss 0.82 (score 0.5 box 0.2 direction 0.1), AP car 71 truck 40`."""
+        if not self.steps:
+            return "no step yet"
+        losses = [loss / (1 - SMOOTHING**self.steps) for loss in self.losses]
+        parts = [
+            f"{name.removesuffix('_loss')} {loss:.2g}"
+            for name, loss in zip(PARTS, losses, strict=True)
+            if loss
+        ]
         found = [f"{name} {p.strict_percent:.0f}" for name, p in self.precision.items() if p.boxes]
-        return f"loss {loss:.2f}" + (f", AP {' '.join(found)}" if found else "")
+        return f"loss {sum(losses):.2f} ({' '.join(parts)})" + (f", AP {' '.join(found)}" if found else "")

@@ -11,7 +11,8 @@ from advpipe.pipeline.bag.frames import FrameSlice
 from advpipe.pipeline.bag.topics import CLOCK
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.detector.protocol import Detections, Range
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
+from advpipe.stages.evaluate import run
 from advpipe.stages.evaluate.detection.scoring import Eye
 from advpipe.stages.evaluate.run import evaluate as evaluate_anywhere
 
@@ -119,3 +120,17 @@ def test_frames_that_there_are_not_are_refused(clean, attacked, tmp_path):
     refused(tmp_path, "choose none of the bag's 24 frames", clean, [], frames=FrameSlice(30, 40))
     bag = attacked(hide_first_car, frames=range(2))
     refused(tmp_path, "holds none of the frames 10:12:1", clean, [bag], frames=FrameSlice(10, 12))
+
+
+def test_no_bag_is_hashed_to_refuse_what_can_be_refused_at_once(clean, attacked, tmp_path, monkeypatch):
+    def hashed(bag):
+        raise AssertionError(f"{bag} may be large, and is not asked for yet")
+
+    bag = attacked(hide_first_car, frames=range(2))
+    monkeypatch.setattr(run, "parent_sha256", hashed)
+    refused(tmp_path, "unknown detector 'huge'", clean, [bag], detector="huge")
+    refused(tmp_path, "is an adversarial bag", bag, [])
+    refused(tmp_path, "choose none of the bag's 24 frames", clean, [bag], frames=FrameSlice(30, 40))
+    (tmp_path / "report").mkdir()
+    with pytest.raises(OutputExistsError):
+        evaluate(clean, [bag], tmp_path / "report", detector=DETECTOR)

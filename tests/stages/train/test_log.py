@@ -42,10 +42,12 @@ def test_the_picture_has_a_panel_for_validations_if_there_are_any(tmp_path):
     assert heights[1] > heights[0]
 
 
-def test_the_status_remembers_the_mean_loss_and_the_last_precision():
+def test_the_status_remembers_the_mean_losses_and_the_last_precision():
     status = Status()
-    for _ in range(3):
-        status.step([1.0, 0.5])
-    assert status.text() == "loss 1.50"
+    for box in (0.25, 0.5, 0.75):
+        status.step([1.0, box, 0.25, 0.0])
+    # Each older step weighs 0.98 of the next one.
+    box = (0.25 * 0.98**2 + 0.5 * 0.98 + 0.75) / (0.98**2 + 0.98 + 1)
+    assert status.text() == f"loss {1.25 + box:.2f} (score 1 box {box:.2g} direction 0.25)"
     status.precision = {"car": ClassPrecision(9, 71.4, 90.0), "truck": ClassPrecision(0, math.nan, math.nan)}
-    assert status.text() == "loss 1.50, AP car 71"
+    assert status.text().endswith("direction 0.25), AP car 71")

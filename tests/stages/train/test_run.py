@@ -136,11 +136,17 @@ def test_a_run_may_start_from_a_checkpoint(drive, tiny, tmp_path):
         run.train(configured(drive, tmp_path / "third", start=tmp_path / "none.safetensors"))
 
 
-def test_nothing_is_overwritten_unasked(drive, tiny, tmp_path):
+def test_nothing_is_overwritten_unasked(drive, tiny, tmp_path, monkeypatch):
     config = configured(drive, tmp_path / "run", steps=1)
     first = run.train(config).checkpoint.read_bytes()
-    with pytest.raises(OutputExistsError):
-        run.train(config)
+
+    def hashed(bag):
+        raise AssertionError(f"{bag} is large; nobody has to hash it to refuse")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(run, "parent_sha256", hashed)
+        with pytest.raises(OutputExistsError):
+            run.train(config)
     assert run.train(config, overwrite=True).checkpoint.read_bytes() == first
 
 
