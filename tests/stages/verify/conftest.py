@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -17,6 +18,8 @@ from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.stages.attack.run import AttackRequest, attack
 from advpipe.stages.simulate.run import simulate
+
+sys.path.insert(0, str(Path(__file__).parent))
 
 Edit = Callable[[Iterable[RawMessage]], Iterable[RawMessage]]
 

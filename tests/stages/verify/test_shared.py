@@ -6,26 +6,15 @@ import json
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from found_checks import checks_of
 
-from advpipe.pipeline.bag.topics import RawMessage, VehicleTopics
 from advpipe.pipeline.dataset import archive, checksums, signature
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.verify.run import verify
-
-EGO = VehicleTopics("ego")
-CLOUD = EGO.lidar_points.name
-ATTACKS = ("detach", "perturb", "attach", "cam", "delay", "dos", "gnss")
-Messages = Iterable[RawMessage]
-Rewrite = Callable[[Path, Callable[[Messages], Messages]], None]
-
-
-def checks_of(path: Path) -> set[str]:
-    return {finding.check for finding in verify(path).findings}
 
 
 def test_single_bits(shared: Path) -> None:

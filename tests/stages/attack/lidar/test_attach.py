@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
+from cloud_moves import rng
 from linear_detector import LinearVoxelDetector
 from scipy.spatial import cKDTree
 
@@ -14,10 +15,6 @@ from advpipe.stages.attack.lidar.base import NO_GRADIENT
 from advpipe.stages.attack.lidar.constraints import Constraints
 
 CHANCE = ("random", "random-near", "random-best")
-
-
-def rng(seed=0):
-    return np.random.default_rng(seed)
 
 
 def scene_of(make_cloud, make_boxes, make_detector, points=300):

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from cloud_moves import rng
 from linear_detector import LinearVoxelDetector
 
 from advpipe.pipeline.bag.cloud import xyz
@@ -14,10 +15,6 @@ from advpipe.stages.attack.lidar.detach import RECIPES, Detach
 
 CHANCE = ("random", "random-near", "random-best")
 A, B, C = {5}, {2, 3, 4}, {6, 7}  # points of the hand-worked cloud, by voxel
-
-
-def rng(seed=0):
-    return np.random.default_rng(seed)
 
 
 @pytest.mark.parametrize(

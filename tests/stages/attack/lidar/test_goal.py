@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
-from linear_detector import LinearVoxelDetector
+from cloud_moves import rng
+from linear_detector import BOX, LinearVoxelDetector
 
 from advpipe.pipeline.bag.cloud import POINT_DTYPE, xyz
 from advpipe.pipeline.detector.protocol import Detections
@@ -13,26 +14,7 @@ from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import points_in_boxes
 from advpipe.stages.attack.lidar.constraints import GOALS, Constraints
 from advpipe.stages.attack.lidar.goal import FALSE_WEIGHT, goal_of, with_decoys
-from advpipe.stages.attack.lidar.perturb import RECIPES, Perturb
-
-RECIPE_NAMES = tuple(RECIPES)
-BOX = [4.0, 5.0, 5.0, 6.0, 6.0, 6.0, 0.0]
-
-
-def rng(seed=0):
-    return np.random.default_rng(seed)
-
-
-def moved_m(before, after):
-    return np.linalg.norm(xyz(after).astype(np.float64) - xyz(before).astype(np.float64), axis=1)
-
-
-@pytest.fixture
-def scene(make_cloud, make_boxes, make_detector):
-    draw = np.random.default_rng(3)
-    cloud = make_cloud(draw.uniform(0, 10, (800, 3)))
-    cloud["intensity"] = draw.uniform(0, 1, 800)
-    return cloud, make_boxes(BOX), make_detector(draw.uniform(0.1, 1, (10, 10, 10)), [BOX])
+from advpipe.stages.attack.lidar.perturb import Perturb
 
 
 def test_decoys_are_what_the_detector_finds_beside_the_truth(scene, make_boxes):

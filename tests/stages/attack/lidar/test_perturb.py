@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import torch
+from cloud_moves import moved_m, rng
 
 from advpipe.pipeline.bag.cloud import xyz, xyzi
 from advpipe.pipeline.errors import AdvpipeError
@@ -13,23 +14,6 @@ from advpipe.stages.attack.lidar.perturb import RECIPES, Perturb
 from advpipe.stages.attack.lidar.pgd import project
 
 RECIPE_NAMES = tuple(RECIPES)
-BOX = [4.0, 5.0, 5.0, 6.0, 6.0, 6.0, 0.0]
-
-
-def rng(seed=0):
-    return np.random.default_rng(seed)
-
-
-def moved_m(before, after):
-    return np.linalg.norm(xyz(after).astype(np.float64) - xyz(before).astype(np.float64), axis=1)
-
-
-@pytest.fixture
-def scene(make_cloud, make_boxes, make_detector):
-    draw = np.random.default_rng(3)
-    cloud = make_cloud(draw.uniform(0, 10, (800, 3)))
-    cloud["intensity"] = draw.uniform(0, 1, 800)
-    return cloud, make_boxes(BOX), make_detector(draw.uniform(0.1, 1, (10, 10, 10)), [BOX])
 
 
 def plain(voxel_detector):
