@@ -15,6 +15,7 @@ from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.partial import FolderKind, staged_folder
 from advpipe.stages.evaluate.cooperative.section import sections as cooperative
+from advpipe.stages.evaluate.coordinated.section import sections as coordinated
 from advpipe.stages.evaluate.detection.comparison import Comparison, bag_name, touches_clouds
 from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.detection.looking import Looking
@@ -51,7 +52,7 @@ REPORT = FolderKind(
 
 def families(detector: str, device: str) -> tuple[Family, ...]:
     """What the families of attacks add besides detection: no section where they have nothing to say."""
-    return (localisation, v2x, partial(cooperative, detector=detector, device=device))
+    return (coordinated, localisation, v2x, partial(cooperative, detector=detector, device=device))
 
 
 def evaluate(

@@ -54,9 +54,9 @@ FORMULAS = (
     ),
     (
         "delivered",
-        "share of pairs of message and receiver within 300 m, of all messages and stations; honest CAMs: of "
-        "those that the attack left alone, the same ones in both drives, to the vehicle itself; busy: "
-        "channel busy ratio of 100 ms windows",
+        "share of pairs of message and receiver within 300 m, of all messages and stations; honest CAMs "
+        "heard: by the vehicle itself, of those that the attack left alone, the same ones in the clean drive "
+        "and in the attacked one; busy: channel busy ratio of 100 ms windows",
     ),
     (
         "CaTCH published",
@@ -111,8 +111,9 @@ def section(
     ours, theirs = [each.ours.f1 for each in told], [each.baseline.f1 for each in told]
     rate = clean.detection.ours.false_positive_rate
     lead = (
-        f"Mean F1 over {len(told)} bags with lies {number(_mean(ours), 3)}, of the baseline built from "
-        f"CaTCH's checks {number(_mean(theirs), 3)}; of {clean.detection.messages:,} honest messages of the "
+        f"Mean F1 over {len(told)} {'bag' if len(told) == 1 else 'bags'} with lies "
+        f"{number(_mean(ours), 3)}, of the baseline built from CaTCH's checks "
+        f"{number(_mean(theirs), 3)}; of {clean.detection.messages:,} honest messages of the "
         f"clean drive {number(100 * rate, 2)} % are flagged, by the baseline "
         f"{number(100 * clean.detection.baseline.false_positive_rate, 2)} %. What both were tuned on: "
         f"{'; '.join(tuned.DRIVES)}."

@@ -44,11 +44,11 @@ def detection_table(attacked: Sequence[Drive]) -> Table:
 def victim_table(drives: Sequence[Drive]) -> Table:
     """What each listener knows, what it is warned of, and what it hears of the honest; the clean drive first.
 
-    Delivery compares the same messages: those that the attack left alone, in the clean drive and in its own.
+    What is heard compares the same messages, clean → attacked: those that the attack left alone.
     """
     heads = (
         *("bag", "vehicle", "entries", "ghosts", "at most", "missing", "displaced", "error m"),
-        *("alarms", "dangers", "false alarms", "misses", "honest CAMs delivered %, clean → attacked"),
+        *("alarms", "dangers", "false alarms", "misses", "honest CAMs heard %"),
     )
     lines = []
     for drive in drives:
@@ -89,7 +89,7 @@ def check_table(config: DetectorConfig, attacked: Sequence[Drive], has_roads: bo
     lines = []
     for name, check in CHECKS.items():
         is_on = name in config.thresholds and (has_roads or name not in NEED_ROADS)
-        above = f"{config.thresholds[name]:.3g} {check.unit}" if is_on else "off"
+        above = f"{config.thresholds[name]:.4g} {_unit(check.unit)}".strip() if is_on else "off"
         how = "tuned" if check.is_tuned else "rule"
         hits = sum(drive.detection.objections.get(name, 0) for drive in attacked)
         lines.append((name, check.meaning, above, how, number(hits, 0) if is_on else "–", check.source))
@@ -101,11 +101,16 @@ def baseline_table(parameters: CatchParameters) -> Table:
     """The baseline's parameters, as tuned and as published."""
     published = asdict(CatchParameters())
     lines = tuple(
-        (name, meaning, checks, f"{value:.3g} {unit}", f"{published[name]:.3g} {unit}")
+        (name, meaning, checks, f"{value:.4g} {unit}", f"{published[name]:.4g} {unit}")
         for name, value in asdict(parameters).items()
         for unit, checks, meaning in (CATCH_MEANINGS[name],)
     )
     return Table("The baseline's parameters", ("parameter", "bounds", "checks", "here", "untuned"), lines)
+
+
+def _unit(unit: str) -> str:
+    """None of a number alone."""
+    return "" if unit == "1" else unit
 
 
 def _delivered(clean: Drive, drive: Drive, listener: str) -> Iterable[float]:

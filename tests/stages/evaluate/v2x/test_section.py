@@ -13,7 +13,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import LANES
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.misbehaviour.catch import TUNED_CATCH
-from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
+from advpipe.pipeline.misbehaviour.config import CHECKS, THRESHOLDS, DetectorConfig
 from advpipe.pipeline.misbehaviour.scores import Scores
 from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
 from advpipe.stages.attack.request import AttackRequest
@@ -39,7 +39,10 @@ def test_section(found: Section, offset: Path) -> None:
     assert [line[0] for line in victim.lines] == ["clean", offset.name]
     assert len(radio.lines) == 2
     assert [line[0] for line in checks.lines] == list(CHECKS)
-    assert "off" not in [line[2] for line in checks.lines]
+    limits = {line[0]: line[2] for line in checks.lines}
+    assert "off" not in limits.values()
+    assert (limits["frequency"], limits["decoding"]) == ("12.5 Hz", "0.5")  # a number alone has no unit
+    assert limits["range"] == f"{THRESHOLDS['range']:.0f} m"
     assert found.notes == ()
     assert [line[0] for line in baseline.lines] == list(asdict(TUNED_CATCH))
     assert [picture.file_name for picture in found.pictures] == [
@@ -78,7 +81,7 @@ def test_bags_without_lies_do_not_count_in_the_mean(smoke: Path, offset: Path) -
     none = replace(lied.detection, lies=0, ours=Scores(0, 3, 10, 0), baseline=Scores(0, 3, 10, 0))
     lead = section(clean, [lied, replace(lied, name="drop", detection=none)], DetectorConfig()).lead
     assert lead == section(clean, [lied], DetectorConfig()).lead
-    assert lead.startswith("Mean F1 over 1 bags with lies ")
+    assert lead.startswith("Mean F1 over 1 bag with lies ")
 
 
 def test_lines_where_one_attack_is_all_or_nobody_lies(offset: Path) -> None:

@@ -1,0 +1,83 @@
+"""What attacks of several kinds do to one vehicle over time, in the clean bag and in the attacked one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.topics import V2X_STATIONS, VehicleTopics
+from advpipe.pipeline.bag.v2x_drive import V2xDrive
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.stages.evaluate.cooperative.pair import poses
+from advpipe.stages.evaluate.coordinated.struck import Int64, touched_points
+from advpipe.stages.evaluate.v2x.ldm_error import ldm_error, moments
+
+
+@dataclass(frozen=True)
+class Series:
+    """times_ns: (N,). values: (N,)."""
+
+    times_ns: Int64
+    values: Float64
+
+    def mean(self, from_ns: int, to_ns: int) -> float:
+        """From one time to another, both included; NaN where nothing is known."""
+        chosen = self.values[(self.times_ns >= from_ns) & (self.times_ns <= to_ns)]
+        return float(chosen.mean()) if len(chosen) else float("nan")
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One figure of a vehicle.
+
+    key: in `report.json`. digits: to print of it. is_by_cloud: known of single clouds, nothing lies between.
+    """
+
+    key: str
+    title: str
+    digits: int
+    clean: Series
+    attacked: Series
+    is_by_cloud: bool = False
+
+
+def effects(clean: BagReader, bag: Path, vehicle: str) -> Iterator[Effect]:
+    """Of its estimate, its map and its clouds, those that both bags tell of."""
+    reader, topics = BagReader(bag), VehicleTopics(vehicle)
+    needed = {
+        _own_place: (topics.odometry.name, topics.true_odometry.name),
+        _map: (topics.ldm.name, V2X_STATIONS.name),
+    }
+    for measure, key, title, digits in (
+        (_own_place, "own_place_m", "takes itself to be off by [m]", 2),
+        (_map, "map_wrong", "wrong in its map: ghosts, missing, displaced", 1),
+    ):
+        if all(name in one.topics for one in (clean, reader) for name in needed[measure]):
+            yield Effect(key, title, digits, measure(clean, vehicle), measure(reader, vehicle))
+    if counts := touched_points(bag, vehicle):
+        touched = _series(counts)
+        none = Series(touched.times_ns, np.zeros(len(touched.values)))
+        yield Effect("points_touched", "points touched in a cloud", 0, none, touched, True)
+
+
+def _own_place(reader: BagReader, vehicle: str) -> Series:
+    topics = VehicleTopics(vehicle)
+    true = poses(reader, topics.true_odometry.name)
+    told = poses(reader, topics.odometry.name)
+    return _series(
+        {ns: float(np.linalg.norm((told[ns] - true[ns])[:2, 3])) for ns in told.keys() & true.keys()}
+    )
+
+
+def _map(reader: BagReader, vehicle: str) -> Series:
+    found = ldm_error(moments(reader, vehicle, V2xDrive(reader).v2x.ldm.expiry_s))
+    return Series(found.time_ns, found.ghosts + found.missing + found.displaced)
+
+
+def _series(values: dict[int, float] | dict[int, int]) -> Series:
+    times_ns = sorted(values)
+    return Series(np.array(times_ns, np.int64), np.array([values[ns] for ns in times_ns], np.float64))

@@ -1,0 +1,61 @@
+"""A coordinated attack on one time axis: what strikes a vehicle, and what becomes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from advpipe.stages.evaluate.coordinated.effects import Effect
+from advpipe.stages.evaluate.coordinated.struck import Struck
+from advpipe.stages.evaluate.report.style import BASELINE, INK, PREDICTION, SOFT, plain_axes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SHADE = "#fbe3e4"
+
+
+def draw_coordinated(
+    strikes: Sequence[Struck], told: Sequence[Effect], together_ns: tuple[int, int] | None, start_ns: int
+) -> Figure:
+    """A stroke for each fix, message and cloud that is struck, and the effects below; shaded: while all are.
+
+    together_ns: from when to when, None for never. start_ns: of the recording.
+    """
+    from matplotlib.figure import Figure
+
+    heights = [0.3 + 0.4 * len(strikes), *(1.5 for _ in told)]
+    size = (11.0, sum(heights) + 1.0)
+    figure = Figure(figsize=size, dpi=110, facecolor="white", layout="constrained")
+    panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)[
+        :, 0
+    ].tolist()
+    for axes in panels:
+        plain_axes(axes)
+        if together_ns is not None:
+            begin_s, end_s = ((ns - start_ns) / 1e9 for ns in together_ns)
+            axes.axvspan(begin_s, end_s, color=SHADE, linewidth=0, zorder=0)
+    events, *curves = panels
+    rows = range(len(strikes))[::-1]
+    for row, one in zip(rows, strikes, strict=True):
+        times_s = (one.times_ns - start_ns) / 1e9
+        events.eventplot(times_s, lineoffsets=row, linelengths=0.7, linewidths=1.0, colors=PREDICTION)
+    events.set_yticks(list(rows), [f"{' + '.join(one.attacks)}: {one.what}" for one in strikes])
+    events.set_ylim(-0.6, len(strikes) - 0.4)
+    for axes, effect in zip(curves, told, strict=True):
+        for series, colour, label in (
+            (effect.clean, BASELINE, "clean"),
+            (effect.attacked, PREDICTION, "attacked"),
+        ):
+            times_s = (series.times_ns - start_ns) / 1e9
+            if effect.is_by_cloud:
+                axes.vlines(times_s, 0, series.values, colors=colour, linewidth=1.3)
+                axes.plot(times_s, series.values, "o", color=colour, markersize=3, label=label)
+            else:
+                axes.plot(times_s, series.values, color=colour, label=label, linewidth=1.3)
+        axes.set_title(effect.title, loc="left", fontsize=10, color=INK)
+        axes.set_ylim(bottom=0)
+    if curves:
+        curves[0].legend(fontsize=8, frameon=False, loc="upper left")
+    panels[-1].set_xlabel("time of the recording [s]; shaded: all strike", color=SOFT)
+    return figure

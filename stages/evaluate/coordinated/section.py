@@ -1,0 +1,122 @@
+"""The report's part on coordinated attacks: several kinds at once, on one vehicle, on one time axis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.stages.evaluate.coordinated.effects import Effect, effects
+from advpipe.stages.evaluate.coordinated.picture import draw_coordinated
+from advpipe.stages.evaluate.coordinated.struck import Struck, read_struck
+from advpipe.stages.evaluate.detection.comparison import bag_name
+from advpipe.stages.evaluate.detection.figures import Row
+from advpipe.stages.evaluate.report.numbers import number
+from advpipe.stages.evaluate.report.pictures import to_png
+from advpipe.stages.evaluate.report.section import SECTION, Picture, Section, Table
+
+FORMULAS = (
+    (
+        "together",
+        "from the first strike of the attack that begins last to the last strike of the one that ends first; "
+        "messages count when they are sent, and strike the vehicle that the attack aims at, or without one "
+        "all that listen",
+    ),
+)
+
+
+def sections(clean: Path, adversarial: Sequence[Path], seed: int = 0) -> tuple[Section, ...]:
+    """One section on the vehicles that attacks of two kinds or three strike in one bag; else none.
+
+    `seed` serves no draw here. Raises AdvpipeError for labels that cannot be read.
+    """
+    del seed
+    reader = BagReader(clean)
+    start_ns = min(
+        (int(t[0]) for t in map(reader.log_times_ns, reader.topics) if len(t)),
+        default=0,
+    )
+    leads: list[str] = []
+    lines: list[tuple[str, ...]] = []
+    outcomes: list[tuple[str, ...]] = []
+    pictures: list[Picture] = []
+    records: list[Row] = []
+    for bag in adversarial:
+        name = bag_name(bag)
+        for vehicle, strikes in read_struck(reader, bag).items():
+            if len(strikes) < 2:
+                continue
+            span_ns, told = together(strikes), list(effects(reader, bag, vehicle))
+            leads.append(_lead(name, vehicle, strikes, span_ns, start_ns))
+            lines += [_line(name, one, start_ns) for one in strikes]
+            if span_ns is not None:
+                outcomes += [_outcome(name, vehicle, effect, span_ns) for effect in told]
+            records.append(_record(name, vehicle, strikes, told, span_ns, start_ns))
+            caption = f"{name}: what strikes {vehicle}, and what becomes of it"
+            png = to_png(draw_coordinated(strikes, told, span_ns, start_ns))
+            pictures.append(Picture(SECTION, name, f"{name}-{vehicle}-coordinated.png", caption, png))
+    if not lines:
+        return ()
+    heads = ("bag", "vehicle", "attack", "strikes", "first s", "last s")
+    tables = [Table("What strikes when", heads, tuple(lines))]
+    if outcomes:
+        title = "While all strike, means"
+        tables.append(Table(title, ("bag", "vehicle", "effect", "clean", "attacked"), tuple(outcomes)))
+    return (
+        Section(
+            key="coordinated",
+            title="Coordinated attacks",
+            lead=" ".join(leads),
+            tables=tuple(tables),
+            pictures=tuple(pictures),
+            records=tuple(records),
+            formulas=FORMULAS,
+        ),
+    )
+
+
+def together(strikes: Sequence[Struck]) -> tuple[int, int] | None:
+    """From when to when all strike, in nanoseconds; None for never."""
+    begin_ns = max(int(one.times_ns[0]) for one in strikes)
+    end_ns = min(int(one.times_ns[-1]) for one in strikes)
+    return (begin_ns, end_ns) if begin_ns <= end_ns else None
+
+
+def _lead(
+    name: str, vehicle: str, strikes: Sequence[Struck], span_ns: tuple[int, int] | None, start_ns: int
+) -> str:
+    *others, last = [" + ".join(one.attacks) for one in strikes]
+    words = f"{', '.join(others)} and {last}"
+    if span_ns is None:
+        return f"{name}: {words} strike {vehicle}, but never at the same time."
+    begin_s, end_s = ((ns - start_ns) / 1e9 for ns in span_ns)
+    return f"{name}: {words} strike {vehicle} together from {begin_s:.1f} to {end_s:.1f} s."
+
+
+def _line(name: str, one: Struck, start_ns: int) -> tuple[str, ...]:
+    ends_s = [number((int(ns) - start_ns) / 1e9, 1) for ns in (one.times_ns[0], one.times_ns[-1])]
+    return (name, one.vehicle, " + ".join(one.attacks), f"{len(one.times_ns):,} {one.what}", *ends_s)
+
+
+def _outcome(name: str, vehicle: str, effect: Effect, span_ns: tuple[int, int]) -> tuple[str, ...]:
+    figures = (number(each.mean(*span_ns), effect.digits) for each in (effect.clean, effect.attacked))
+    return (name, vehicle, effect.title, *figures)
+
+
+def _record(
+    name: str,
+    vehicle: str,
+    strikes: Sequence[Struck],
+    told: Sequence[Effect],
+    span_ns: tuple[int, int] | None,
+    start_ns: int,
+) -> Row:
+    record: Row = {"bag": name, "vehicle": vehicle}
+    record["attacks"] = {one.what: list(one.attacks) for one in strikes}
+    record |= {f"struck_{one.what}": len(one.times_ns) for one in strikes}
+    if span_ns is not None:
+        record |= {"from_s": (span_ns[0] - start_ns) / 1e9, "to_s": (span_ns[1] - start_ns) / 1e9}
+        for effect in told:
+            record[f"{effect.key}_clean"] = effect.clean.mean(*span_ns)
+            record[effect.key] = effect.attacked.mean(*span_ns)
+    return record

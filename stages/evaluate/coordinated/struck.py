@@ -1,0 +1,120 @@
+"""Who was struck when: fixes, messages and clouds of one adversarial bag, by the vehicle they mislead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.recorded_filter import vehicles_with_filter
+from advpipe.pipeline.bag.v2x_drive import V2xDrive
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.stages.evaluate.detection.told import read_told
+from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns
+from advpipe.stages.evaluate.v2x.labels import read_labels
+
+CLOUDS, POINTS = "frames.parquet", "labels.parquet"
+
+Int64 = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class _Told:
+    type: str
+    victim: str | None = None
+
+
+@dataclass(frozen=True)
+class Struck:
+    """What attacks of one kind did to one vehicle.
+
+    attacks: their words. what: "fixes", "messages" or "clouds". times_ns: (N,) of each one, ascending, N > 0.
+    """
+
+    vehicle: str
+    attacks: tuple[str, ...]
+    what: str
+    times_ns: Int64
+
+
+def read_struck(clean: BagReader, bag: Path) -> dict[str, tuple[Struck, ...]]:
+    """By vehicle, whatever strikes it; messages that aim at nobody strike every listener but their senders.
+
+    bag: the adversarial bag's folder, or the file in it. Raises AdvpipeError for labels that cannot be read.
+    """
+    reader = BagReader(bag)
+    told = read_told(reader.provenance, "attacks", list[_Told], list[_Told]())
+    found: dict[str, list[Struck]] = {}
+    for one in (*_fixes(clean, reader, told), *_messages(reader, bag, told), *_clouds(bag)):
+        found.setdefault(one.vehicle, []).append(one)
+    return {vehicle: tuple(strikes) for vehicle, strikes in sorted(found.items())}
+
+
+def touched_points(bag: Path, vehicle: str) -> dict[int, int]:
+    """How many points were touched of each of a vehicle's clouds in the bag, by stamp; 0 where none was."""
+    if not _beside(bag, CLOUDS).exists():
+        return {}
+    counts = {row["stamp_ns"]: 0 for row in _rows(bag, CLOUDS) if _vehicle(row["topic"]) == vehicle}
+    touched = _table(bag, POINTS).group_by(["topic", "stamp_ns"]).aggregate([([], "count_all")])
+    for row in touched.to_pylist():
+        if _vehicle(row["topic"]) == vehicle:
+            counts[row["stamp_ns"]] = counts.get(row["stamp_ns"], 0) + row["count_all"]
+    return counts
+
+
+def _fixes(clean: BagReader, reader: BagReader, told: list[_Told]) -> Iterator[Struck]:
+    spoofs = [one for one in told if one.type.startswith("gnss-")]
+    for vehicle in sorted({*vehicles_with_filter(clean)} & {*vehicles_with_filter(reader)}) if spoofs else ():
+        times_ns = attacked_fixes_ns(clean, reader, vehicle)
+        if len(times_ns):
+            words = dict.fromkeys(one.type for one in spoofs if one.victim in (None, vehicle))
+            yield Struck(vehicle, tuple(words), "fixes", times_ns)
+
+
+def _messages(reader: BagReader, bag: Path, told: list[_Told]) -> Iterator[Struck]:
+    labels = [label for label in read_labels(bag) if label.attack.startswith("cam-")]
+    for vehicle in V2xDrive(reader).listeners.values() if labels else ():
+        words = {one.type for one in told if one.type.startswith("cam-") and one.victim in (None, vehicle)}
+        own = [label for label in labels if label.attack in words and label.attacker != vehicle]
+        if own:
+            met = tuple(sorted({label.attack for label in own}))
+            yield Struck(vehicle, met, "messages", np.array(sorted(label.time_ns for label in own)))
+
+
+def _clouds(bag: Path) -> Iterator[Struck]:
+    if not _beside(bag, CLOUDS).exists():
+        return
+    struck = [row for row in _rows(bag, CLOUDS) if row["attack"]]
+    for vehicle in sorted({_vehicle(row["topic"]) for row in struck}):
+        own = [row for row in struck if _vehicle(row["topic"]) == vehicle]
+        words = dict.fromkeys(row["attack"] for row in own)
+        yield Struck(vehicle, tuple(words), "clouds", np.array(sorted(row["stamp_ns"] for row in own)))
+
+
+def _rows(bag: Path, name: str) -> list[dict[str, Any]]:
+    rows: list[dict[str, Any]] = _table(bag, name).to_pylist()
+    return rows
+
+
+def _table(bag: Path, name: str) -> Any:
+    import pyarrow.parquet as pq
+
+    path, columns = _beside(bag, name), ["topic", "stamp_ns", *(["attack"] if name == CLOUDS else [])]
+    try:
+        return pq.read_table(path, columns=columns)
+    except (OSError, ValueError, KeyError) as error:
+        reason = str(error).splitlines()[0]
+        raise AdvpipeError(f"{path} holds no labels of clouds: {reason}; attack again") from None
+
+
+def _vehicle(topic: str) -> str:
+    return topic.strip("/").partition("/")[0]
+
+
+def _beside(bag: Path, name: str) -> Path:
+    return (bag if bag.is_dir() else bag.parent) / name

@@ -1,0 +1,133 @@
+"""A drive whose GPS, messages and clouds are attacked in its second second, and what is said of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.scenario import load_scenario
+from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
+from advpipe.stages.attack.request import AttackRequest
+from advpipe.stages.attack.run import attack
+from advpipe.stages.evaluate.coordinated.section import sections, together
+from advpipe.stages.evaluate.coordinated.struck import Struck
+from advpipe.stages.evaluate.report.section import SECTION, Section
+from advpipe.stages.simulate.run import simulate
+
+COARSE = ("sensors.lidars.lidar.channels=8", "sensors.lidars.lidar.points_per_second=8000")
+SPAN = Schedule(from_s=1, to_s=2)
+FAR = {"least_m": 80, "most_m": 80}
+GPS = AttackSpec(type="gnss-relocate", victim="ego", parameters=FAR, schedule=SPAN)
+JAM = AttackSpec(type="cam-sybil-congestion", victim="ego", schedule=SPAN)
+HIDE = AttackSpec(
+    type="detach", recipe="random", parameters={"ratio": 0.05}, frames="::5", victim="ego", schedule=SPAN
+)
+
+
+@pytest.fixture(scope="module")
+def smoke(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("coordinated") / "smoke"
+    settings = ["simulation.duration_s=3", "v2x.penetration=1", "recording.markers=false"]
+    simulate(load_scenario("smoke", [*COARSE, *settings]), out)
+    return out / "clean"
+
+
+@pytest.fixture(scope="module")
+def struck(smoke: Path) -> Path:
+    out = smoke.parent / "three"
+    attack(smoke, out, AttackRequest((JAM, HIDE, GPS), 7))
+    return out
+
+
+@pytest.fixture(scope="module")
+def found(smoke: Path, struck: Path) -> Section:
+    (one,) = sections(smoke, [struck], 0)
+    return one
+
+
+def test_all_that_strikes_one_vehicle_is_in_one_table(found: Section, struck: Path) -> None:
+    """Ten fixes and two of the six clouds that the bag holds: those of 1.0 and 1.5 s."""
+    when, means = found.tables
+    assert [line[:3] for line in when.lines] == [
+        ("three", "ego", word) for word in ("gnss-relocate", "cam-sybil-congestion", "detach")
+    ]
+    sent = pq.read_table(struck / "v2x_labels.parquet").to_pylist()
+    ghosts = [row for row in sent if row["attack"] == "cam-sybil-congestion"]
+    assert [line[3] for line in when.lines] == ["10 fixes", f"{len(ghosts)} messages", "2 clouds"]
+    assert [line[4:] for line in when.lines][::2] == [("1.0", "1.9"), ("1.0", "1.5")]
+    assert found.lead.startswith("three: gnss-relocate, cam-sybil-congestion and detach strike ego together")
+    for table in found.tables:
+        assert all(len(line) == len(table.heads) for line in table.lines)
+    assert [line[2].split(":")[0] for line in means.lines] == [
+        "takes itself to be off by [m]",
+        "wrong in its map",
+        "points touched in a cloud",
+    ]
+
+
+def test_the_means_are_those_of_the_common_time(found: Section, struck: Path) -> None:
+    """Pulled towards a place 80 m away; up to six ghosts in its map; a twentieth of each cloud is gone."""
+    (record,) = found.records
+    assert record["attacks"] == {
+        "fixes": ["gnss-relocate"],
+        "messages": ["cam-sybil-congestion"],
+        "clouds": ["detach"],
+    }
+    assert 1.0 < record["from_s"] < 1.2  # type: ignore[operator]
+    assert record["to_s"] == 1.5
+    assert record["own_place_m_clean"] < 6  # type: ignore[operator]
+    assert 10 < record["own_place_m"] < 81  # type: ignore[operator]
+    assert 2 < record["map_wrong"] - record["map_wrong_clean"] <= 6  # type: ignore[operator]
+    frames = pq.read_table(struck / "frames.parquet").to_pylist()
+    gone = [row["points_clean"] - row["points_adversarial"] for row in frames]
+    assert [bool(count) for count in gone] == [False, False, True, True, False, False]
+    assert (record["points_touched_clean"], record["points_touched"]) == (0, gone[3])  # 1.5 s alone
+
+
+def test_the_picture_is_the_same_again(found: Section, smoke: Path, struck: Path) -> None:
+    (again,) = sections(smoke, [struck], 1)
+    (picture,) = found.pictures
+    assert picture.section == SECTION
+    assert picture.file_name == "three-ego-coordinated.png"
+    assert picture.png.startswith(b"\x89PNG")
+    assert picture.png == again.pictures[0].png
+
+
+def test_one_kind_alone_is_not_coordinated(smoke: Path, tmp_path: Path) -> None:
+    attack(smoke, tmp_path / "gps", AttackRequest((GPS,), 7))
+    attack(smoke, tmp_path / "jam", AttackRequest((JAM,), 7))
+    assert sections(smoke, [tmp_path / "gps", tmp_path / "jam"]) == ()
+    assert sections(smoke, []) == ()
+
+
+def test_one_after_the_other_is_said(smoke: Path, tmp_path: Path) -> None:
+    """Messages that aim at nobody strike who listens; a receiver that is spoofed when they are over."""
+    spec = AttackSpec(type="cam-heading-reversed", schedule=Schedule(to_s=0.9))
+    attack(smoke, tmp_path / "both", AttackRequest((GPS, spec), 7))
+    (found,) = sections(smoke, [tmp_path / "both"])
+    expected = "both: gnss-relocate and cam-heading-reversed strike ego, but never at the same time."
+    assert found.lead == expected
+    assert len(found.tables) == 1
+    (record,) = found.records
+    assert "own_place_m" not in record
+
+
+def test_together() -> None:
+    def strikes(*times_ns: int) -> Struck:
+        return Struck("ego", ("word",), "fixes", np.array(times_ns))
+
+    assert together([strikes(1, 9), strikes(4, 12), strikes(3, 7)]) == (4, 7)
+    assert together([strikes(1, 4), strikes(4)]) == (4, 4)
+    assert together([strikes(1, 3), strikes(4, 5)]) is None
+
+
+def test_labels_that_are_none(smoke: Path, struck: Path, tmp_path: Path) -> None:
+    for file in struck.iterdir():
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    (tmp_path / "frames.parquet").write_text("no labels")
+    with pytest.raises(AdvpipeError, match=r"frames.parquet holds no labels of clouds: .*; attack again"):
+        sections(smoke, [tmp_path])
