@@ -9,6 +9,7 @@ from typing import Any, get_type_hints
 from pydantic import TypeAdapter, ValidationError
 
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.own_code import mistakes_told, own_words
 from advpipe.pipeline.scenario.attacks import AttackSpec, Value
 from advpipe.stages.attack.lidar.base import LidarAttack
 from advpipe.stages.attack.registry import find_attack
@@ -57,7 +58,8 @@ def build_lidar_attack(spec: AttackSpec) -> LidarAttack:
     if recipe:
         _refuse_idle(spec, recipe, keywords)
         keywords["recipe"] = recipe
-    made: LidarAttack = find_attack(spec.type)(**keywords)
+    with mistakes_told(own_words([spec.type])):
+        made: LidarAttack = find_attack(spec.type)(**keywords)
     if not callable(made):
         raise AdvpipeError(f"{spec.type} is no attack: its instances cannot be called with a cloud")
     return made
@@ -121,8 +123,16 @@ def _checked(attack: str, name: str, value: Value, types: Mapping[str, Any]) -> 
         raise AdvpipeError(f"{attack}: {name} is empty; give it a value, or leave it out")
     if name not in types:
         return value
+    if types[name] == tuple[str, ...]:
+        value = _words(value)
     try:
         return TypeAdapter(types[name]).validate_python(value, strict=not isinstance(value, tuple))
     except ValidationError as error:
         problem = error.errors()[0]["msg"].removeprefix("Value error, ")
         raise AdvpipeError(f"{attack}: {name} is {value!r}: {problem}") from None
+
+
+def _words(value: Value) -> tuple[Value, ...]:
+    """A list of words, also from one alone; ids such as 7, that YAML takes for numbers, are words."""
+    items = value if isinstance(value, tuple) else (value,)
+    return tuple(str(item) if type(item) is int else item for item in items)

@@ -96,8 +96,9 @@ def _users_class(module: str, name: str) -> Callable[..., Any]:
         sys.path.insert(0, os.getcwd())
     try:
         found = getattr(importlib.import_module(module), name)
-    except (ImportError, AttributeError, ValueError, SyntaxError) as error:
-        raise AdvpipeError(f"cannot load attack {module}:{name}: {error}") from None
+    except (Exception, SystemExit) as error:  # a user's module may do anything
+        kind = "" if isinstance(error, ImportError | AttributeError) else f"{type(error).__name__}: "
+        raise AdvpipeError(f"cannot load attack {module}:{name}: {kind}{error}") from None
     if not callable(found):
         raise AdvpipeError(f"{module}:{name} is no class; an attack is a class whose instances are called")
     made: Callable[..., Any] = found

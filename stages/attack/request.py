@@ -56,7 +56,9 @@ class AttackRequest:
         if not self.attacks:
             raise AdvpipeError("no attack is given; name one")
         open_device(self.device)
-        self.frames.indices(1_000_000_000)
+        chosen = self.frames
+        if chosen.stop is not None and chosen.stop <= chosen.start:
+            raise AdvpipeError(f"frames {chosen} choose none: the stop, excluded, is not after the start")
         for spec in self.attacks:
             if spec.family == "lidar":
                 build_lidar_attack(spec)

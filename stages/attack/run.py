@@ -16,6 +16,7 @@ from advpipe.pipeline.detector.device import frames_at_once
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.jobs import run_jobs
+from advpipe.pipeline.own_code import own_words, told
 from advpipe.stages.attack.change import Change, changed_messages
 from advpipe.stages.attack.cloud_attack import cloud_attacker, groups_of, unfinished
 from advpipe.stages.attack.clouds import CloudPlan, plan_clouds
@@ -93,6 +94,8 @@ def _attack_clouds(
     attacker = partial(
         cloud_attacker, clean, request.lidar, plan.attacked, groups, request.seed, job, request.device
     )
+    if own := own_words(word for spec in request.lidar for word in (spec.type, spec.detector)):
+        attacker = partial(told, attacker, own)
     description = f"attacking: {attack_id(request)}"
     if at_once > 1:
         workers, description = workers or 1, f"{description}, {at_once} clouds at once"

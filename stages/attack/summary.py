@@ -10,6 +10,9 @@ import numpy as np
 
 from advpipe.stages.attack.lidar.base import LidarResult
 
+MOST_NOTES = 8
+"""More lines nobody reads: some notes hold numbers that are others in every frame."""
+
 
 @dataclass
 class AttackSummary:
@@ -48,8 +51,14 @@ class AttackSummary:
             if not self.counts.total():
                 parts.append("none is other than it was")
         parts += [f"{count:,} {what}" for what, count in sorted(self.counts.items()) if count]
-        notes = [f"  {count} of {self.frames} frames: {note}" for note, count in sorted(self.notes.items())]
-        return "\n".join([f"{self.bag}: {'; '.join(parts)}", *notes])
+        return "\n".join([f"{self.bag}: {'; '.join(parts)}", *self._notes()])
+
+    def _notes(self) -> list[str]:
+        """A line for each of the most frequent notes, in the order of their words."""
+        shown = sorted(self.notes.most_common(MOST_NOTES))
+        lines = [f"  {count} of {self.frames} frames: {note}" for note, count in shown]
+        rest = self.notes.total() - sum(count for _, count in shown)
+        return [*lines, f"  {rest} of {self.frames} frames: others, see frames.parquet"] if rest else lines
 
     def _clouds(self) -> str:
         text = (

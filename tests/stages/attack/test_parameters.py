@@ -107,6 +107,22 @@ def test_bad_parameters_are_one_line(parameters, line):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("objects", "names"),
+    [("suv.3", ("suv.3",)), (["a", "b"], ("a", "b")), (7, ("7",)), ([7, "a"], ("7", "a"))],
+)
+def test_one_word_stands_for_a_list_of_it(objects, names):
+    given = AttackSpec(type="detach", parameters={"ratio": 0.1, "objects": objects})
+    assert resolved_parameters(given)["objects"] == names
+    assert build_lidar_attack(given).constraints.objects == names
+
+
+@pytest.mark.parametrize("objects", [None, 1.5, True, ["a", None]])
+def test_what_is_no_word_is_refused(objects):
+    with pytest.raises(AdvpipeError, match=r"detach: objects is .*should be a valid string"):
+        resolved_parameters(AttackSpec(type="detach", parameters={"ratio": 0.1, "objects": objects}))
+
+
 def test_recipes():
     assert resolved_recipe(AttackSpec(type="detach")) == "best"
     assert resolved_recipe(AttackSpec(type="detach", recipe="paper")) == "paper"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.run import AttackRequest, attack_id
 
@@ -27,3 +28,9 @@ def request(**changes):
 )
 def test_attack_id(changes, name):
     assert attack_id(request(**changes)) == name
+
+
+@pytest.mark.parametrize("frames", ["5:5", "9:2"])
+def test_frames_that_no_bag_has(frames):
+    with pytest.raises(AdvpipeError, match=rf"frames {frames}:1 choose none: the stop"):
+        request(frames=frames).check()
