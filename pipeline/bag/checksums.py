@@ -11,7 +11,8 @@ from mcap.records import DataEnd, Footer
 from mcap.writer import MCAP0_MAGIC
 
 from advpipe.pipeline.bag.mcap_file import mcap_errors
-from advpipe.pipeline.bag.mcap_records import HEAD, parse, parse_chunk, read_records, unpack
+from advpipe.pipeline.bag.mcap_records import HEAD, parse, parse_chunk, read_records
+from advpipe.pipeline.bag.unpacking import UnpackBudget
 
 
 @dataclass(frozen=True)
@@ -48,10 +49,11 @@ def validate_checksums(path: Path) -> ChecksumCoverage:
     magic_bytes = len(MCAP0_MAGIC)
     with mcap_errors(path), path.open("rb") as stream:
         end, crc = stream.seek(0, 2) - magic_bytes, zlib.crc32(MCAP0_MAGIC)
+        budget = UnpackBudget(end)
         for record in read_records(stream, magic_bytes, end):
             if record.opcode == Opcode.CHUNK:
                 chunk = parse_chunk(record.body)
-                unpack(chunk)
+                budget.unpack(chunk)
                 chunks += 1
                 covered += chunk.uncompressed_crc != 0
             told = parse(record.opcode, record.body)

@@ -28,10 +28,10 @@ from advpipe.pipeline.bag.mcap_records import (
     parse_message,
     parse_message_index,
     read_records,
-    unpack,
 )
 from advpipe.pipeline.bag.mcap_summary import add_definition, data_records, read_metadata, read_summary
 from advpipe.pipeline.bag.topics import RawMessage, Topic, qos_from_yaml
+from advpipe.pipeline.bag.unpacking import MESSAGE_BYTES, UnpackBudget
 from advpipe.pipeline.errors import AdvpipeError
 
 _FOOTER = struct.Struct("<BQQQI")  # opcode, length, summary start, summary offset start, summary CRC
@@ -139,29 +139,29 @@ class McapFile:
             and not ids.isdisjoint(chunk.message_index_offsets)
         ]
         heapq.heapify(waiting)
-        held_bytes = 0
+        held_bytes, budget = 0, self._budget()
         while waiting:
             _, chunk_start, _, item = heapq.heappop(waiting)
             if isinstance(item, RawMessage):
-                held_bytes -= len(item.cdr)
+                held_bytes -= len(item.cdr) + MESSAGE_BYTES
                 yield item
                 continue
             record = next(read_records(stream, chunk_start, chunk_start + item.chunk_length))
             if record.opcode != Opcode.CHUNK:
                 raise ValueError(f"there is no chunk at {chunk_start}, though an index says so")
-            for offset, raw in self._messages_in(record.body, ids, first_ns, last_ns):
+            for offset, raw in self._messages_in(record.body, budget, ids, first_ns, last_ns):
                 heapq.heappush(waiting, (raw.log_time_ns, chunk_start, offset, raw))
-                held_bytes += len(raw.cdr)
-            if held_bytes > WAITING_LIMIT_BYTES:
-                raise ValueError(f"more than {WAITING_LIMIT_BYTES} bytes of messages lie out of order")
+                held_bytes += len(raw.cdr) + MESSAGE_BYTES
+                if held_bytes > WAITING_LIMIT_BYTES:
+                    raise ValueError(f"more than {WAITING_LIMIT_BYTES} bytes of messages lie out of order")
 
     def _in_file_order(
         self, stream: IO[bytes], ids: set[int], first_ns: int, last_ns: int
     ) -> Iterator[RawMessage]:
-        newest_ns = 0
+        newest_ns, budget = 0, self._budget()
         for record in data_records(stream):
             if record.opcode == Opcode.CHUNK:
-                inside = self._messages_in(record.body, ids, first_ns, last_ns)
+                inside = self._messages_in(record.body, budget, ids, first_ns, last_ns)
             elif record.opcode == Opcode.MESSAGE:
                 inside = self._wanted(0, memoryview(record.body), ids, first_ns, last_ns)
             else:
@@ -173,10 +173,11 @@ class McapFile:
                 yield raw
 
     def _messages_in(
-        self, chunk: bytes, ids: set[int], first_ns: int, last_ns: int
+        self, chunk: bytes, budget: UnpackBudget, ids: set[int], first_ns: int, last_ns: int
     ) -> Iterator[tuple[int, RawMessage]]:
-        for opcode, offset, body in inner_records(unpack(parse_chunk(chunk))):
+        for opcode, offset, body in inner_records(budget.unpack(parse_chunk(chunk))):
             if opcode == Opcode.MESSAGE:
+                budget.count_message()
                 yield from self._wanted(offset, body, ids, first_ns, last_ns)
 
     def _wanted(
@@ -220,14 +221,15 @@ class McapFile:
 
     def _scan(self) -> Summary:
         """A summary of a file that has none, by reading all of it."""
-        summary, counts = Summary(), dict[int, int]()
+        summary, counts, budget = Summary(), dict[int, int](), self._budget()
         with self.path.open("rb") as stream:
             for record in data_records(stream):
                 inside: Iterable[tuple[int, int, memoryview]] = [(record.opcode, 0, memoryview(record.body))]
                 if record.opcode == Opcode.CHUNK:
-                    inside = inner_records(unpack(parse_chunk(record.body)))
+                    inside = inner_records(budget.unpack(parse_chunk(record.body)))
                 for opcode, _, body in inside:
                     if opcode == Opcode.MESSAGE:
+                        budget.count_message()
                         channel_id = parse_message(body).channel_id
                         counts[channel_id] = counts.get(channel_id, 0) + 1
                     elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
@@ -235,6 +237,9 @@ class McapFile:
         summary.channels = {key: one for key, one in summary.channels.items() if key in counts}
         summary.statistics = Statistics(0, len(counts), counts, 0, 0, sum(counts.values()), 0, 0, 0)
         return summary
+
+    def _budget(self) -> UnpackBudget:
+        return UnpackBudget(self.path.stat().st_size)
 
     def _counts(self) -> dict[str, int]:
         """Messages by topic name."""

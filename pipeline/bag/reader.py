@@ -14,10 +14,16 @@ from rosbags.typesys.store import Typestore
 from advpipe.pipeline.bag.cloud import StampedCloud, cloud_from_cdr
 from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.mcap_file import McapFile, in_time_order
+from advpipe.pipeline.bag.object_count import has_more_objects
 from advpipe.pipeline.bag.provenance import RECORD_NAME, unseal
 from advpipe.pipeline.bag.topics import RawMessage, TopicInfo
 from advpipe.pipeline.bag.types import missing_field, schema_text, types_from, typestore
 from advpipe.pipeline.errors import AdvpipeError
+
+OBJECTS_LIMIT = 1 << 23
+"""The most Python objects that a message may become: some 0.8 GB. A transform is 17, in 80 bytes."""
+
+_SMALL_BYTES = 1 << 16  # of which no type makes too many
 
 
 class BagReader:
@@ -30,7 +36,7 @@ class BagReader:
     def __init__(self, path: Path) -> None:
         self.path = Path(path)
         self._files = [McapFile(file) for file in mcap_files(self.path)]
-        self._stores: dict[str, Typestore] = {}
+        self._stores: dict[tuple[str, str], Typestore | AdvpipeError] = {}
 
     @cached_property
     def provenance(self) -> dict[str, str]:
@@ -83,7 +89,15 @@ class BagReader:
     def decode(self, raw: RawMessage) -> Any:
         """The message as a dataclass with the fields of its type as the bag defines it."""
         try:
-            return self._store_for(raw).deserialize_cdr(raw.cdr, raw.topic.type)
+            store = self._store_for(raw)
+            if len(raw.cdr) > _SMALL_BYTES and has_more_objects(
+                store, raw.topic.type, raw.cdr, OBJECTS_LIMIT
+            ):
+                raise AdvpipeError(
+                    f"{self.path}: a message of {raw.topic.name} at {raw.log_time_ns} ns has {len(raw.cdr)} "
+                    f"bytes, too many to read as a {raw.topic.type}"
+                )
+            return store.deserialize_cdr(raw.cdr, raw.topic.type)
         except AdvpipeError:
             raise
         except Exception:  # rosbags makes code of the bag's definitions: they can fail in any way
@@ -109,17 +123,28 @@ class BagReader:
             raise AdvpipeError(f"{where}: {error}") from None
 
     def _store_for(self, raw: RawMessage) -> Typestore:
-        """Our own types where the bag defines them alike, the bag's elsewhere."""
-        name = raw.topic.type
+        """Our own types where the bag defines them alike, the bag's elsewhere; a definition is read once."""
+        name, key = raw.topic.type, (raw.topic.type, raw.schema)
         if name in typestore().types and raw.schema == schema_text(name):
             return typestore()
-        if name not in self._stores:
-            store = Typestore()
-            store.register(types_from(raw.schema, raw.schema_encoding, name))
-            if name in typestore().types and (field := missing_field(store, name)):
-                raise AdvpipeError(
-                    f"{self.path}: {raw.topic.name} has another release's {name}, without our {field}; "
-                    "advpipe reads those of Humble and later"
-                )
-            self._stores[name] = store
-        return self._stores[name]
+        if key not in self._stores:
+            try:
+                self._stores[key] = self._store_of_bag(raw)
+            except AdvpipeError as error:
+                self._stores[key] = error
+            except Exception:  # as above
+                self._stores[key] = AdvpipeError(f"{self.path}: the definition of {name} cannot be read")
+        store = self._stores[key]
+        if isinstance(store, AdvpipeError):
+            raise store
+        return store
+
+    def _store_of_bag(self, raw: RawMessage) -> Typestore:
+        store, name = Typestore(), raw.topic.type
+        store.register(types_from(raw.schema, raw.schema_encoding, name))
+        if name in typestore().types and (field := missing_field(store, name)):
+            raise AdvpipeError(
+                f"{self.path}: {raw.topic.name} has another release's {name}, without our {field}; "
+                "advpipe reads those of Humble and later"
+            )
+        return store

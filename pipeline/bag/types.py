@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -15,6 +16,10 @@ _PACKAGE_FOLDERS = {"vision_msgs": "vision_msgs", "udp_msgs": "udp_msgs", "advpi
 _LISTS = (Nodetype.ARRAY, Nodetype.SEQUENCE)
 _CAM_PACKAGE = "etsi_its_cam_msgs/"
 
+_IDL_WORDS = re.compile(r'"(?:[^"\\]|\\.)*(?:"|\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
+"""Texts and comments of IDL."""
+
+_ANNOTATION = re.compile(r"@[\w:]+\s*\(")
 UNROLLED_LIMIT = 4096
 """The most texts and messages in a type's arrays of fixed length: rosbags writes lines of code for each."""
 
@@ -56,15 +61,22 @@ def type_hash(type_name: str) -> str:
 def types_from(definition: str, encoding: str, type_name: str) -> Typesdict:
     """The types that a bag defines, by name; encoding: `ros2msg` or `ros2idl`.
 
-    Raises ValueError for arrays that are too long to become code, and whatever rosbags does for other texts.
+    Raises ValueError for arrays that are too long to become code, for empty ones, of which a message of no
+    bytes holds any number, and whatever rosbags does for other texts.
     """
     is_idl = encoding == "ros2idl"
+    if is_idl:
+        words = _IDL_WORDS.sub("", definition)
+        if words.count("(") > len(_ANNOTATION.findall(words)):  # rosbags takes minutes to read two such
+            raise ValueError(f"the definition of {type_name} has sums in parentheses")
     types = get_types_from_idl(definition) if is_idl else get_types_from_msg(definition, type_name)
     unrolled = 0
     for _, fields in types.values():
         for _, description in fields:
             if description[0] == Nodetype.ARRAY:
                 item, length = description[1]
+                if not length:
+                    raise ValueError(f"{type_name} has an array of no items")
                 unrolled += length if item[0] == Nodetype.NAME or item[1][0] == "string" else 0
     if unrolled > UNROLLED_LIMIT:
         raise ValueError(f"{type_name} has arrays of {unrolled} items, more than {UNROLLED_LIMIT}")

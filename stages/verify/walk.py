@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -34,13 +35,16 @@ from advpipe.pipeline.bag.mcap_records import (
     parse_message,
     parse_message_index,
     read_records,
-    unpack,
 )
 from advpipe.pipeline.bag.topics import RawMessage, Topic
+from advpipe.pipeline.bag.unpacking import UnpackBudget
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.verify.claims import check_claims
 
 FIRST_PRIVATE_OPCODE = 0x80
+
+DEFINITIONS_LIMIT_BYTES = 1 << 24
+"""The most that definitions of types and channels may hold together, which lie in packed chunks, too."""
 
 
 @dataclass
@@ -62,8 +66,10 @@ class Walk:
     attachments: int = 0
     first_ns: int | None = None
     last_ns: int | None = None
-    _places: dict[int, list[tuple[int, int]]] = field(default_factory=dict)
+    _places: dict[int, array[int]] = field(default_factory=dict)
     _texts: dict[int, str] = field(default_factory=dict)
+    _undefined: set[int] = field(default_factory=set)
+    _definitions_bytes: int = 0
 
     def messages(self) -> Iterator[RawMessage]:
         """All messages in the order of the file; a chunk that is damaged is left out, and a fault."""
@@ -78,6 +84,7 @@ class Walk:
 
     def _messages(self) -> Iterator[RawMessage]:
         size = self.path.stat().st_size
+        self._budget = UnpackBudget(size)
         end, crc = size - len(MCAP0_MAGIC), zlib.crc32(MCAP0_MAGIC)
         with self.path.open("rb") as stream:
             if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
@@ -132,6 +139,10 @@ class Walk:
 
     def _add_definition(self, told: Schema | Channel) -> None:
         """A schema or a channel; what is told twice must be told alike."""
+        if told.id not in (self.schemas if isinstance(told, Schema) else self.channels):
+            self._definitions_bytes += len(_bytes_of(told))
+            if self._definitions_bytes > DEFINITIONS_LIMIT_BYTES:
+                raise ValueError(f"definitions of more than {DEFINITIONS_LIMIT_BYTES} bytes")
         if isinstance(told, Schema):
             if self.schemas.setdefault(told.id, told) != told:
                 self.faults.append(f"schema {told.id} is defined in two ways")
@@ -148,7 +159,7 @@ class Walk:
     def _chunk(self, record: Record) -> Iterator[RawMessage]:
         try:
             chunk = parse_chunk(record.body)
-            data = unpack(chunk)
+            data = self._budget.unpack(chunk)
         except DAMAGE as error:
             self.faults.append(f"the chunk at {record.start} is damaged: {error}")
             return
@@ -156,16 +167,16 @@ class Walk:
         for opcode, offset, body in inner_records(data):
             if opcode == Opcode.MESSAGE:
                 for raw in self._message(body):
-                    place = raw.log_time_ns, offset
-                    self._places.setdefault(parse_message(body).channel_id, []).append(place)
+                    places = self._places.setdefault(parse_message(body).channel_id, array("Q"))
+                    places.extend((raw.log_time_ns, offset))
                     yield raw
             else:
                 told = parse(opcode, body)
                 if not isinstance(told, (Schema, Channel)) or _bytes_of(told)[HEAD.size :] != body:
                     raise ValueError(f"a record in the chunk at {record.start} is none that belongs there")
                 self._add_definition(told)
-        times_ns = [time_ns for places in self._places.values() for time_ns, _ in places]
-        span_ns = (min(times_ns), max(times_ns)) if times_ns else (0, 0)
+        times_ns = [places[::2] for places in self._places.values()]
+        span_ns = (min(map(min, times_ns)), max(map(max, times_ns))) if times_ns else (0, 0)
         if (chunk.message_start_time, chunk.message_end_time) != span_ns:
             self.faults.append(f"the chunk at {record.start} states other times than its messages have")
         self.chunks.append(
@@ -184,8 +195,11 @@ class Walk:
 
     def _message(self, body: memoryview) -> Iterator[RawMessage]:
         message = parse_message(body)
+        self._budget.count_message()
         if message.channel_id not in self.topics:
-            self.faults.append(f"a message of channel {message.channel_id}, which nothing defines")
+            if message.channel_id not in self._undefined:
+                self.faults.append(f"a message of channel {message.channel_id}, which nothing defines")
+            self._undefined.add(message.channel_id)
             return
         schema = self.schemas[self.channels[message.channel_id].schema_id]
         time_ns = message.log_time_ns
@@ -208,8 +222,8 @@ class Walk:
             if not self.chunks:
                 self.faults.append(f"the message index at {record.start} follows no chunk")
             return
-        real = self._places.pop(channel_id, [])
-        if not np.array_equal(_sorted(entries), _sorted(np.array(real, np.uint64).reshape(-1, 2))):
+        real = self._places.pop(channel_id, array("Q"))
+        if not np.array_equal(_sorted(entries), _sorted(np.frombuffer(real, np.uint64).reshape(-1, 2))):
             self.faults.append(f"the message index at {record.start} is not that of its chunk")
         chunk = self.chunks[-1]
         chunk.message_index_offsets[channel_id] = record.start
