@@ -145,6 +145,7 @@ def _read(stream: PartsReader, folder: Path, limits: Limits) -> dict[str, str]:
         head, _, name = path.partition("/")
         if not layout.is_plain(path) or not name or head != (top or head):
             raise AdvpipeError(f"{stream.archive}: {path!r} leads out of the data set's folder; not unpacked")
+        layout.refuse_deep(name.count("/"), stream.archive)
         if name.encode() <= last:
             raise AdvpipeError(f"{stream.archive}: {path!r} comes twice or out of order; not unpacked")
         if len(found) == limits.files:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -15,6 +16,9 @@ SCENARIO_NAME = "scenario.yaml"
 CARD_NAME = "README.md"
 REPORTS_NAME = "reports"
 REPORT_NAME = "report.json"
+
+MOST_LEVELS = 100
+"""Of folders within each other. Ours has four; thousands take systems, and programs, to their limits."""
 
 _NOT_EVERYWHERE = frozenset('\\:*?"<>|')
 """Signs that mean something else in a name on some systems, `C:x` another folder."""
@@ -67,7 +71,7 @@ def read_layout(folder: Path) -> Layout:
         tuple(sorted(path.parent for path in reports.glob(f"*/{REPORT_NAME}"))),
         _if_file(folder / SCENARIO_NAME),
         _if_file(folder / CARD_NAME),
-        tuple(sorted(path for path in folder.rglob("*") if _is_unfinished(path.name))),
+        tuple(sorted(_unfinished(folder))),
     )
 
 
@@ -79,23 +83,31 @@ def is_dataset(folder: Path) -> bool:
 def files(folder: Path) -> list[str]:
     """Relative POSIX paths of all files below a folder, sorted by their bytes in UTF-8.
 
-    Raises AdvpipeError for a link, a device, and a name that a list of checksums cannot hold.
+    Raises AdvpipeError for a link, a device, a name that a list of checksums cannot hold, and for folders
+    that lie too deep.
     """
     return sorted(_files(folder, folder), key=lambda name: name.encode())
 
 
-def _files(folder: Path, root: Path) -> Iterator[str]:
+def _files(folder: Path, root: Path, level: int = 0) -> Iterator[str]:
+    refuse_deep(level, root)
     with os.scandir(folder) as entries:
         for entry in entries:
             path = folder / entry.name
             if not is_plain(entry.name):
                 raise AdvpipeError(f"{str(path)!r}: a name of signs that not every system takes; rename it")
             if entry.is_dir(follow_symlinks=False):
-                yield from _files(path, root)
+                yield from _files(path, root, level + 1)
             elif entry.is_file(follow_symlinks=False):
                 yield path.relative_to(root).as_posix()
             else:
                 raise AdvpipeError(f"{path} is a link or no regular file; a data set holds files alone")
+
+
+def refuse_deep(level: int, place: Path) -> None:
+    """Raises AdvpipeError for a file or folder below more folders than a data set has."""
+    if level > MOST_LEVELS:
+        raise AdvpipeError(f"{place} holds folders more than {MOST_LEVELS} levels deep; no data set does")
 
 
 def is_plain(name: str) -> bool:
@@ -116,6 +128,17 @@ def is_hidden(name: str) -> bool:
 
 def _if_file(path: Path) -> Path | None:
     return path if path.is_file() else None
+
+
+def _unfinished(folder: Path, level: int = 0) -> Iterator[Path]:
+    """What lies in folders that cannot be read, others tell."""
+    refuse_deep(level, folder)
+    with suppress(PermissionError), os.scandir(folder) as entries:
+        for entry in entries:
+            if _is_unfinished(entry.name):
+                yield folder / entry.name
+            if entry.is_dir(follow_symlinks=False):
+                yield from _unfinished(folder / entry.name, level + 1)
 
 
 def _is_unfinished(name: str) -> bool:

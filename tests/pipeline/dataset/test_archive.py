@@ -1,4 +1,5 @@
 import io
+import os
 import random
 import shutil
 import subprocess
@@ -11,6 +12,7 @@ import pytest
 from advpipe.pipeline.dataset import checksums
 from advpipe.pipeline.dataset.archive import Limits, contents, pack, unpack
 from advpipe.pipeline.dataset.lay_out import lay_out
+from advpipe.pipeline.dataset.layout import read_layout
 from advpipe.pipeline.errors import AdvpipeError
 
 NAMES = ("README.md", "clean/clean_0.mcap", "clean/metadata.yaml", "figures/größe.png", "e/" * 60 + "empty")
@@ -159,6 +161,7 @@ HOSTILE: dict[str, tuple[list[tarfile.TarInfo], str]] = {
     "backslash": ([member("town\\..\\evil/a")], "leads out of"),
     "drive letter": ([member("town/C:evil")], "leads out of"),
     "long name": ([member("town/" + "a/" * 5000 + "a")], "not as `advpipe share` writes"),
+    "deep folders": ([member("town/" + "a/" * 1900 + "a")], "more than 100 levels deep"),
     "nothing": ([], "holds no SHA256SUMS"),
     "no list": ([member("town/a")], "holds no SHA256SUMS"),
 }
@@ -173,6 +176,22 @@ def test_hostile_archives_are_refused(tmp_path: Path, kind: str) -> None:
             stream.addfile(info, io.BytesIO(b"x" * info.size))
     refused(archive, message)
     assert [path.name for path in tmp_path.iterdir()] == ["evil.tar"]
+
+
+def test_deep_folders_are_refused(tmp_path: Path, folder: Path) -> None:
+    """As another tool unpacks them; Python's recursion ends at a thousand."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    for _ in range(1500):
+        os.mkdir("a", dir_fd=descriptor)
+        below = os.open("a", os.O_RDONLY, dir_fd=descriptor)
+        os.close(descriptor)
+        descriptor = below
+    os.close(descriptor)
+    for look in (contents, read_layout):
+        with pytest.raises(AdvpipeError, match="more than 100 levels deep"):
+            look(folder)
+    subprocess.run(["rm", "-r", folder / "a"], check=True)
+    assert read_layout(folder).unfinished == ()
 
 
 def test_limits_and_declared_sizes_hold(
