@@ -32,6 +32,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from common import finish, machine, scratch
 
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.v2x_attackers import Cast
 from advpipe.pipeline.bag.v2x_drive import V2xDrive
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.jobs import map_jobs
@@ -45,7 +46,6 @@ from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
 from advpipe.stages.attack.registry import ATTACKS
 from advpipe.stages.attack.request import AttackRequest
 from advpipe.stages.attack.run import attack
-from advpipe.stages.attack.v2x.attackers import Cast
 from advpipe.stages.evaluate.v2x.detection import Detection, attack_parameters, detect
 from advpipe.stages.evaluate.v2x.labels import lies, read_labels
 from advpipe.stages.evaluate.v2x.receptions import read_receptions

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pydantic import ValidationError
@@ -64,3 +65,10 @@ def vehicles_with_filter(reader: BagReader) -> list[str]:
         for name in names
         if {VehicleTopics(name).odometry.name, VehicleTopics(name).initial_pose.name} <= set(reader.topics)
     )
+
+
+def usual_victim(known: Sequence[str]) -> str | None:
+    """Of the vehicles with GPS, the one that is meant where none is named; None where that is not clear."""
+    if "ego" in known:
+        return "ego"
+    return known[0] if len(known) == 1 else None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
@@ -38,3 +40,15 @@ class GnssReceiver:
         self._offset_m = self._memory * self._offset_m + kick
         noisy: Float64 = position_m + self._offset_m + self._white_m * self._rng.standard_normal(3)
         return noisy
+
+
+def squared_sigmas(offset_m: Float64, covariance_m2: Float64) -> float:
+    """offset' covariance^-1 offset of an offset (3,) and a covariance (3, 3); infinite along an axis without
+    errors."""
+    if not offset_m.any():
+        return 0.0
+    values, axes = np.linalg.eigh(covariance_m2)
+    parts = np.square(axes.T @ offset_m)
+    if (parts[values <= 0] > 0).any():
+        return math.inf
+    return float(sum(part / value for part, value in zip(parts, values, strict=True) if value > 0))

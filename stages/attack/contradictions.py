@@ -53,7 +53,7 @@ def refuse_contradictions(reader: BagReader, attacks: Sequence[AttackSpec], seed
         if not shared or not one.schedule.overlaps(other.schedule):
             continue
         if attackers is None:  # it takes a look through the drive
-            from advpipe.stages.attack.v2x.attackers import Cast
+            from advpipe.pipeline.bag.v2x_attackers import Cast
 
             attackers = Cast(V2xDrive(reader), str(reader.path), seed).attackers
         if not set(attackers(one)).isdisjoint(attackers(other)):

@@ -11,7 +11,7 @@ from typing import Any
 from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.localisation import MAP_FRAME, estimate_message
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.recorded_filter import GNSS_FIX, read_filter, vehicles_with_filter
+from advpipe.pipeline.bag.recorded_filter import GNSS_FIX, read_filter, usual_victim, vehicles_with_filter
 from advpipe.pipeline.bag.topics import TF, V2X_STATIONS, RawMessage, VehicleTopics
 from advpipe.pipeline.bag.types import serialise
 from advpipe.pipeline.bag.v2x import stations_of_message
@@ -151,9 +151,9 @@ def _victim(reader: BagReader, spec: AttackSpec, known: Sequence[str]) -> str:
         return spec.victim
     if not known:
         raise AdvpipeError(f"{spec.type}: {reader.path} has no vehicle with GPS (no topic …{GNSS_FIX})")
-    if len(known) > 1 and "ego" not in known:
+    if (usual := usual_victim(known)) is None:
         raise AdvpipeError(f"{spec.type}: name a victim; {', '.join(known)} have GPS")
-    return "ego" if "ego" in known else known[0]
+    return usual
 
 
 def _stations(reader: BagReader) -> set[str]:

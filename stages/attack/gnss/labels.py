@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.localisation.gnss import squared_sigmas
+from advpipe.pipeline.v2x.effect import fix_matters
 from advpipe.stages.attack.gnss.victim import FixRecord, SpoofedVehicle
-from advpipe.stages.attack.v2x.effect import fix_matters
 
 FILE_NAME = "gnss_labels.parquet"
 
@@ -24,7 +24,7 @@ def write_labels(vehicles: Sequence[SpoofedVehicle], path: Path) -> None:
     false latitude_deg, longitude_deg, altitude_m: what the receiver would have said and what it says, null
     without a fix; offset_east_m, offset_north_m, offset_up_m: false minus true; squared_sigmas: the offset in
     the receiver's own covariance; mattered: whether it is missing, or as far off as matters in messages, too
-    (`v2x/effect.py`). Who spoofs is no station of the bag, and so no column.
+    (`pipeline/v2x/effect.py`). Who spoofs is no station of the bag, and so no column.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -57,14 +57,12 @@ def _rows(vehicles: Sequence[SpoofedVehicle]) -> Iterator[Row]:
 
 def label(record: FixRecord) -> Row:
     """One row, without vehicle and number."""
-    offset_m, squared = _offset_m(record), 0.0
-    if offset_m is not None and offset_m.any():
-        squared = squared_sigmas(offset_m, record.covariance_m2)
+    offset_m = _offset_m(record)
     is_lost = record.genuine is not None and record.told is None
     row: Row = {
         "stamp_ns": record.stamp_ns,
         "attack": None if record.lie is None else record.lie.attack,
-        "squared_sigmas": None if offset_m is None else squared,
+        "squared_sigmas": None if offset_m is None else squared_sigmas(offset_m, record.covariance_m2),
         "mattered": is_lost or (offset_m is not None and fix_matters(*offset_m.tolist())),
     }
     for kind, place in (("true", record.genuine), ("false", record.told)):
@@ -73,15 +71,6 @@ def label(record: FixRecord) -> Row:
     parts = [None] * 3 if offset_m is None else offset_m.tolist()
     names = ("offset_east_m", "offset_north_m", "offset_up_m")
     return row | dict(zip(names, parts, strict=True))
-
-
-def squared_sigmas(offset_m: Float64, covariance_m2: Float64) -> float:
-    """offset' covariance^-1 offset; infinite along an axis without errors."""
-    values, axes = np.linalg.eigh(covariance_m2)
-    parts = np.square(axes.T @ offset_m)
-    if (parts[values <= 0] > 0).any():
-        return math.inf
-    return float(sum(part / value for part, value in zip(parts, values, strict=True) if value > 0))
 
 
 def _offset_m(record: FixRecord) -> Float64 | None:

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
 
-import numpy as np
-
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.estimate import Innovation
+from advpipe.pipeline.scenario.acting import Acting, acting_on_fixes
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.pipeline.seeding import named_generator
 from advpipe.stages.attack.gnss.base import Genuine, GnssAttack, Sight, Spoofer
@@ -33,7 +32,7 @@ class _Strike:
 
     spec: AttackSpec
     spoofer: Spoofer
-    chance: np.random.Generator
+    acts: Acting
     begin_ns: int | None = None
     last_ns: int = 0
 
@@ -48,7 +47,6 @@ class Strikes:
     def __init__(self, victim: str, specs: Sequence[AttackSpec], recording: Recording, seed: int) -> None:
         self.victim = victim
         self.name = "+".join(dict.fromkeys(spec.type for spec in specs))
-        self._recording = recording
         self._genuine: list[Genuine] = []
         for one, other in combinations(specs, 2):
             if one.schedule.overlaps(other.schedule):
@@ -62,7 +60,9 @@ class Strikes:
             names = ("attack", spec.type, spec.seed_name, victim)
             attack: GnssAttack = find_attack(spec.type)(**resolved_parameters(spec))
             spoofer = attack.begin(named_generator(seed, *names))
-            self._strikes.append(_Strike(spec, spoofer, named_generator(seed, *names, "schedule")))
+            self._strikes.append(
+                _Strike(spec, spoofer, acting_on_fixes(spec, victim, recording.start_ns, seed))
+            )
 
     def of(
         self, time_ns: int, position_m: Float64, heading_rad: float, innovation: Callable[[], Innovation]
@@ -71,7 +71,7 @@ class Strikes:
         self._genuine.append(Genuine(time_ns, position_m))
         lie = None
         for strike in self._strikes:
-            if not strike.spec.schedule.active(self._recording.time_s(time_ns), strike.chance):
+            if not strike.acts(time_ns):
                 strike.begin_ns = None
                 continue
             if strike.begin_ns is None:

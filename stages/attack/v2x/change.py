@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-
-import numpy as np
 
 from advpipe.pipeline.bag.ldm import ldm_detections_cdr, ldm_snapshot_cdr
 from advpipe.pipeline.bag.reader import BagReader
@@ -28,17 +26,17 @@ from advpipe.pipeline.bag.v2x import (
     sent_message,
     stations_message,
 )
+from advpipe.pipeline.bag.v2x_attackers import Cast
 from advpipe.pipeline.bag.v2x_drive import V2xDrive, V2xStep
 from advpipe.pipeline.bag.v2x_statistics import statistics_message
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.scenario.acting import acting_on_messages
 from advpipe.pipeline.scenario.attacks import AttackSpec
-from advpipe.pipeline.seeding import named_generator
 from advpipe.pipeline.v2x.air import Air, Sent
 from advpipe.stages.attack.parameters import resolved_parameters
-from advpipe.stages.attack.recording import Recording, recording_of
+from advpipe.stages.attack.recording import recording_of
 from advpipe.stages.attack.registry import find_attack
-from advpipe.stages.attack.v2x.attackers import Cast
 from advpipe.stages.attack.v2x.cams import Cams
 from advpipe.stages.attack.v2x.congestion import Congestion
 from advpipe.stages.attack.v2x.editor import AttackContext, MessageEditor, Numbers, V2xAttack
@@ -84,7 +82,7 @@ def forge(
             seed_name=spec.seed_name,
             attackers=cast.attackers(spec),
             victim=cast.victim(spec),
-            active=_schedule(spec, recording, seed),
+            active=acting_on_messages(spec, recording.start_ns, seed),
             start_ns=recording.start_ns,
             v2x=drive.v2x,
             geodesy=geodesy,
@@ -107,19 +105,6 @@ def _build(spec: AttackSpec, context: AttackContext) -> V2xAttack:
             "vehicles as attackers"
         )
     return attack
-
-
-def _schedule(spec: AttackSpec, recording: Recording, seed: int) -> Callable[[int], bool]:
-    """Whether the attack acts at a time: asked again, the answer is the same."""
-    no_chance = np.random.default_rng(0)
-
-    def active(time_ns: int) -> bool:
-        rng = no_chance
-        if spec.schedule.kind == "random":
-            rng = named_generator(seed, "attack", spec.type, spec.seed_name, "schedule", time_ns)
-        return spec.schedule.active(recording.time_s(time_ns), rng)
-
-    return active
 
 
 class V2xChange:

@@ -23,7 +23,8 @@ that are to be sent instead:
 Labels are none of an attack's business: the engine compares what goes in with what comes out, by number.
 A message in another form is "changed", one that is missing "dropped" (or "delayed", if it comes later), a new
 one "added"; attacker is the one whose radio sends it. True values are those of the recorded message;
-whether the lie mattered is judged from both (`labels.py`), unless `always_matters` is set.
+whether the lie mattered is judged from both (`pipeline/v2x/effect.py`), unless
+all of the attack's do.
 """
 
 from __future__ import annotations
@@ -130,11 +131,10 @@ class AttackContext:
 class V2xAttack(ABC):
     """An attack on messages; see above for its rules.
 
-    always_matters: labels do not judge its lies one by one. needs_traffic: it changes what its attackers
-    send anyway, so that a roadside unit, which sends nothing of its own, cannot be one.
+    needs_traffic: it changes what its attackers send anyway, so that a roadside unit, which sends nothing of
+    its own, cannot be one.
     """
 
-    always_matters: ClassVar[bool] = False
     needs_traffic: ClassVar[bool] = True
 
     def __init__(self, context: AttackContext) -> None:

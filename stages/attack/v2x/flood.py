@@ -37,7 +37,6 @@ class Flood(V2xAttack):
     control all the same. sybil: a new station id for each message.
     """
 
-    always_matters = True
     needs_traffic = False
     sybil = False
 

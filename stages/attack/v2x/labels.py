@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,9 +11,10 @@ import numpy as np
 
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.v2x.air import Sent
-from advpipe.stages.attack.v2x.cams import FIELDS, Cams, told, values
+from advpipe.pipeline.v2x.cam_values import FIELDS, Values, changed_fields, places_m, values
+from advpipe.pipeline.v2x.effect import WHATEVER_THEY_SAY, matters
+from advpipe.stages.attack.v2x.cams import Cams, told
 from advpipe.stages.attack.v2x.editor import MessageEditor, V2xAttack
-from advpipe.stages.attack.v2x.effect import Values, matters
 
 FILE_NAME = "v2x_labels.parquet"
 _BLOCK = 1000
@@ -45,8 +45,9 @@ class Labels:
     the attack (null: never), `attack`, `part` (of a mix, the attack that its attacker carries out; else
     empty), `attacker` (the vehicle or roadside unit; empty where it is not the sender who lies, as with a
     spoofed GPS), `sender`, `action` (changed, added, delayed, dropped, or corrupt: no CAM, left as it is),
-    `fields` that the attack changed, `mattered` (see `effect.py`), and `true_...` and `false_...` of each
-    field of a CAM, with x and y in the map's frame.
+    `fields` that the attack changed, with commas between them ("other" for what has no column), `mattered`
+    (see `pipeline/v2x/effect.py`), and `true_...` and `false_...` of each field of a CAM, with x and y in the
+    map's frame.
 
     True values are those of the recorded message. Of one that was added or delayed, they are what the station
     that it claims to be from had said itself by then; null for a station that does not exist.
@@ -161,7 +162,7 @@ class Labels:
             "" if part is None else sender,
             sender,
             action,
-            part is not None and part.always_matters,
+            part is not None and part.name in WHATEVER_THEY_SAY,
             said := self._values(before),
             said if true is before else self._values(true),
             self._values(one.payload if is_sent else None),
@@ -179,8 +180,8 @@ class Labels:
 
         rows, self._rows = self._rows, []
         true_m, false_m = (
-            self._places_m([row.true for row in rows]),
-            self._places_m([row.false for row in rows]),
+            places_m(self._geodesy, [row.true for row in rows]),
+            places_m(self._geodesy, [row.false for row in rows]),
         )
         moved_m = np.hypot(*(true_m - false_m)).tolist()
         columns: dict[str, Any] = {
@@ -194,13 +195,13 @@ class Labels:
                 name: pa.array([getattr(row, name) for row in rows], pa.string())
                 for name in ("attack", "part", "attacker", "sender", "action")
             },
-            "fields": pa.array([_changed(row) for row in rows], pa.list_(pa.string())),
+            "fields": pa.array([_changed(row) for row in rows], pa.string()),
             "mattered": pa.array(
                 [self._mattered(row, moved) for row, moved in zip(rows, moved_m, strict=True)], pa.bool_()
             ),
         }
-        for kind, places_m in (("true", true_m), ("false", false_m)):
-            for axis, values_m in zip(("x_m", "y_m"), places_m, strict=True):
+        for kind, kind_m in (("true", true_m), ("false", false_m)):
+            for axis, values_m in zip(("x_m", "y_m"), kind_m, strict=True):
                 columns[f"{kind}_{axis}"] = pa.array(values_m, pa.float64(), from_pandas=True)
             for field in FIELDS:
                 column = [None if (said := getattr(row, kind)) is None else said[field] for row in rows]
@@ -214,26 +215,12 @@ class Labels:
             return True
         return matters(row.true, row.false, moved_m, self._expiry_s)
 
-    def _places_m(self, said: Sequence[Values | None]) -> Any:
-        """x and y (2, N) of what messages say, NaN where they do not."""
-        names = ("latitude_deg", "longitude_deg")
-        degrees = np.array(
-            [[math.nan, math.nan] if one is None else [_number(one[name]) for name in names] for one in said]
-        ).reshape(-1, 2)
-        is_told = (np.abs(degrees[:, 0]) < 90) & (np.abs(degrees[:, 1]) <= 180)
-        places_m = np.full((2, len(said)), math.nan)
-        told_deg = degrees[is_told].T
-        places_m[:, is_told] = self._geodesy.to_map([*told_deg, np.zeros(told_deg.shape[1])])[:2]
-        places_m[~np.isfinite(places_m)] = math.nan
-        return places_m
 
-
-def _changed(row: _Row) -> list[str]:
+def _changed(row: _Row) -> str:
     """The fields that this attack changed, by what it was given."""
     if row.action != "changed" or row.before is None or row.false is None:
-        return []
-    names = [name for name in FIELDS if row.before[name] != row.false[name]]
-    return names or ["other"]
+        return ""
+    return changed_fields(row.before, row.false)
 
 
 def _column_type(field: str) -> Any:
@@ -243,7 +230,3 @@ def _column_type(field: str) -> Any:
 
 
 _UNITS = ("deg", "m", "rad", "mps", "mps2", "radps")
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else value

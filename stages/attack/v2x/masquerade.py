@@ -27,8 +27,6 @@ class Masquerade(V2xAttack):
     newest CAM prefer it to the true ones.
     """
 
-    always_matters = True
-
     def __init__(
         self,
         context: AttackContext,

@@ -127,7 +127,6 @@ class Phantoms:
 class PhantomAttack(V2xAttack):
     """An attack by phantoms, which take the last four parameters; see there."""
 
-    always_matters = True
     needs_traffic = False
 
     def __init__(

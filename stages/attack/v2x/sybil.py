@@ -172,7 +172,6 @@ class SybilReplay(V2xAttack):
     more to replay for two seconds, the ghost is gone, and another, of another station, comes.
     """
 
-    always_matters = True
     needs_traffic = False
 
     def __init__(

@@ -3,15 +3,32 @@ from __future__ import annotations
 import math
 
 import pytest
-from one_attacker import honest
 
-from advpipe.pipeline.v2x.codec import decode
-from advpipe.stages.attack.v2x.cams import values
-from advpipe.stages.attack.v2x.effect import fix_matters, matters
+from advpipe.pipeline.v2x.cam import Cam
+from advpipe.pipeline.v2x.cam_tree import encode_cam
+from advpipe.pipeline.v2x.cam_values import changed_fields, values_of_payload
+from advpipe.pipeline.v2x.codes import DriveDirection
+from advpipe.pipeline.v2x.effect import fix_matters, matters
 
 
 def said(time_ms=0, **fields):
-    return values(decode(honest(time_ms, **fields).payload))
+    """What a car says at 48 degrees north and 11 east, heading east at 10 m/s."""
+    usual = {
+        "station_id": 7,
+        "station_type": 5,
+        "generation_delta_time_ms": time_ms % 65536,
+        "latitude_deg": 48.0,
+        "longitude_deg": 11.0,
+        "heading_rad": math.pi / 2,
+        "speed_mps": 10.0,
+        "drive_direction": DriveDirection.FORWARD,
+        "length_m": 4.5,
+        "width_m": 1.8,
+        "longitudinal_acceleration_mps2": 1.0,
+        "yaw_rate_radps": 0.0,
+        "curvature_per_m": 0.0,
+    }
+    return values_of_payload(encode_cam(Cam(**(usual | fields))))
 
 
 @pytest.mark.parametrize(
@@ -51,3 +68,10 @@ def test_place_and_time():
     assert not matters(said(66_000), said(0), 0.0, 1.1)
     assert matters(said(), None, math.nan, 1.1)
     assert matters(said(), said(latitude_deg=None), math.nan, 1.1)
+
+
+def test_changed_fields():
+    assert changed_fields(said(), said(speed_mps=3.0, latitude_deg=47.0)) == "latitude_deg,speed_mps"
+    assert changed_fields(said(), said(heading_rad=None)) == "heading_rad"
+    assert changed_fields(said(), said(performance_class=1)) == "other"
+    assert values_of_payload(b"no CAM") is None

@@ -7,9 +7,9 @@ fixes: whoever tells a place that a spoofed receiver gave it lies exactly where 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
+from advpipe.pipeline.v2x.cam_values import Values
 from advpipe.pipeline.v2x.timestamps import GENERATION_DELTA_TIME_CYCLE_MS
 
 POSITION_M = 1.0
@@ -26,19 +26,23 @@ THRESHOLDS: dict[str, float] = {
 """A difference above it matters, as one above `POSITION_M` on the ground does."""
 ALWAYS = ("station_id", "station_type", "acceleration_control")
 """Any difference matters."""
+WHATEVER_THEY_SAY = frozenset(
+    {
+        *("cam-masquerade", "cam-dos", "cam-dos-random", "cam-dos-disruptive", "cam-dos-random-sybil"),
+        *("cam-dos-disruptive-sybil", "cam-sybil-grid", "cam-sybil-replay", "cam-sybil-congestion"),
+        *("cam-ghost-stop", "cam-ghost-brake"),
+    }
+)
+"""Attacks whose messages all matter: of a station that does not exist or is another one, or one too many."""
 _PLACE = ("latitude_deg", "longitude_deg")
-
-
-Values = Mapping[str, Any]
-"""What a CAM tells, as `cams.values` has it."""
 
 
 def matters(true: Values | None, false: Values | None, moved_m: float, expiry_s: float) -> bool:
     """Whether receivers who believe `false` know something else than with `true`.
 
-    None stands for bytes that are no CAM. moved_m: how far the positions are apart on the ground; NaN where
-    one of them tells none. expiry_s: how long a Local Dynamic Map keeps a message: one whose time is wrong by
-    more is lost to it. A value that is told in one of them only, or out of range, matters too.
+    None stands for bytes that are no vehicle's CAM. moved_m: how far the positions are apart on the ground;
+    NaN where one of them tells none. expiry_s: how long a Local Dynamic Map keeps a message: one whose time is
+    wrong by more is lost to it. A value that is told in one of them only, or out of range, matters too.
     """
     if true is None or false is None:
         return True

@@ -1,0 +1,32 @@
+"""When an attack acts, by its schedule; chance comes from the seed, so that it can be asked again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from advpipe.pipeline.scenario.attacks import NS_PER_S, AttackSpec
+from advpipe.pipeline.seeding import named_generator
+
+Acting = Callable[[int], bool]
+"""Whether an attack acts at a time in nanoseconds."""
+
+
+def acting_on_messages(spec: AttackSpec, start_ns: int, seed: int) -> Acting:
+    """Of an attack on messages: asked again, the answer is the same. start_ns: when the bag begins."""
+    no_chance = np.random.default_rng(0)
+
+    def acts(time_ns: int) -> bool:
+        rng = no_chance
+        if spec.schedule.kind == "random":
+            rng = named_generator(seed, "attack", spec.type, spec.seed_name, "schedule", time_ns)
+        return spec.schedule.active((time_ns - start_ns) / NS_PER_S, rng)
+
+    return acts
+
+
+def acting_on_fixes(spec: AttackSpec, victim: str, start_ns: int, seed: int) -> Acting:
+    """Of an attack on a receiver: asked once for each genuine fix, in their order."""
+    chance = named_generator(seed, "attack", spec.type, spec.seed_name, victim, "schedule")
+    return lambda time_ns: spec.schedule.active((time_ns - start_ns) / NS_PER_S, chance)
