@@ -22,6 +22,7 @@ from advpipe.pipeline.bag.topics import (
     RawMessage,
     VehicleTopics,
 )
+from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.verify.subject import Bag
 from advpipe.stages.verify.tables import rows
 
@@ -40,6 +41,23 @@ class Attacked:
         families = {_family(str(one.get("type", ""))) for one in self.attacks}
         self.has_clouds = "lidar" in families
         self.has_messages = bool(families - {"lidar"})
+
+    @cached_property
+    def message_specs(self) -> tuple[AttackSpec, ...]:
+        """The attacks on messages and fixes; ValueError where they are none of this version."""
+        known = [{key: one[key] for key in AttackSpec.model_fields.keys() & one} for one in self.attacks]
+        specs = (AttackSpec.model_validate(one) for one in known if _family(str(one.get("type"))) != "lidar")
+        return tuple(specs)
+
+    @property
+    def seed(self) -> int:
+        return int(self.bag.provenance["seed"])
+
+    @cached_property
+    def start_ns(self) -> int:
+        """When the clean bag begins: what schedules count from."""
+        times_ns = (self.clean.log_times_ns(name) for name in self.clean.topics)
+        return min((int(one[0]) for one in times_ns if len(one)), default=0)
 
     def table(self, name: str) -> Path:
         return self.bag.path / name

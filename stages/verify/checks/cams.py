@@ -1,62 +1,33 @@
-"""Whether labels of V2X messages tell exactly which were changed, and what they say now."""
+"""Whether labels of V2X messages tell exactly what was done to which of them, by whom and when."""
 
 from __future__ import annotations
 
-import hashlib
-import math
+import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
-from typing import Any, NamedTuple
 
-from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import V2X_SENT
 from advpipe.pipeline.bag.v2x import sent_of_message
-from advpipe.pipeline.v2x.cam import Cam
-from advpipe.pipeline.v2x.cam_error import CamError
-from advpipe.pipeline.v2x.cam_tree import decode_cam
+from advpipe.pipeline.v2x.cam_values import FIELDS
 from advpipe.stages.verify.checks.attacked import MESSAGE_LABELS, Attacked
 from advpipe.stages.verify.checks.base import BagCheck
-from advpipe.stages.verify.result import Fault, Result
-from advpipe.stages.verify.tables import rows
-
-_FIELDS = (
-    *("station_id", "station_type", "generation_delta_time_ms", "latitude_deg", "longitude_deg"),
-    *("altitude_m", "heading_rad", "speed_mps", "length_m", "width_m", "yaw_rate_radps"),
-    *("longitudinal_acceleration_mps2", "curvature_per_m", "acceleration_control"),
-)
-"""What labels repeat of a CAM, under `false_...` as it is now; `true_...` of a changed one is as it was."""
+from advpipe.stages.verify.ledger import Ledger
+from advpipe.stages.verify.liars import Liars
+from advpipe.stages.verify.message_labels import NEWER, MessageLabels
+from advpipe.stages.verify.result import Fault, Gap, Result
+from advpipe.stages.verify.tables import flat_columns, rows
 
 _COLUMNS = (
-    *("number", "station_id", "action", "time_ns", "sent_ns"),
-    *(f"{kind}_{name}" for kind in ("true", "false") for name in _FIELDS),
+    *("number", "station_id", "time_ns", "sent_ns", "attack", "attacker", "sender", "action", "mattered"),
+    *(f"{kind}_{name}" for kind in ("true", "false") for name in ("x_m", "y_m", *FIELDS)),
 )
-_Values = tuple[Any, ...]
-
-
-class _Message(NamedTuple):
-    """A message of /v2x/sent: who sent it, when, and a digest of its bytes."""
-
-    station_id: int
-    request_ns: int
-    digest: bytes
-
-
-class _Label(NamedTuple):
-    """The last row about a message, and whether one of them says that it was added."""
-
-    action: str
-    station_id: int
-    time_ns: int
-    sent_ns: int | None
-    true: _Values
-    false: _Values
-    is_added: bool
 
 
 class Cams(BagCheck):
-    """All that was sent, in both bags, by the number of the message.
+    """All that was sent, in both bags, by the number of the message: see `message_labels`.
 
-    Memory holds some 100 bytes of each message, and 1 kB of each label.
+    What vehicles heard of it, their maps and the statistics are not made again.
     """
 
     def check(self) -> Iterator[Result]:
@@ -64,95 +35,56 @@ class Cams(BagCheck):
             return
         attacked = Attacked(self.bag, self.bag.parent)
         path = attacked.table(MESSAGE_LABELS)
-        where, topic = self.bag.subject.place(path), f"{self.bag.place} {V2X_SENT.name}"
+        where = self.bag.subject.place(path)
         if V2X_SENT.name not in attacked.clean.topics or not attacked.has_messages:
             return
         if not path.is_file():
             yield Fault(where, "is missing, though messages were attacked")
             return
-        labels = _labels(path)
-        reacts = any(one.get("dcc_reacts") for one in attacked.attacks)
-        clean: dict[int, _Message] = {}
-        for number, (was, payload) in _sent(attacked.clean):
-            clean[number] = was
-            yield from (Fault(where, what) for what in _untrue(number, labels.get(number), was, payload))
-        for number, (now, payload) in _sent(attacked.adversarial):
-            before, label = clean.pop(number, None), labels.pop(number, None)
-            if label is None:
-                if before != now:
-                    yield Fault(topic, f"message {number} is not that of the clean bag, and has no label")
-                continue
-            is_new = before != now
-            if is_new == (label.action == "corrupt"):
-                yield Fault(where, f"message {number} is labelled {label.action}, which it is not")
-            elif label.is_added != (before is None):
-                yield Fault(where, f"message {number} is labelled {label.action}; the clean bag disagrees")
-            elif label.station_id != now.station_id:
-                yield Fault(where, f"message {number} is from {now.station_id}, not {label.station_id}")
-            elif label.sent_ns != now.request_ns:
-                yield Fault(where, f"message {number} was sent at {now.request_ns} ns, not {label.sent_ns}")
-            elif wrong := _wrong_field(label.false, payload):
-                yield Fault(where, f"message {number} does not say what false_{wrong} tells")
-        for number, was in clean.items():
-            gone = labels.pop(number, None)
-            if gone is not None and gone.station_id != was.station_id:
-                yield Fault(where, f"message {number} was from {was.station_id}, not {gone.station_id}")
-            if (gone is None or gone.sent_ns is not None) and not reacts:
-                yield Fault(topic, f"message {number} of the clean bag is missing, and no label says so")
-        for number, label in labels.items():
-            if not label.is_added or (label.sent_ns is not None and not reacts):
-                yield Fault(where, f"tells of a message {number} that neither bag holds")
-
-
-def _labels(path: Path) -> dict[int, _Label]:
-    """The last row about each message."""
-    labels: dict[int, _Label] = {}
-    for row in rows(path, _COLUMNS):
-        number = row["number"]
-        is_added = row["action"] == "added" or (number in labels and labels[number].is_added)
-        true, false = (tuple(row[f"{kind}_{name}"] for name in _FIELDS) for kind in ("true", "false"))
-        labels[number] = _Label(
-            row["action"], row["station_id"], row["time_ns"], row["sent_ns"], true, false, is_added
+        yield Gap(
+            self.bag.place, "what was heard of attacked messages, maps and statistics are not made again"
         )
-    return labels
+        try:
+            with closing(Ledger()) as ledger:
+                yield from self._compare(attacked, path, ledger)
+        except sqlite3.OperationalError as error:  # a full disk
+            yield Gap(where, f"not compared, as temporary files have no room: {error}")
+        except sqlite3.Error:
+            yield Fault(where, "numbers messages as no bag does")
 
-
-def _untrue(number: int, label: _Label | None, was: _Message, payload: bytes) -> Iterator[str]:
-    """What the label of a changed message tells otherwise of the clean bag's."""
-    if label is None or label.action != "changed":
-        return
-    if label.time_ns != was.request_ns:
-        yield f"message {number} was recorded at {was.request_ns} ns, not {label.time_ns}"
-    if wrong := _wrong_field(label.true, payload):
-        yield f"message {number} did not say what true_{wrong} tells"
-
-
-def _sent(reader: BagReader) -> Iterator[tuple[int, tuple[_Message, bytes]]]:
-    if V2X_SENT.name not in reader.topics:
-        return
-    for _, message in reader.messages(V2X_SENT.name):
-        sent = sent_of_message(message)
-        digest = hashlib.blake2b(sent.payload, digest_size=16).digest()
-        yield sent.number, (_Message(sent.station_id, sent.request_ns, digest), sent.payload)
-
-
-def _wrong_field(told: _Values, payload: bytes) -> str:
-    """The first field that a label tells otherwise than the message; "" for none."""
-    try:
-        cam = decode_cam(payload)
-    except CamError:
-        return next((name for name, value in _named(told) if value is not None), "")
-    if cam.roadside is not None:  # which labels leave out
-        return ""
-    return next((name for name, value in _named(told) if not _is_same(value, cam, name)), "")
-
-
-def _named(values: _Values) -> Iterator[tuple[str, Any]]:
-    return zip(_FIELDS, values, strict=True)
-
-
-def _is_same(told: Any, cam: Cam, name: str) -> bool:
-    real = getattr(cam, name)
-    if told is None or real is None:
-        return told is real
-    return told == real or math.isclose(told, real, rel_tol=1e-12)
+    def _compare(self, attacked: Attacked, path: Path, ledger: Ledger) -> Iterator[Result]:
+        where, topic = self.bag.subject.place(path), f"{self.bag.place} {V2X_SENT.name}"
+        liars = Liars(attacked.clean, attacked.message_specs, attacked.start_ns, attacked.seed)
+        for name, reader in (("clean", attacked.clean), ("forged", attacked.adversarial)):
+            for _, message in reader.messages(V2X_SENT.name) if V2X_SENT.name in reader.topics else ():
+                sent = sent_of_message(message)
+                if not ledger.add("clean" if name == "clean" else "forged", sent):
+                    yield Fault(topic, f"the {name} bag has two messages {sent.number}")
+        known = flat_columns(path)
+        newer = [name for name in NEWER if name in known]
+        if strange := [name for name in NEWER if name not in known]:
+            yield Gap(where, f"{' and '.join(strange)}: not as this version writes them")
+        for row in rows(path, (*_COLUMNS, *newer)):
+            ledger.add_label(liars.place(row["attack"], row["station_id"]), row)
+        reacts = any(one.dcc_reacts for one in attacked.message_specs)
+        told = MessageLabels(ledger, liars, reacts)
+        for story in ledger.stories():
+            if story.labels:
+                yield from (
+                    Fault(where, f"message {story.number} {what}") for what in told.first_wrong(story)
+                )
+            elif story.forged is not None and story.forged != story.clean:
+                yield Fault(topic, f"message {story.number} is not that of the clean bag, and has no label")
+            elif (
+                story.clean is not None
+                and story.forged is None
+                and not told.is_held_back(story.clean.station_id)
+            ):
+                yield Fault(
+                    topic, f"message {story.number} of the clean bag is missing, and no label says so"
+                )
+        if told.chained:
+            yield Gap(
+                where,
+                f"what came of {told.chained} messages between several attacks on them is believed",
+            )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -42,12 +42,18 @@ class Copies(BagCheck):
 
     def _compare(self, expected: Iterator[RawMessage], found: Iterator[RawMessage]) -> Iterator[Result]:
         waiting: dict[str, deque[_Copy]] = {}
+        gone: Counter[str] = Counter()
         following = next(expected, None)
         for raw in found:
             while following is not None and following.log_time_ns <= raw.log_time_ns:
-                waiting.setdefault(following.topic.name, deque()).append(self._copy(following))
+                name, copy = following.topic.name, self._copy(following)
+                queue = waiting.setdefault(name, deque())
+                queue.append(copy)
+                while queue and 0 < queue[0].log_time_ns < raw.log_time_ns:  # its time has passed
+                    queue.popleft()
+                    gone[name] += 1
                 following = next(expected, None)
-            queue = waiting.get(raw.topic.name)
+            queue = waiting.setdefault(raw.topic.name, deque())
             copy, where = self._copy(raw), f"{self.bag.place} {raw.topic.name}"
             if not queue:
                 yield Fault(where, f"the message at {raw.log_time_ns} ns is not in the clean bag")
@@ -61,11 +67,13 @@ class Copies(BagCheck):
             else:
                 queue.popleft()
                 yield Fault(where, f"the message at {raw.log_time_ns} ns is not that of the clean bag")
-        for message in [following, *expected] if following is not None else []:
-            waiting.setdefault(message.topic.name, deque()).append(self._copy(message))
-        for name, queue in waiting.items():
-            if queue:
-                yield Fault(f"{self.bag.place} {name}", f"{len(queue)} messages of the clean bag are missing")
+        while following is not None:
+            gone[following.topic.name] += 1
+            following = next(expected, None)
+        gone.update({name: len(queue) for name, queue in waiting.items()})
+        for name, count in sorted(gone.items()):
+            if count:
+                yield Fault(f"{self.bag.place} {name}", f"{count} messages of the clean bag are missing")
 
     def _copy(self, raw: RawMessage) -> _Copy:
         digest = hashlib.blake2b(raw.cdr, digest_size=16).digest()

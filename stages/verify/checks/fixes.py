@@ -3,22 +3,42 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
 
 from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.recorded_filter import read_filter
 from advpipe.pipeline.bag.topics import VehicleTopics
+from advpipe.pipeline.bag.types import serialise
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.localisation.gnss import squared_sigmas
+from advpipe.pipeline.scenario.acting import Acting, acting_on_fixes
+from advpipe.pipeline.v2x.effect import fix_matters
 from advpipe.stages.verify.checks.attacked import FIX_LABELS, Attacked
 from advpipe.stages.verify.checks.base import BagCheck
-from advpipe.stages.verify.result import Fault, Result
+from advpipe.stages.verify.ledger import Row
+from advpipe.stages.verify.liars import victims
+from advpipe.stages.verify.result import Fault, Gap, Result
 from advpipe.stages.verify.tables import rows
 
 _PLACE = ("latitude_deg", "longitude_deg", "altitude_m")
+_OFFSETS = ("offset_east_m", "offset_north_m", "offset_up_m")
+ROUNDING = 1e-6
+"""In metres, and of an offset: degrees are rounded."""
 
 
 class Fixes(BagCheck):
-    """Fix by fix, in both bags. Those after a vehicle's last estimate have no label and must be as before."""
+    """Fix by fix, in both bags. Those after a vehicle's last estimate have no label and must be as before.
+
+    All columns are compared: with the bags, with the schedules of the attacks that the bag names (`attack`),
+    and with the rules by which they are made (`squared_sigmas`, `mattered`). The victim's filter does not run
+    again: its odometry and /tf are believed.
+    """
 
     def check(self) -> Iterator[Result]:
         if not self.bag.is_attack or self.bag.parent is None:
@@ -27,38 +47,109 @@ class Fixes(BagCheck):
         path = attacked.table(FIX_LABELS)
         if not path.is_file():
             return
-        by_vehicle: dict[str, Iterator[tuple[Any, Any]]] = {}
         where = self.bag.subject.place(path)
+        yield Gap(self.bag.place, "odometry and /tf of those whose GPS is attacked are not made again")
+        geodesy, strikes = (
+            read_filter(attacked.clean).geodesy,
+            victims(attacked.clean, attacked.message_specs),
+        )
+        found: dict[str, _Receiver] = {}
         for row in rows(path):
             vehicle = row["vehicle"]
-            if vehicle not in by_vehicle:
-                topic = VehicleTopics(vehicle).gnss_fix.name
-                pair = (_fixes(reader, topic) for reader in (attacked.clean, attacked.adversarial))
-                by_vehicle[vehicle] = zip(*pair, strict=False)
-            clean, false = next(by_vehicle[vehicle], (None, None))
-            if clean is None or false is None:
-                yield Fault(where, f"tells of a fix {row['fix']} of {vehicle} that the bags do not hold")
+            if vehicle not in strikes:
+                yield Fault(where, f"tells of fix {row['fix']} of {vehicle}, whose GPS nobody attacks")
                 return
-            stamps = messages.stamp_ns(clean), messages.stamp_ns(false)
-            if set(stamps) != {row["stamp_ns"]}:
-                yield Fault(where, f"fix {row['fix']} of {vehicle} has another stamp than is told")
-            for kind, fix in (("true", clean), ("false", false)):
-                if [row[f"{kind}_{name}"] for name in _PLACE] != _place(fix):
-                    yield Fault(where, f"fix {row['fix']} of {vehicle} is not where {kind}_... tells")
-            if row["attack"] is None and _place(clean) != _place(false):
-                yield Fault(where, f"fix {row['fix']} of {vehicle} was changed, and no attack is told")
-        for vehicle, rest in by_vehicle.items():
-            if any(_place(clean) != _place(false) for clean, false in rest):
+            if vehicle not in found:
+                attacks = [
+                    (spec.type, acting_on_fixes(spec, vehicle, attacked.start_ns, attacked.seed))
+                    for spec in strikes[vehicle]
+                ]
+                readers = attacked.clean, attacked.adversarial
+                found[vehicle] = _Receiver(vehicle, geodesy, attacks, _pairs(readers, vehicle))
+            what = next(found[vehicle].wrong(row), None)
+            if what is not None:
+                yield Fault(where, f"fix {row['fix']} of {vehicle} {what}")
+        for vehicle, receiver in found.items():
+            if any(_place(clean) != _place(false) for _, clean, false in receiver.pairs):
                 yield Fault(where, f"fixes of {vehicle} were changed and are not told")
 
 
-def _fixes(reader: BagReader, topic: str) -> Iterator[Any]:
-    return (message for _, message in reader.messages(topic)) if topic in reader.topics else iter(())
+@dataclass
+class _Receiver:
+    """A victim's fixes in both bags, each with its log time, and the attacks on it by their words."""
+
+    vehicle: str
+    geodesy: Geodesy
+    attacks: Sequence[tuple[str, Acting]]
+    pairs: Iterator[tuple[int, Any, Any]]
+    count: int = 0
+
+    def wrong(self, row: Row) -> Iterator[str]:
+        """What the label of the next fix tells otherwise than it is."""
+        time_ns, clean, false = next(self.pairs, (0, None, None))
+        if clean is None or false is None:
+            yield "is not in the bags"
+            return
+        genuine, told = _place(clean), _place(false)
+        # Chance is drawn for each fix of each attack, whichever is on.
+        on = [word for word, acts in self.attacks if genuine is not None and acts(time_ns)]
+        self.count += 1
+        if row["fix"] != self.count - 1:
+            yield f"is number {self.count - 1}"
+        if {messages.stamp_ns(clean), messages.stamp_ns(false)} != {row["stamp_ns"]}:
+            yield "has another stamp than is told"
+        for kind, place in (("true", genuine), ("false", told)):
+            if [row[f"{kind}_{name}"] for name in _PLACE] != (
+                place if place is not None else [None, None, None]
+            ):
+                yield f"is not where {kind}_... tells"
+        if row["attack"] != (on[-1] if on else None):
+            yield f"is attacked by {on[-1] if on else 'nobody'}, not {row['attack'] or 'nobody'}"
+        if not on and genuine != told:
+            yield "was changed, and no attack was on"
+        if told is not None and genuine is not None and not _is_else_same(clean, false):
+            yield "says something else than another place"
+        yield from self._offset(row, genuine, told, clean)
+
+    def _offset(
+        self, row: Row, genuine: list[float] | None, told: list[float] | None, clean: Any
+    ) -> Iterator[str]:
+        """The columns that follow from where it was and where it is."""
+        offsets = [row[name] for name in _OFFSETS]
+        if told is None or genuine is None:
+            if any(value is not None for value in (*offsets, row["squared_sigmas"])):
+                yield "has no offset, and one is told"
+            if row["mattered"] is not (genuine is not None):
+                yield f"mattered: {row['mattered']} is told, the rule says {not row['mattered']}"
+            return
+        offset_m: Float64 = np.array([math.nan if value is None else value for value in offsets])
+        real_m = self.geodesy.to_map(told) - self.geodesy.to_map(genuine)
+        if not np.allclose(offset_m, real_m, rtol=ROUNDING, atol=ROUNDING):
+            yield f"is off by {real_m.round(6).tolist()} m, not {offsets}"
+            return
+        squared = squared_sigmas(offset_m, np.array(clean.position_covariance, np.float64).reshape(3, 3))
+        if not math.isclose(squared, row["squared_sigmas"] or 0.0, rel_tol=ROUNDING):
+            yield f"is off by {squared:g} squared sigmas, not {row['squared_sigmas']}"
+        if row["mattered"] is not fix_matters(*offset_m.tolist()):
+            yield f"mattered: {row['mattered']} is told, the rule says {not row['mattered']}"
 
 
-def _place(fix: Any) -> list[float | None]:
-    """Latitude, longitude and altitude; None for each where there is no fix."""
+def _pairs(readers: tuple[BagReader, BagReader], vehicle: str) -> Iterator[tuple[int, Any, Any]]:
+    """Log time in the clean bag, and the fix in either bag."""
+    topic = VehicleTopics(vehicle).gnss_fix.name
+    clean, false = (reader.messages(topic) if topic in reader.topics else iter(()) for reader in readers)
+    return ((time_ns, was, now) for (time_ns, was), (_, now) in zip(clean, false, strict=False))
+
+
+def _place(fix: Any) -> list[float] | None:
+    """Latitude, longitude and altitude; None where there is no fix."""
     values = [fix.latitude, fix.longitude, fix.altitude]
     if fix.status.status < 0 or not all(map(math.isfinite, values)):
-        return [None, None, None]
+        return None
     return values
+
+
+def _is_else_same(clean: Any, false: Any) -> bool:
+    kind = VehicleTopics().gnss_fix.type
+    back = replace(false, latitude=clean.latitude, longitude=clean.longitude, altitude=clean.altitude)
+    return serialise(back, kind) == serialise(clean, kind)

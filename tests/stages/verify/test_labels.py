@@ -2,18 +2,138 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
-from found_checks import checks_of
 
+from advpipe.pipeline.scenario.attacks import attack_spec
+from advpipe.stages.attack.run import AttackRequest, attack
+from advpipe.stages.verify.checks.base import BagCheck
+from advpipe.stages.verify.checks.cams import Cams
+from advpipe.stages.verify.checks.fixes import Fixes
+from advpipe.stages.verify.result import Fault
 from advpipe.stages.verify.run import verify
+from advpipe.stages.verify.subject import find_subject
 
 POINTS, FRAMES = "labels.parquet", "frames.parquet"
 CAMS, FIXES = "v2x_labels.parquet", "gnss_labels.parquet"
+Attacks = list[dict[str, Any]]
+
+
+def faults(bag: Path, check: type[BagCheck], change: Callable[[Attacks], None] | None = None) -> list[str]:
+    """What one check finds. change: of the attacks that the bag names."""
+    (subject,) = find_subject(bag).bags
+    if change is not None:
+        attacks = json.loads(subject.provenance["attacks"])
+        change(attacks)
+        subject.provenance["attacks"] = json.dumps(attacks)
+    return [found.what for found in check(subject).check() if isinstance(found, Fault)]
+
+
+def other(value: Any, kind: pa.DataType) -> Any:
+    if pa.types.is_boolean(kind):
+        return not value
+    if pa.types.is_string(kind):
+        return f"{value or ''}x"
+    return 1 if value is None else value + 1
+
+
+def with_other_values(path: Path, check: type[BagCheck]) -> dict[str, list[str]]:
+    """By column, what is found where a row in the middle has another value there; as it was in the end."""
+    original, found = pq.read_table(path), {}
+    for index, field in enumerate(original.schema):
+        values = original.column(index).to_pylist()
+        values[len(values) // 2] = other(values[len(values) // 2], field.type)
+        pq.write_table(original.set_column(index, field, pa.array(values, field.type)), path)
+        found[field.name] = faults(path.parent, check)
+    pq.write_table(original, path)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("bag", "table", "check"),
+    [
+        *(("cam", CAMS, Cams), ("delay", CAMS, Cams), ("dos", CAMS, Cams), ("gnss", CAMS, Cams)),
+        ("gnss", FIXES, Fixes),
+    ],
+)
+def test_each_column(data_set: Path, bag: str, table: str, check: type[BagCheck]) -> None:
+    """One wrong value is one finding; a wrong number is about two messages."""
+    assert faults(data_set / bag, check) == []
+    found = with_other_values(data_set / bag / table, check)
+    assert {name for name, lines in found.items() if len(lines) != 1} <= {"number"}
+    assert len(found.get("number", [""] * 2)) == 2
+    assert faults(data_set / bag, check) == []
+
+
+def test_several_attacks_on_one_message(data_set: Path) -> None:
+    """Each attacker is late, and heads the other way or is longer: labels are followed in that order."""
+    specs = (
+        {
+            "type": "cam-delay",
+            "parameters": {"delay_min_s": 0.05, "delay_max_s": 0.4},
+            "attackers": {"share": 0.6},
+        },
+        {
+            "type": "cam-mix",
+            "parameters": {"attacks": "cam-heading-reversed,cam-dimensions"},
+            "attackers": {"share": 0.6},
+        },
+    )
+    bag = data_set / "two"
+    attack(data_set / "clean", bag, AttackRequest(tuple(map(attack_spec, specs))), workers=1)
+    numbers = pq.read_table(bag / CAMS)["number"].to_pylist()
+    assert len(set(numbers)) < len(numbers)
+    assert faults(bag, Cams) == []
+    found = with_other_values(bag / CAMS, Cams)
+    assert all(found[name] for name in ("attack", "part", "attacker", "sender", "fields", "mattered"))
+
+    def other_mix(attacks: Attacks) -> None:
+        attacks[1]["parameters"]["attacks"] = "cam-dimensions"
+
+    assert "is not by part 'cam-heading-reversed' of cam-mix" in " ".join(faults(bag, Cams, other_mix))
+    what = " ".join(gap.what for gap in verify(bag).unchecked)
+    assert "between several attacks on them is believed" in what
+
+
+def later(attacks: Attacks) -> None:
+    attacks[0]["schedule"]["from_s"] = 0.5
+
+
+def by_others(attacks: Attacks) -> None:
+    attacks[0]["attackers"] = {"vehicles": ["ego"], "share": None, "roadside_unit": None}
+
+
+@pytest.mark.parametrize(
+    ("bag", "check", "change", "words"),
+    [
+        ("cam", Cams, later, "when cam-position-offset was not on"),
+        ("delay", Cams, later, "when cam-delay was not on"),
+        ("cam", Cams, by_others, "whose messages cam-position-offset does not touch"),
+        ("gnss", Fixes, later, "is attacked by nobody, not gnss-bias"),
+    ],
+)
+def test_labels_of_another_attack(
+    data_set: Path, bag: str, check: type[BagCheck], change: Callable[[Attacks], None], words: str
+) -> None:
+    """The bag names attackers, or a time, that labels do not keep to."""
+    assert words in " ".join(faults(data_set / bag, check, change))
+
+
+def test_labels_as_older_versions_wrote_them(data_set: Path) -> None:
+    path = data_set / "cam" / CAMS
+    table = pq.read_table(path).drop_columns(["part"])
+    words = pa.array([text.split(",") for text in table["fields"].to_pylist()])
+    pq.write_table(table.set_column(table.column_names.index("fields"), "fields", words), path)
+    assert faults(path.parent, Cams) == []
+    unchecked = " ".join(gap.what for gap in verify(path.parent).unchecked)
+    assert "part and fields: not as this version writes them" in unchecked
 
 
 @pytest.mark.parametrize(
@@ -22,17 +142,8 @@ CAMS, FIXES = "v2x_labels.parquet", "gnss_labels.parquet"
         ("detach", POINTS, ("point", "frame"), "points"),
         ("attach", POINTS, ("displacement_m",), "points"),
         ("attach", FRAMES, ("points_adversarial", "stamp_ns", "frame"), "points"),
-        ("cam", CAMS, ("number", "station_id", "time_ns", "sent_ns"), "cams"),
-        ("cam", CAMS, ("true_latitude_deg", "true_station_id", "false_longitude_deg"), "cams"),
-        ("cam", CAMS, ("false_curvature_per_m", "false_acceleration_control"), "cams"),
-        ("delay", CAMS, ("number", "station_id"), "cams"),
-        ("dos", CAMS, ("number", "false_speed_mps"), "cams"),
-        (
-            "gnss",
-            FIXES,
-            ("stamp_ns", "true_latitude_deg", "false_longitude_deg", "false_altitude_m"),
-            "fixes",
-        ),
+        ("cam", CAMS, ("number", "false_acceleration_control"), "cams"),
+        ("gnss", FIXES, ("stamp_ns",), "fixes"),
     ],
 )
 def test_another_number(data_set: Path, bag: str, table: str, columns: tuple[str, ...], check: str) -> None:
@@ -49,7 +160,7 @@ def test_another_number(data_set: Path, bag: str, table: str, columns: tuple[str
         found = verify(data_set / bag).findings
         assert {finding.check for finding in found} == {"beside", check}, name
     pq.write_table(original, path)
-    assert checks_of(data_set / bag) <= {"beside"}
+    assert {finding.check for finding in verify(data_set / bag).findings} <= {"beside"}
 
 
 @pytest.mark.parametrize(
@@ -63,7 +174,7 @@ def test_a_row_that_is_missing(data_set: Path, bag: str, table: str, check: str)
     path = data_set / bag / table
     rows = pq.read_table(path)
     pq.write_table(rows.slice(0, len(rows) - 1), path)
-    assert checks_of(data_set / bag) == {"beside", check}
+    assert {finding.check for finding in verify(data_set / bag).findings} == {"beside", check}
 
 
 def test_another_action(data_set: Path) -> None:
@@ -73,4 +184,4 @@ def test_another_action(data_set: Path) -> None:
     index = rows.column_names.index("action")
     moved = pc.if_else(pc.equal(pc.cast(rows["action"], pa.string()), "removed"), "moved", "added")
     pq.write_table(rows.set_column(index, "action", moved), path)
-    assert checks_of(data_set / "detach") == {"beside", "points"}
+    assert {finding.check for finding in verify(data_set / "detach").findings} == {"beside", "points"}

@@ -1,0 +1,111 @@
+"""All that was sent in two bags, and what labels tell of it, brought together by number."""
+
+from __future__ import annotations
+
+import heapq
+import json
+import sqlite3
+from collections.abc import Iterator
+from itertools import groupby
+from operator import itemgetter
+from typing import Any, Literal, NamedTuple
+
+from advpipe.pipeline.v2x.air import Sent
+
+Row = dict[str, Any]
+
+
+class Message(NamedTuple):
+    """A message of /v2x/sent: who sent it, when, and its bytes."""
+
+    station_id: int
+    request_ns: int
+    payload: bytes
+
+
+class Story(NamedTuple):
+    """One message in the clean and in the adversarial bag, None where it is not there, and its labels."""
+
+    number: int
+    clean: Message | None
+    forged: Message | None
+    labels: list[Row]
+
+
+class Ledger:
+    """Lies in a file of SQLite's own, where temporary files go: memory holds a few pages of it.
+
+    Numbers lie in no order in bags, once messages are delayed and added. Raises sqlite3.Error where there is
+    no room, OverflowError for a number that no bag of ours has.
+    """
+
+    def __init__(self) -> None:
+        self._database = sqlite3.connect("", isolation_level=None)
+        for line in (
+            "PRAGMA journal_mode = OFF",
+            *(
+                f"CREATE TABLE {name} "
+                "(number INTEGER PRIMARY KEY, station_id INTEGER, request_ns INTEGER, payload BLOB)"
+                for name in ("clean", "forged")
+            ),
+            "CREATE INDEX of_station ON clean (station_id, request_ns)",
+            "CREATE TABLE labels (number INTEGER, place INTEGER, line INTEGER, row TEXT, "
+            "PRIMARY KEY (number, place, line)) WITHOUT ROWID",
+            "BEGIN",
+        ):
+            self._database.execute(line)
+        self._lines = 0
+
+    def close(self) -> None:
+        self._database.close()
+
+    def add(self, bag: Literal["clean", "forged"], sent: Sent) -> bool:
+        """Whether it was the first of its number."""
+        values = sent.number, sent.station_id, sent.request_ns, sent.payload
+        return self._database.execute(f"INSERT OR IGNORE INTO {bag} VALUES (?, ?, ?, ?)", values).rowcount > 0
+
+    def add_label(self, place: int, row: Row) -> None:
+        """Labels of a message come by their places, and of one place as they were added."""
+        self._lines += 1
+        values = row["number"], place, self._lines, json.dumps(row)
+        self._database.execute("INSERT INTO labels VALUES (?, ?, ?, ?)", values)
+
+    def last_of(self, station_id: int, until_ns: int) -> bytes | None:
+        """What a station last said in the clean bag by then."""
+        found = self._database.execute(
+            "SELECT payload FROM clean WHERE station_id = ? AND request_ns <= ? "
+            "ORDER BY request_ns DESC, number DESC LIMIT 1",
+            (station_id, until_ns),
+        ).fetchone()
+        return None if found is None else bytes(found[0])
+
+    def stories(self) -> Iterator[Story]:
+        """By number."""
+        execute = self._database.execute
+        columns = "number, station_id, request_ns, payload"
+        merged = heapq.merge(
+            (
+                (row[0], 0, Message(*row[1:]))
+                for row in execute(f"SELECT {columns} FROM clean ORDER BY number")
+            ),
+            (
+                (row[0], 1, Message(*row[1:]))
+                for row in execute(f"SELECT {columns} FROM forged ORDER BY number")
+            ),
+            (
+                (number, 2, json.loads(text))
+                for number, text in execute("SELECT number, row FROM labels ORDER BY number, place, line")
+            ),
+            key=itemgetter(0),
+        )
+        for number, parts in groupby(merged, itemgetter(0)):
+            clean = forged = None
+            labels: list[Row] = []
+            for _, kind, part in parts:
+                if kind == 0:
+                    clean = part
+                elif kind == 1:
+                    forged = part
+                else:
+                    labels.append(part)
+            yield Story(number, clean, forged, labels)

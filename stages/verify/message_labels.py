@@ -1,0 +1,211 @@
+"""Whether the labels of a message tell what happened to it between the clean and the adversarial bag."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+from typing import NamedTuple
+
+from advpipe.pipeline.v2x.cam_values import FIELDS, Values, changed_fields, places_m, values_of_payload
+from advpipe.pipeline.v2x.effect import WHATEVER_THEY_SAY, matters
+from advpipe.stages.verify.ledger import Ledger, Message, Row, Story
+from advpipe.stages.verify.liars import Liars
+
+ACTIONS = ("added", "changed", "delayed", "dropped", "corrupt")
+NEWER = ("part", "fields")
+"""Columns that older versions left out, or wrote as lists."""
+
+ROUNDING_M = 1e-6
+"""Between two machines' projections."""
+
+_AXES = ("x_m", "y_m")
+_BYTES = ("changed", "corrupt")
+
+
+class _State(NamedTuple):
+    """A message between two attacks: who sends it, when, and what it says."""
+
+    station_id: int
+    request_ns: int
+    values: Values | None
+
+
+@dataclass
+class MessageLabels:
+    """Follows each message from the clean bag through its labels, one an attack, to the adversarial bag.
+
+    All columns are compared: with the bags (`station_id`, `time_ns`, `sent_ns`, `action`, `true_...`,
+    `false_...`), with the attacks that the bag names (`attack`, `attacker`, `sender`, `part`, and whether the
+    attack was on at that time), and with the rules by which they are made (`fields`, `mattered`). What
+    cannot be known is believed: which of two attacks of one name and sender touched a message; what it said
+    before the last of several attacks; what it says where congestion control held it back; whether chance, or
+    pauses, had a GPS attack on within its span.
+
+    reacts: whether congestion control may have held messages back. chained: how many were changed by several
+    attacks.
+    """
+
+    ledger: Ledger
+    liars: Liars
+    reacts: bool
+    chained: int = 0
+
+    def is_held_back(self, station_id: int) -> bool:
+        """Whether a message of this station may be missing without a label."""
+        return self.reacts and station_id not in self.liars.attackers
+
+    def first_wrong(self, story: Story) -> Iterator[str]:
+        """What is wrong first with the labels of a message, if anything."""
+        self.chained += len(story.labels) > 1
+        return islice(self._wrong(story), 1)
+
+    def _wrong(self, story: Story) -> Iterator[str]:
+        recorded = before = None if story.clean is None else _state(story.clean)
+        is_late = False
+        for row in story.labels:
+            origin = before
+            if row["action"] == "changed" and recorded is not None:
+                # What was delayed into another step is judged by what it was then.
+                origin = before if is_late and row["time_ns"] != recorded.request_ns else recorded
+            yield from _action(row, before, story.forged)
+            yield from self._who(row, before)
+            yield from _times(row, origin)
+            yield from _values(row, "true", self._honest(row, origin))
+            is_late |= row["action"] == "delayed"
+            after = None if row["action"] == "dropped" else _after(row)
+            if after is None:
+                yield from _values(row, "false", None)
+            if row is story.labels[-1]:
+                yield from self._end(story, after)
+            elif after is None:
+                yield "is labelled again after it was dropped"
+            yield from self._places(row)
+            yield from self._judged(row, before)
+            before = after
+
+    def _who(self, row: Row, before: _State | None) -> Iterator[str]:
+        """Sender, attack, attacker, part, and whether the attack was on."""
+        number, name = row["station_id"], row["attack"]
+        sender = self.liars.names.get(number, "")
+        if row["sender"] != sender:
+            yield f"is from {sender or 'nobody'}, not {row['sender']}"
+        named = self.liars.named(name)
+        if not named:
+            yield f"is labelled {name}, which is none of the bag's attacks"
+        liars = [one for one in named if number in one.senders]
+        if not liars:
+            yield f"is from {sender}, whose messages {name} does not touch"
+        if row["attacker"] not in {sender if one.is_sender else "" for one in liars}:
+            yield f"is not by {row['attacker'] or 'nobody'}, as its attacker says"
+        liars = [
+            one for one in liars if row.get("part", "") == one.parts.get(number, "") or "part" not in row
+        ]
+        if not liars:
+            yield f"is not by part {row['part']!r} of {name}"
+        time_ns = row["time_ns"] if before is None else before.request_ns
+        if not any(one.acts(time_ns) for one in liars):
+            yield f"was touched at {time_ns} ns, when {name} was not on"
+
+    def _honest(self, row: Row, origin: _State | None) -> Values | None:
+        """What an honest one would have said: of a new or late one, the last of who it claims to be."""
+        if row["action"] not in ("added", "delayed"):
+            return None if origin is None else origin.values
+        station_id = row["false_station_id"]
+        payload = None if station_id is None else self.ledger.last_of(station_id, row["sent_ns"])
+        return None if payload is None else values_of_payload(payload)
+
+    def _end(self, story: Story, told: _State | None) -> Iterator[str]:
+        """Whether the adversarial bag holds what the last label tells."""
+        row, clean, forged = story.labels[-1], story.clean, story.forged
+        if forged is None:
+            if told is not None and not self.is_held_back(told.station_id):
+                yield "is missing, and no label says that it was dropped"
+            return
+        if told is None:
+            yield "is labelled dropped, and was sent"
+            return
+        if told.request_ns != forged.request_ns:
+            yield f"was sent at {forged.request_ns} ns, not {told.request_ns}"
+        is_same = clean is not None and clean.payload == forged.payload
+        if len(story.labels) == 1 and is_same == (row["action"] == "changed") and row["action"] in _BYTES:
+            yield f"is labelled {row['action']}, which it is not"
+        yield from _values(row, "false", values_of_payload(forged.payload))
+
+    def _places(self, row: Row) -> Iterator[str]:
+        """x and y, which follow from latitude and longitude."""
+        expected_m = places_m(self.liars.geodesy, [_told(row, "true"), _told(row, "false")])
+        for kind, place_m in zip(("true", "false"), expected_m.T.tolist(), strict=True):
+            for axis, value_m in zip(_AXES, place_m, strict=True):
+                told_m = _number(row[f"{kind}_{axis}"])
+                if math.isnan(told_m) != math.isnan(value_m) or abs(told_m - value_m) > ROUNDING_M:
+                    yield f"is not where {kind}_{axis} tells"
+
+    def _judged(self, row: Row, before: _State | None) -> Iterator[str]:
+        """`fields` and `mattered`, which follow from the other columns."""
+        true, false = _told(row, "true"), _told(row, "false")
+        fields, said = "", None if before is None else before.values
+        if row["action"] == "changed" and said is not None and false is not None:
+            fields = changed_fields(said, false)
+        if row.get("fields", fields) != fields:
+            yield f"has its {fields or 'nothing'} changed, not {row['fields'] or 'nothing'}"
+        mattered = row["action"] == "dropped" or (row.get("part") or row["attack"]) in WHATEVER_THEY_SAY
+        if not mattered:
+            moved_m = math.hypot(*(_number(row[f"true_{a}"]) - _number(row[f"false_{a}"]) for a in _AXES))
+            mattered = matters(true, false, moved_m, self.liars.expiry_s)
+        if row["mattered"] is not (mattered and row["action"] != "corrupt"):
+            yield f"mattered: {row['mattered']} is told, the rule says {not row['mattered']}"
+
+
+def _action(row: Row, before: _State | None, forged: Message | None) -> Iterator[str]:
+    """What happened to it, as far as its being there tells, and from whose radio it is."""
+    action, known = row["action"], before or forged
+    if action not in ACTIONS:
+        yield f"is labelled {action}, which is none of {', '.join(ACTIONS)}"
+    if (action == "added") != (before is None):
+        yield f"is labelled {action}; the clean bag disagrees"
+    if known is None:
+        yield "is told of, and neither bag holds it"
+    elif row["station_id"] != known.station_id:
+        yield f"is from {known.station_id}, not {row['station_id']}"
+    if action == "corrupt" and before is not None and before.values is not None:
+        yield "is labelled corrupt, and is a CAM"
+
+
+def _times(row: Row, origin: _State | None) -> Iterator[str]:
+    action, time_ns, sent_ns = row["action"], row["time_ns"], row["sent_ns"]
+    if (sent_ns is None) != (action == "dropped"):
+        yield f"is labelled {action}, and was sent at {sent_ns} ns"
+    if origin is not None and time_ns != origin.request_ns:
+        yield f"was recorded at {origin.request_ns} ns, not {time_ns}"
+    if action in ("added", "corrupt") and sent_ns != time_ns:
+        yield f"is labelled {action}, recorded at {time_ns} ns and sent at {sent_ns} ns"
+    if action == "delayed" and sent_ns <= time_ns:
+        yield f"is labelled delayed, from {time_ns} ns to {sent_ns} ns"
+
+
+def _values(row: Row, kind: str, said: Values | None) -> Iterator[str]:
+    """The first field that a label tells otherwise than a message."""
+    for name in FIELDS:
+        if row[f"{kind}_{name}"] != (None if said is None else said[name]):
+            yield f"does not say what {kind}_{name} tells"
+
+
+def _state(message: Message) -> _State:
+    return _State(message.station_id, message.request_ns, values_of_payload(message.payload))
+
+
+def _after(row: Row) -> _State:
+    return _State(row["station_id"], row["sent_ns"], _told(row, "false"))
+
+
+def _told(row: Row, kind: str) -> Values | None:
+    """The fields of a label; None where it is of no CAM."""
+    if row[f"{kind}_station_id"] is None:
+        return None
+    return {name: row[f"{kind}_{name}"] for name in FIELDS}
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value
