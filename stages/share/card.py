@@ -54,6 +54,7 @@ class _Attack(NamedTuple):
     name: str
     title: str
     parameters: str
+    aim: str
     seed: str
     frames: str
 
@@ -191,7 +192,27 @@ def _attack(bag: BagFacts) -> _Attack:
     recipe = about.get("recipe", "")
     title = about.get("attack", "unknown") + (f", recipe {recipe}" if recipe else "")
     words = ", ".join(f"{key} {json.dumps(value)}" for key, value in _json(bag, "parameters").items())
-    return _Attack(bag.path.name, title, words, about.get("seed", ""), about.get("frames", ""))
+    aim = "; ".join(_aims(bag))
+    return _Attack(bag.path.name, title, words, aim, about.get("seed", ""), about.get("frames", ""))
+
+
+def _aims(bag: BagFacts) -> Iterator[str]:
+    """Of each attack in a bag: who lies, whom it harms, which detector it looked at, and when it acts."""
+    try:
+        attacks = json.loads(bag.provenance.get("attacks", "[]"))
+    except (ValueError, RecursionError):
+        attacks = []
+    attacks = [one for one in attacks if isinstance(one, Mapping)] if isinstance(attacks, list) else []
+    for one in attacks:
+        facts = {f"attackers' {key}": value for key, value in _part(one, "attackers").items()}
+        facts |= {key: one.get(key) for key in ("victim", "lidar", "detector")}
+        facts |= _part(one, "schedule")
+        told = [f"{key} {_plain(value)}" for key, value in facts.items() if value not in (None, "", [])]
+        yield (f"{one.get('type')}: " if len(attacks) > 1 else "") + ", ".join(told)
+
+
+def _plain(value: object) -> str:
+    return value if isinstance(value, str) else json.dumps(value)
 
 
 def _contents(

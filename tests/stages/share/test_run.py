@@ -105,6 +105,7 @@ def test_the_card_tells_what_is_in_the_bags(recorded: Path, shared: Path) -> Non
         in card
     )
     assert "| detach, recipe random |" in card
+    assert "| attackers' share 0.5, from_s 0.0, kind continuous |" in card
     assert "### Effect on V2X (small)" in card
     assert "A. Author, 2026" in card
     assert str(recorded) not in card
