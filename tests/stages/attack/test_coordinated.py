@@ -90,7 +90,9 @@ def test_three_families_strike_in_the_same_second(drive, tmp_path):
 
 def test_the_shipped_coordinated_attack_strikes_one_victim_at_one_time(drive, tmp_path):
     """The scenario's own attacks, in the second second of a short drive: jam, false GPS, hidden points."""
-    shipped = load_scenario("coordinated", []).attacks["coordinated"]
+    scenario = load_scenario("coordinated", [])
+    shipped = scenario.attacks["coordinated"]
+    assert set(scenario.vehicles) == {"ego", "other"}  # in whose map the victim is where it is not
     assert [spec.type for spec in shipped] == ["cam-sybil-congestion", "gnss-relocate", "detach"]
     assert {(spec.victim, spec.schedule) for spec in shipped} == {("ego", shipped[0].schedule)}
     ours = {"schedule": SPAN}
