@@ -41,8 +41,8 @@ def matters(true: Values | None, false: Values | None, moved_m: float, expiry_s:
     """Whether receivers who believe `false` know something else than with `true`.
 
     None stands for bytes that are no vehicle's CAM. moved_m: how far the positions are apart on the ground;
-    NaN where one of them tells none. expiry_s: how long a Local Dynamic Map keeps a message: one whose time is
-    wrong by more is lost to it. A value that is told in one of them only, or out of range, matters too.
+    NaN where one of them tells none. expiry_s: how long a Local Dynamic Map keeps a message: one whose time
+    is wrong by more is lost to it. A value that is told in one of them only, or out of range, matters too.
     """
     if true is None or false is None:
         return True
