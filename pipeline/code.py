@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import subprocess
 from functools import cache
 from pathlib import Path
 
@@ -35,6 +36,27 @@ def code_sha256(*parts: str) -> str:
         name = source.relative_to(PACKAGE).as_posix()
         digest.update(f"{name}\0{len(text)}\0{text}".encode())
     return digest.hexdigest()
+
+
+@cache
+def source_commit() -> str | None:
+    """The git commit of this package's sources, with a `+` where code differs from it.
+
+    None outside a checkout. A package in site-packages is none, though that folder may lie in one of
+    another project.
+    """
+    if not (PACKAGE / ".git").exists():
+        return None
+    try:
+        commit = _git("rev-parse", "HEAD")
+        return f"{commit}+" if _git("status", "--porcelain", "--", "*.py") else commit
+    except (OSError, subprocess.CalledProcessError):  # no git here, or no commit yet
+        return None
+
+
+def _git(*words: str) -> str:
+    command = ["git", "-C", str(PACKAGE), *words]
+    return subprocess.run(command, check=True, capture_output=True, encoding="utf-8").stdout.strip()
 
 
 def _sources(part: Path) -> list[Path]:

@@ -22,6 +22,7 @@ REPORTING = (
     "pipeline/bag",
     "pipeline/localisation",
     "pipeline/misbehaviour",
+    "pipeline/scenario/attacks.py",
     "pipeline/v2x",
     "stages/evaluate",
 )

@@ -3,11 +3,12 @@
 import ast
 import hashlib
 import shutil
+import subprocess
 
 import pytest
 
 from advpipe.pipeline import code
-from advpipe.pipeline.code import CLOUDS, PACKAGE, code_sha256
+from advpipe.pipeline.code import CLOUDS, PACKAGE, code_sha256, source_commit
 from advpipe.stages.attack.provenance import LIDAR, MESSAGES
 from advpipe.stages.evaluate.provenance import REPORTING, SCORING
 
@@ -24,6 +25,7 @@ NO_FIGURE = {
     "pipeline/code.py",
     "pipeline/hashing.py",
     "pipeline/jobs.py",
+    "pipeline/own_code.py",
     "pipeline/partial.py",
     "pipeline/progress.py",
     "pipeline/scenario/base.py",
@@ -48,8 +50,10 @@ def package(tmp_path, monkeypatch):
     (tmp_path / "b" / "deep" / "c.py").write_text("y\n")
     (tmp_path / "b" / "notes.md").write_text("no code")
     code_sha256.cache_clear()
+    source_commit.cache_clear()
     yield tmp_path
     code_sha256.cache_clear()
+    source_commit.cache_clear()
 
 
 def test_worked_out_by_hand(package):
@@ -69,6 +73,30 @@ def test_any_change_shows(package, change):
     assert code_sha256("a.py", "b") == before  # the code that was loaded
     code_sha256.cache_clear()
     assert code_sha256("a.py", "b") != before
+
+
+def test_the_commit(package):
+    def git(*words):
+        person = ("-c", "user.name=A", "-c", "user.email=a@example.org")
+        subprocess.run(["git", "-C", str(package), *person, *words], check=True, capture_output=True)
+
+    def now():
+        source_commit.cache_clear()
+        return source_commit()
+
+    assert now() is None
+    git("init")
+    assert now() is None
+    git("add", ".")
+    git("commit", "-m", "first")
+    first = now()
+    assert first == (package / ".git/refs/heads").joinpath(_branch(package)).read_text().strip()
+    (package / "a.py").write_text("x = 3\n")
+    assert now() == f"{first}+"
+
+
+def _branch(package):
+    return (package / ".git/HEAD").read_text().strip().removeprefix("ref: refs/heads/")
 
 
 def test_a_part_that_is_none_is_a_mistake(package):

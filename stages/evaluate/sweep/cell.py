@@ -42,7 +42,8 @@ class Cell:
     frames, found_objects, lost_objects: of each frame that was scored, its index in the clean bag, how many
     objects the detector finds in the clean cloud, and how many of those the attack hides.
     map_ratio_draws: of the bootstrap, in percent; cells of the same frames and seed are drawn together.
-    attack_s, evaluate_s: time taken by the run that finished it, wall clock.
+    attack_s, evaluate_s: time taken by the run that finished it, wall clock. commit: of advpipe's sources,
+    by `source_commit`.
     """
 
     budget: str
@@ -56,6 +57,7 @@ class Cell:
     map_ratio_draws: tuple[float | None, ...]
     attack_s: float
     evaluate_s: float
+    commit: str | None = None
 
     @property
     def name(self) -> str:
@@ -63,8 +65,10 @@ class Cell:
         return f"{self.recipe}-{self.budget}"
 
     def figures(self) -> dict[str, Any]:
-        """All of it that comes out alike when the cell is computed again: without the time taken."""
-        return {key: value for key, value in asdict(self).items() if key not in ("attack_s", "evaluate_s")}
+        """All of it that comes out alike when the cell is computed again: without the time taken, and the
+        commit, as most of them leave its code alone."""
+        run = ("attack_s", "evaluate_s", "commit")
+        return {key: value for key, value in asdict(self).items() if key not in run}
 
     def to_json(self) -> str:
         return json.dumps(asdict(self), indent=1, sort_keys=True, allow_nan=False) + "\n"

@@ -68,7 +68,7 @@ def _json(cells: Sequence[Cell], recipes: Sequence[str], command: str) -> str:
 
 
 def provenance(cells: Sequence[Cell]) -> list[dict[str, Any]]:
-    """What made the cells of each recipe: settings, the list of frames, and the bags' checksums."""
+    """What made the cells of each recipe: settings, commits, the list of frames, and the bags' checksums."""
     by_recipe: dict[str, list[Cell]] = {}
     for cell in cells:
         by_recipe.setdefault(cell.recipe, []).append(cell)
@@ -76,6 +76,7 @@ def provenance(cells: Sequence[Cell]) -> list[dict[str, Any]]:
         {
             "recipe": recipe,
             **vars(group[0].settings),
+            "commits": sorted({cell.commit for cell in group if cell.commit}),
             "frame_list": list(group[0].frames),
             "bags_sha256": {cell.budget: cell.bag_sha256 for cell in group},
         }

@@ -12,6 +12,7 @@ import numpy as np
 from advpipe.pipeline.bag.frames import FrameSlice
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.code import source_commit
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
@@ -69,6 +70,7 @@ def scored_cell(
         map_ratio_draws=_draws(comparison.frames, classes, summary.row, settings.seed),
         attack_s=round(attack_s, 1),
         evaluate_s=round(time.perf_counter() - begin_s, 1),
+        commit=source_commit(),
     )
 
 

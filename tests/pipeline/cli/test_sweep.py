@@ -18,6 +18,7 @@ from sweep_drive import DETECTOR, write_drive
 
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.cli.sweep import _commands, sweep
+from advpipe.pipeline.code import source_commit
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.evaluate.run import evaluate
 from advpipe.stages.evaluate.sweep import settings
@@ -84,6 +85,7 @@ def test_tables_hold_the_figures_of_the_cells(swept: Path) -> None:
     }
     (about,) = report["provenance"]
     assert about["frame_list"] == [0, 2, 4, 6, 8, 10]
+    assert about["commits"] == [commit for commit in [source_commit()] if commit]
     assert set(about["bags_sha256"]) == {"detach-1", "detach-1.5"}
     page = (swept / "report.html").read_text()
     assert page.count(NOT_RUN) == 16 + 2 * 2  # of Table II and, two columns each, of Table I
