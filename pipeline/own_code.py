@@ -25,6 +25,12 @@ def own_words(words: Iterable[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(word for word in words if ":" in word))
 
 
+def class_of_users(of_use: object) -> tuple[str, ...]:
+    """`module:Class` of a detector that is the user's own; nothing for one of ours."""
+    kind = type(of_use)
+    return () if kind.__module__.startswith("advpipe.") else (f"{kind.__module__}:{kind.__qualname__}",)
+
+
 def told(prepare: Callable[[], Work], own: Sequence[str]) -> Work:
     """The work that `prepare` makes, with the mistakes in code of the user's own told."""
     with mistakes_told(own):
@@ -50,8 +56,9 @@ def mistakes_told(own: Sequence[str]) -> Iterator[None]:
     except (Exception, SystemExit) as error:
         if not own:
             raise
+        reason = " ".join(str(error).split())
         raise AdvpipeError(
-            f"{' or '.join(own)} failed: {type(error).__name__}: {error}{_place(error)}; mend it"
+            f"{' or '.join(own)} failed: {type(error).__name__}: {reason}{_place(error)}; mend it"
         ) from None
 
 

@@ -60,9 +60,10 @@ def cloud_from_cdr(cdr: bytes) -> StampedCloud:
     """The points of a serialised sensor_msgs/PointCloud2: N = height * width, row by row.
 
     In advpipe's own layout the cloud is a read-only view of `cdr`, without a copy. In any other layout
-    (CARLA's 16 bytes, Ouster's 48, ...) the fields are found by name and copied; `intensity`, `ring` and
-    `time` are zero where the sensor gives none, and intensities keep the sensor's scale. Points that are
-    not finite stay in the cloud. Raises AdvpipeError where sizes or fields do not fit the message.
+    (CARLA's 16 bytes, Ouster's 48, numbers with the highest byte first, ...) the fields are found by name
+    and copied; `intensity`, `ring` and `time` are zero where the sensor gives none, and intensities keep the
+    sensor's scale. Points that are not finite stay in the cloud. Raises AdvpipeError where sizes or fields
+    do not fit the message.
     """
     layout = _parse(cdr)
     if layout.point_dtype == POINT_DTYPE and layout.row_bytes == layout.width * POINT_DTYPE.itemsize:
@@ -83,7 +84,7 @@ class _Layout(NamedTuple):
 
 
 _LENGTH = struct.Struct("<I")
-_POINT_FIELD_TYPES = {1: "<i1", 2: "<u1", 3: "<i2", 4: "<u2", 5: "<i4", 6: "<u4", 7: "<f4", 8: "<f8"}
+_POINT_FIELD_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 _OWN_FIELD_TYPES = {"f4": 7, "u2": 4}
 
 
@@ -152,8 +153,6 @@ def _parse_fields(cdr: bytes) -> _Layout:
             fields[name] = (_POINT_FIELD_TYPES[datatype], offset)
     is_big_endian, point_bytes, row_bytes = cursor.take("B"), cursor.take("I"), cursor.take("I")
     data_bytes, data_offset = cursor.take("I"), cursor.position
-    if is_big_endian:
-        raise ValueError("big-endian points are not supported")
     if data_offset + data_bytes > len(cdr):
         raise ValueError(f"{data_bytes} bytes of points announced, {len(cdr) - data_offset} are there")
     if height == 0 or width == 0:
@@ -163,10 +162,11 @@ def _parse_fields(cdr: bytes) -> _Layout:
     if row_bytes < width * point_bytes or data_bytes < height * row_bytes:
         raise ValueError(f"{height} x {width} points of {point_bytes} bytes do not fit {data_bytes} bytes")
     names = sorted(fields, key=lambda name: fields[name][1])
+    order = ">" if is_big_endian else "<"
     point_dtype = np.dtype(
         {
             "names": names,
-            "formats": [fields[name][0] for name in names],
+            "formats": [order + fields[name][0] for name in names],
             "offsets": [fields[name][1] for name in names],
             "itemsize": point_bytes,  # numpy refuses a field that ends behind it
         }

@@ -148,6 +148,13 @@ class AttackSpec(Section):
     def _plain(cls, parameters: dict[str, Value]) -> dict[str, Value]:
         return {name: _plain_value(name, value) for name, value in parameters.items()}
 
+    @field_validator("frames", mode="before")
+    @classmethod
+    def _quoted(cls, frames: Any) -> Any:
+        if isinstance(frames, int):  # YAML counts in sixties: to it 0:30 is 30
+            raise ValueError("is a number to YAML; write it in quotes, such as '0:30'")
+        return frames
+
     @field_validator("frames")
     @classmethod
     def _frame_slice(cls, text: str) -> str:

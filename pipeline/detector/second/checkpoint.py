@@ -64,6 +64,8 @@ def load_checkpoint(path: Path, device: torch.device | None = None) -> Second:
         if about["kind"] != KIND:
             raise KeyError
         name, classes, provenance = about["preset"], about["classes"], about["provenance"]
+        if not (isinstance(name, str) and isinstance(classes, list) and isinstance(provenance, dict)):
+            raise TypeError
     except (KeyError, TypeError, ValueError):
         raise AdvpipeError(
             f"{path} is no detector checkpoint of advpipe; make one with `advpipe train`"
@@ -76,5 +78,7 @@ def load_checkpoint(path: Path, device: torch.device | None = None) -> Second:
     ours = {k: v.shape for k, v in net.state_dict().items() if v.is_floating_point()}
     if ours != {k: v.shape for k, v in tensors.items()}:
         raise AdvpipeError(f"the weights in {path} do not fit preset {name!r} of this version; train again")
+    if not all(bool(torch.isfinite(weights).all()) for weights in tensors.values()):
+        raise AdvpipeError(f"the weights in {path} are not all finite; train or copy it again")
     net.load_state_dict(tensors, strict=False)
     return Second(net.to(device), provenance)

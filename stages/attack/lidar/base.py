@@ -44,7 +44,7 @@ class PointLabels:
 
 @dataclass(frozen=True)
 class LidarResult:
-    """The adversarial version of one cloud.
+    """The adversarial version of one cloud: the points that it keeps in their order, then those added.
 
     loss_before, loss_after: the detector's loss on the clean and on the adversarial cloud; NaN
     where the frame has no object to take a loss for.

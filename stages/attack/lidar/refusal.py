@@ -32,11 +32,28 @@ def refuse_wrong(attack: str, clean: Cloud, result: Any) -> None:
             f"{attack} made {len(clean)} points {len(cloud)}, but labels {removed} as removed and "
             f"{added} as added"
         )
+    if _untold_changes(clean, cloud, result.labels):
+        raise AdvpipeError(
+            f"{attack} changed points that its labels do not tell of; the points that it keeps stay in their "
+            "order, and those that it adds follow"
+        )
     for name in ("loss_before", "loss_after"):
         if not isinstance(getattr(result, name), int | float | np.number):
             raise AdvpipeError(f"{attack} returned {getattr(result, name)!r} as its {name}, no number")
     if not isinstance(result.note, str):
         raise AdvpipeError(f"{attack} returned {result.note!r} as its note, no text")
+
+
+def _untold_changes(clean: Cloud, cloud: Cloud, labels: PointLabels) -> bool:
+    """Whether a point is neither what it was nor labelled; bytes are compared, so a NaN is itself."""
+    kept, told = np.ones(len(clean), bool), np.zeros(len(clean), bool)
+    kept[labels.point[labels.action == "removed"]] = False
+    told[labels.point[labels.action == "moved"]] = True
+    before, after = (
+        np.ascontiguousarray(points).view(np.uint8).reshape(-1, POINT_DTYPE.itemsize)
+        for points in (clean[kept], cloud[: kept.sum()])
+    )
+    return bool(((before != after).any(axis=1) & ~told[kept]).any())
 
 
 def _refuse_labels(attack: str, labels: Any, points: int) -> None:

@@ -16,8 +16,11 @@ from advpipe.pipeline.versions import installed
 from advpipe.stages.evaluate.provenance import SCORING
 from advpipe.stages.evaluate.sweep.cell import Cell, Settings
 
-CODE = (*SCORING, "stages/attack/lidar", "stages/attack/cloud_attack.py")
-"""The code that decides a cell's figures, from the attack to the score."""
+CODE = (
+    *(*SCORING, "pipeline/scenario/attacks.py"),
+    *(f"stages/attack/{part}" for part in ("lidar", "cloud_attack.py", "clouds.py", "recording.py")),
+)
+"""The code that decides a cell's figures and its bag, from the attack to the score."""
 
 
 def sweep_settings(

@@ -110,6 +110,7 @@ def test_words(word: str, name: str, family: str) -> None:
             "attackers.roadside_unit.x_m: Input should be less than or equal to 100000",
         ),
         ({"type": "detach", "frames": "::0"}, "the step must be at least 1"),
+        ({"type": "detach", "frames": 30}, "is a number to YAML; write it in quotes, such as '0:30'"),
         ({"type": "detach", "parameters": {"ratio": float("nan")}}, "ratio is nan; it has to be finite"),
         ({"type": "detach", "parameters": {"ratio": {"a": 1}}}, "ratio is a dict; give a number"),
         ({"type": "cam-replay", "attackers": {"share": 0.1, "vehicles": ["a"]}}, "exactly one of"),

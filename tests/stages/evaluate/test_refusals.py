@@ -55,6 +55,18 @@ def test_a_detector_that_errs_is_told_how(monkeypatch, wrong, message):
         Eye(Careless()).detect(clean_cloud(0))
 
 
+@pytest.mark.parametrize("mistake", [ZeroDivisionError("by\nzero"), SystemExit(0)])
+def test_a_detector_that_breaks_down_is_told_where(monkeypatch, mistake):
+    def detect(self, cloud):
+        raise mistake
+
+    monkeypatch.setattr(Careless, "detect", detect)
+    line = r"test_refusals:Careless failed: .* \(test_refusals.py, line "
+    with pytest.raises(AdvpipeError, match=line) as told:
+        Eye(Careless()).detect(clean_cloud(0))
+    assert "\n" not in str(told.value)
+
+
 def test_bag_without_clouds_is_refused(tmp_path):
     with BagWriter(tmp_path / "no_clouds", provenance={}) as bag:
         bag.write(CLOCK, messages.clock(1), 1)

@@ -30,6 +30,20 @@ def test_right_ones_pass(clean):
     refuse_wrong("mine:Mine", clean, LidarResult(clean, labels((), ())))
 
 
+def test_changes_that_no_label_tells(clean):
+    moved, turned = clean.copy(), clean[::-1].copy()
+    moved["z"][4] += 0.1
+    moved["z"][5] = clean["z"][5] = np.nan  # is what it was
+    refuse_wrong("mine:Mine", clean, LidarResult(moved, labels((4,), ("moved",), np.array([0.1]))))
+    line = "changed points that its labels do not tell of"
+    refused(clean, LidarResult(moved, labels((), ())), line)
+    refused(clean, LidarResult(moved, labels((3,), ("moved",), np.array([0.1]))), line)
+    refused(clean, LidarResult(turned, labels((), ())), line)
+    refused(clean, LidarResult(np.delete(clean, [2, 4]), labels()), line)
+    first = LidarResult(np.concatenate([clean[:1], clean]), labels((-1,), ("added",), np.array([0.0])))
+    refused(clean, first, line)
+
+
 WRONG_LABELS = [
     (None, "returned NoneType as its labels, no PointLabels"),
     ([2, 3], "returned list as its labels, no PointLabels"),
