@@ -84,7 +84,7 @@ def attack(
         {
             "type": kind,
             "recipe": recipe,
-            "parameters": {**USUAL_BUDGETS.get(kind, {}), **given, **_parameters(settings or [])},
+            "parameters": {**USUAL_BUDGETS.get(kind, {}), **_parameters(given, settings or [])},
             "schedule": {"from_s": from_s, "to_s": to_s},
             "attackers": _attackers(attacker or []),
             "victim": victim,
@@ -100,19 +100,22 @@ def attack(
         print(run(clean, target, request, overwrite=overwrite, workers=workers))
 
 
-def _parameters(settings: list[str]) -> dict[str, Any]:
-    """The values of `name=value`, each read as YAML."""
+def _parameters(options: dict[str, Any], settings: list[str]) -> dict[str, Any]:
+    """Those given as options, and the values of `name=value`, each read as YAML."""
     import yaml
 
     from advpipe.pipeline.errors import AdvpipeError
 
-    found: dict[str, Any] = {}
+    found = dict(options)
     for setting in settings:
-        name, equals, text = setting.partition("=")
-        if not equals or not name.strip():
+        word, equals, text = setting.partition("=")
+        name = word.strip().replace("-", "_")
+        if not equals or not name:
             raise AdvpipeError(f"--set {setting!r}: write name=value, such as rounds=20")
+        if name in found:
+            raise AdvpipeError(f"--set {setting!r}: {name} is {found[name]} already; leave one of them out")
         try:
-            found[name.strip().replace("-", "_")] = _number_of(yaml.safe_load(text))
+            found[name] = _number_of(yaml.safe_load(text))
         except (yaml.YAMLError, ValueError) as error:
             problem = getattr(error, "problem", None) or "it is not YAML"
             raise AdvpipeError(f"--set {setting!r}: the value cannot be read: {problem}") from None

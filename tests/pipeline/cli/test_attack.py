@@ -17,7 +17,7 @@ from advpipe.stages.attack.run import AttackRequest
 
 def test_parameters_are_read_as_yaml() -> None:
     assert _parameters(
-        ["ratio=0.1", "along-ray=true", "ids=[a, b]", "mode=place", "most=null", "x_m=1e6"]
+        {}, ["ratio=0.1", "along-ray=true", "ids=[a, b]", "mode=place", "most=null", "x_m=1e6"]
     ) == {
         "ratio": 0.1,
         "along_ray": True,
@@ -75,6 +75,8 @@ def test_options_become_an_attack(bag: Path, monkeypatch: pytest.MonkeyPatch) ->
         ({"ratio": 1.0}, r"ratio is 1\.0"),
         ({"settings": ["rounds"]}, "--set 'rounds': write name=value"),
         ({"settings": ["rounds=[1"]}, r"--set 'rounds=\[1': the value cannot be read"),
+        ({"ratio": 0.1, "settings": ["ratio=0.5"]}, "--set 'ratio=0.5': ratio is 0.1 already; leave one"),
+        ({"settings": ["rounds=4", "rounds=5"]}, "--set 'rounds=5': rounds is 4 already; leave one"),
         ({"settings": ["round=1"]}, r"detach: unknown parameter 'round'; known: ratio, "),
         ({"settings": ["rounds=many"]}, "detach: rounds is 'many'"),
         ({"kind": "detatch"}, "unknown attack 'detatch'; known: .*detach, "),
