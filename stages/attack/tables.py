@@ -43,6 +43,11 @@ attack: its word, "" where none was scheduled.
 """
 
 
+GROUP_ROWS = 1 << 18
+"""Of labels at least, in a group of rows, of whole frames: whoever opens the file holds a
+kilobyte or more of each group."""
+
+
 class AttackTables:
     """Writes `labels.parquet` and `frames.parquet` into a folder, frame by frame."""
 
@@ -50,6 +55,7 @@ class AttackTables:
         self._labels = pq.ParquetWriter(str(folder / "labels.parquet"), LABELS)
         self._frames = pq.ParquetWriter(str(folder / "frames.parquet"), FRAMES)
         self._rows: list[dict[str, object]] = []
+        self._waiting: list[pa.Table] = []
 
     def __enter__(self) -> AttackTables:
         return self
@@ -59,6 +65,7 @@ class AttackTables:
     ) -> None:
         self._frames.write_table(pa.Table.from_pylist(self._rows, FRAMES))
         self._frames.close()
+        self._write_group()
         self._labels.close()
 
     def add(self, topic: str, frame: int, attack: str, clean: StampedCloud, result: LidarResult) -> None:
@@ -87,4 +94,11 @@ class AttackTables:
             pa.array(labels.action.tolist()).dictionary_encode(),
             pa.array(labels.displacement_m.astype(np.float32)),
         ]
-        self._labels.write_table(pa.Table.from_arrays(columns, schema=LABELS))
+        self._waiting.append(pa.Table.from_arrays(columns, schema=LABELS))
+        if sum(map(len, self._waiting)) >= GROUP_ROWS:
+            self._write_group()
+
+    def _write_group(self) -> None:
+        if self._waiting:
+            self._labels.write_table(pa.concat_tables(self._waiting).unify_dictionaries())
+            self._waiting.clear()
