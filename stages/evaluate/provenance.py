@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
+from advpipe.pipeline.bag.frames import FrameSlice, read_frames
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.code import CLOUDS, code_sha256
@@ -78,3 +81,15 @@ def topic_remark(comparison: Comparison, topic: str) -> list[str]:
     if not attacked or topic in attacked:
         return []
     return [f"Attacked were the clouds of {', '.join(attacked)}, evaluated were those of {topic}."]
+
+
+def intensity_remark(clean: Path, topic: str) -> list[str]:
+    """A remark if the first cloud of a topic has intensities on another scale than advpipe's."""
+    (frame,) = read_frames(clean, FrameSlice(0, 1), lidar_topic=topic)
+    most = float(np.nanmax(frame.cloud["intensity"], initial=0.0))
+    if most <= 1.0:
+        return []
+    return [
+        f"Intensities go up to {most:g}. Those of advpipe's drives, on which the shipped detector was "
+        "trained, go from 0 to 1: it may find less than in clouds of that scale."
+    ]

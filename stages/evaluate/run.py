@@ -28,6 +28,7 @@ from advpipe.stages.evaluate.options import Options
 from advpipe.stages.evaluate.provenance import (
     describe_bags,
     describe_detector,
+    intensity_remark,
     topic_remark,
     transfer_remark,
 )
@@ -119,7 +120,11 @@ def evaluate(
             looking = _looking(name, clean, on_clouds, about, options)
             for each in looking.comparisons(workers):
                 topic = find_lidar_topic(BagReader(clean), lidar_topic)
-                remarks = [*transfer_remark(each), *topic_remark(each, topic)]
+                remarks = [
+                    *transfer_remark(each),
+                    *topic_remark(each, topic),
+                    *intensity_remark(clean, topic),
+                ]
                 summaries.append(summarise(each, known_classes(model), bootstrap_draws, seed, remarks))
         sections = [*attacked_sections(summaries)]
         for family in families(options.detectors[0], device):

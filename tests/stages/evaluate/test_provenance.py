@@ -1,7 +1,10 @@
 """Where figures come from."""
 
+import pytest
+from place_drive import clean_cloud, write_bag
+
 from advpipe.stages.evaluate.detection.comparison import Comparison
-from advpipe.stages.evaluate.provenance import topic_remark, transfer_remark
+from advpipe.stages.evaluate.provenance import intensity_remark, topic_remark, transfer_remark
 
 
 def test_attack_on_other_weights_is_called_a_transfer():
@@ -21,6 +24,14 @@ def test_other_clouds_than_the_attacked_ones_are_told():
     assert topic_remark(Comparison(None, {}, ()), "/ego/lidar/points") == []
     (line,) = topic_remark(attacked, "/ego/lidar/points")
     assert line == "Attacked were the clouds of /ego/roof/points, evaluated were those of /ego/lidar/points."
+
+
+@pytest.mark.parametrize(("most", "told"), [(1.0, []), (255.0, ["go up to 255."]), (float("nan"), [])])
+def test_intensities_of_another_scale_are_told(tmp_path, most, told):
+    cloud = clean_cloud(0)
+    cloud["intensity"][3] = most
+    lines = intensity_remark(write_bag(tmp_path / "clean", {}, {0: cloud}), "/ego/lidar/points")
+    assert [told[0] in line for line in lines] == [True] * len(told)
 
 
 def test_two_detectors_in_one_file_are_two():
