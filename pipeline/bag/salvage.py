@@ -22,10 +22,10 @@ from advpipe.pipeline.bag.mcap_records import (
     parse_message,
     parse_message_index,
     read_records,
-    unpack,
 )
 from advpipe.pipeline.bag.mcap_summary import read_summary
 from advpipe.pipeline.bag.topics import RawMessage, Topic
+from advpipe.pipeline.bag.unpacking import UnpackBudget
 from advpipe.pipeline.errors import AdvpipeError
 
 
@@ -54,12 +54,12 @@ class Salvage:
             for definition in (*summary.schemas.values(), *summary.channels.values()):
                 self._define(definition)
             chunk_starts = [index.chunk_start_offset for index in summary.chunk_indexes]
-            is_damaged = False
+            is_damaged, budget = False, UnpackBudget(self.path.stat().st_size)
             for record in self._records(stream, chunk_starts):
                 if record.opcode == Opcode.MESSAGE_INDEX:
                     self.lost_messages += _entries(record.body) if is_damaged else 0
                 elif record.opcode == Opcode.CHUNK:
-                    inside = _unpacked(record.body)
+                    inside = _unpacked(record.body, budget)
                     is_damaged = inside is None
                     self.lost_chunks += is_damaged
                     self.lost_bytes += _packed_bytes(record.body) if is_damaged else 0
@@ -130,10 +130,10 @@ class Salvage:
             self._topics[record.id] = ros2_topic(self.path, record, schema), schema
 
 
-def _unpacked(body: bytes) -> list[tuple[int, memoryview]] | None:
-    """The records of a chunk; None for a damaged one."""
+def _unpacked(body: bytes, budget: UnpackBudget) -> list[tuple[int, memoryview]] | None:
+    """The records of a chunk; None for a damaged one, and one that unpacks to too much."""
     try:
-        return [(opcode, inside) for opcode, _, inside in inner_records(unpack(parse_chunk(body)))]
+        return [(opcode, inside) for opcode, _, inside in inner_records(budget.unpack(parse_chunk(body)))]
     except DAMAGE:
         return None
 

@@ -17,6 +17,7 @@ from rosbags.typesys.store import Typestore
 
 from advpipe.pipeline.bag.object_count import has_more_objects
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.salvage import Salvage
 from advpipe.pipeline.bag.types import schema_text, types_from
 from advpipe.pipeline.bag.unpacking import FREE_BYTES, MESSAGE_BYTES, RATIO, UnpackBudget
 from advpipe.pipeline.errors import AdvpipeError
@@ -181,6 +182,21 @@ def test_messages_of_no_channel_are_told_once(tmp_path: Path) -> None:
     walk = Walk(tmp_path / "a.mcap")
     assert list(walk.messages()) == []
     assert sum("nothing defines" in fault for fault in walk.faults) == 1
+
+
+def test_what_is_saved_of_a_bomb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Chunks are saved up to the limit; the others are told as lost."""
+    monkeypatch.setattr("advpipe.pipeline.bag.unpacking.FREE_BYTES", 0)
+    schema = Schema(id=1, name="std_msgs/msg/String", encoding="ros2msg", data=b"string data")
+    channel = Channel(id=1, topic="/text", message_encoding="cdr", metadata={}, schema_id=1)
+    text = HEAD + bytes(100_000)
+    bomb = packed(Message(channel_id=1, sequence=0, log_time=0, publish_time=0, data=text))
+    path = tmp_path / "a.mcap"
+    path.write_bytes(file_of(schema, channel, *[bomb] * 40))
+    salvage = Salvage(path)
+    saved = sum(1 for _ in salvage.messages())
+    assert (saved, salvage.lost_chunks) == (RATIO * path.stat().st_size // bomb.uncompressed_size, 40 - saved)
+    assert 0 < saved < 40
 
 
 def test_messages_that_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
