@@ -34,7 +34,7 @@ def export(
     if format not in FORMATS:
         raise AdvpipeError(f"unknown format {format!r}; known: {', '.join(FORMATS)}")
     source = resolve_bag(bag)
-    target = out or source.with_name(f"{source.stem}-{format}")
+    target = out or source.with_name(f"{source.name if source.is_dir() else source.stem}-{format}")
     written = export_veremi(source, target, form=FORMATS[format], overwrite=overwrite)
     print(f"{target}: {written.sent} messages, {written.received} receptions of {written.receivers} vehicles")
     for attack, number in written.attacks.items():

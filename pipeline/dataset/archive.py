@@ -111,6 +111,8 @@ def unpack(archive: Path, folder: Path | None = None, limits: Limits = Limits())
     then no folder appears. Memory stays flat.
     """
     archive = whole_name(archive)
+    if archive.is_dir():
+        raise AdvpipeError(f"{archive} is a folder; give the archive, NAME.tar, or one of its parts")
     folder = folder or archive.with_suffix("")
     if folder.exists():
         raise AdvpipeError(f"{folder} exists already, not overwriting; choose another name with --out")

@@ -15,8 +15,9 @@ _PART = re.compile(r"(.+\.tar)\.([0-9]{3,})")
 
 def whole_name(path: Path) -> Path:
     """The archive that a part belongs to: NAME.tar for NAME.tar.001 and NAME.tar.sha256."""
-    match = _PART.fullmatch(path.name)
-    return path.with_name(match[1] if match else path.name.removesuffix(".sha256"))
+    if match := _PART.fullmatch(path.name):
+        return path.with_name(match[1])
+    return path.with_suffix("") if path.suffix == ".sha256" else path
 
 
 def sums_path(archive: Path) -> Path:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from advpipe.pipeline.bag.locate import named
 from advpipe.pipeline.bag.mcap_file import DAMAGE
 from advpipe.pipeline.dataset import archive
 from advpipe.pipeline.dataset.parts import existing_parts, whole_name
@@ -35,8 +36,9 @@ def verify(path: Path, *, quick: bool = False, key: Path | None = None) -> Verif
         from advpipe.pipeline.dataset.signature import load_public_key
 
         load_public_key(key)
+    path = named(Path(path))
     result = Verification(str(path), QUICK if quick else tuple(CHECKS))
-    with _opened(Path(path), result) as subject:
+    with _opened(path, result) as subject:
         if subject is not None:
             subject.key = key
             if quick and not subject.has_sums:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from advpipe.pipeline.bag.locate import adversarial_bags, newest_dataset, resolve_bag
+from advpipe.pipeline.bag.locate import adversarial_bags, named, newest_dataset, resolve_bag
 from advpipe.pipeline.errors import AdvpipeError
 
 Record = Callable[..., Path]
@@ -15,6 +15,17 @@ def test_three_ways_to_name_a_bag(tmp_path: Path, record: Record) -> None:
     assert resolve_bag(tmp_path / "town") == clean
     assert resolve_bag(clean) == clean
     assert resolve_bag(clean / "clean_0.mcap") == clean / "clean_0.mcap"
+
+
+def test_where_one_stands(tmp_path: Path, record: Record, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`.` and `..` have a name, too, which something can lie beside."""
+    record(tmp_path / "drive" / "clean", frames=1)
+    monkeypatch.chdir(tmp_path / "drive")
+    assert resolve_bag(Path()) == tmp_path / "drive" / "clean"
+    monkeypatch.chdir("clean")
+    assert resolve_bag(Path()) == tmp_path / "drive" / "clean"
+    assert resolve_bag(Path("..")) == tmp_path / "drive" / "clean"
+    assert named(Path("../clean")) == Path("../clean")
 
 
 def test_no_bag(tmp_path: Path) -> None:

@@ -238,6 +238,10 @@ def test_outputs_are_not_replaced_unasked(tmp_path: Path, folder: Path) -> None:
     assert not any(part.exists() for part in parts[:-1])
     with pytest.raises(AdvpipeError, match="town exists already, not overwriting"):
         unpack(archive)
+    with pytest.raises(AdvpipeError, match="is a folder; give the archive"):
+        unpack(folder)
+    with pytest.raises(AdvpipeError, match=r"^\. is a folder; give the archive"):
+        unpack(Path())
     with pytest.raises(AdvpipeError, match=r"ends in \.tar"):
         pack(contents(folder), tmp_path / "town.zip")
     with pytest.raises(AdvpipeError, match="no signs that paths need"):

@@ -222,6 +222,13 @@ def test_another_parent(data_set: Path, rewrite: Rewrite) -> None:
     assert len(found) == 7
 
 
+def test_where_one_stands(data_set: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(data_set)
+    result = verify(Path(), quick=True)
+    assert result.is_good
+    assert result.path == str(data_set)
+
+
 def test_an_attack_alone_says_so(data_set: Path, tmp_path: Path) -> None:
     alone = shutil.move(data_set / "detach", tmp_path / "alone")
     result = verify(Path(alone))
