@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 
 USUAL_FRAMES = 100
 
-RECIPES_HELP = "Recipes of the attacks: best,paper; best+twice takes twice the steps, best+hide hides."
+RECIPES_HELP = (
+    "Recipes of the attacks: best,paper; best+half and best+twice take other steps, best+hide hides."
+)
 
 
 def sweep(
@@ -75,7 +77,7 @@ def sweep(
     from advpipe.stages.evaluate.sweep.settings import sweep_settings
     from advpipe.stages.evaluate.sweep.store import Store
     from advpipe.stages.evaluate.sweep.tables import recipes_of
-    from advpipe.stages.evaluate.sweep.variants import is_twice
+    from advpipe.stages.evaluate.sweep.variants import steps_factor
 
     clean = resolve_bag(bag or newest_dataset(Path("datasets")))
     named = [word.strip() for words in cells or [] for word in words.split(",") if word.strip()]
@@ -110,7 +112,7 @@ def sweep(
     pictures = [
         picture
         for recipe in shown
-        if not is_twice(recipe)
+        if steps_factor(recipe) == 1
         for picture in _panels(bench, store, recipe, is_new.get(recipe, False))
     ]
     write_document(target, done, shown, _commands(clean, table, done), pictures)
@@ -134,16 +136,16 @@ class _Bench:
         from advpipe.stages.attack.parameters import build_lidar_attack
         from advpipe.stages.attack.run import AttackRequest
         from advpipe.stages.evaluate.sweep.budgets import AXES
-        from advpipe.stages.evaluate.sweep.variants import HIDE, TWICE, split_recipe
+        from advpipe.stages.evaluate.sweep.variants import HIDE, split_recipe, steps_factor
 
         base, variants = split_recipe(recipe)
         parameters: dict[str, Any] = {**budget.parameters, **({"goal": "hide"} if HIDE in variants else {})}
-        if TWICE in variants:
+        if (factor := steps_factor(recipe)) != 1:
             once = build_lidar_attack(
                 attack_spec({"type": budget.attack, "recipe": base, "parameters": parameters})
             )
             steps = AXES[budget.attack].steps
-            parameters[steps] = 2 * getattr(once, steps)
+            parameters[steps] = max(1, round(factor * getattr(once, steps)))
         spec = attack_spec(
             {
                 "type": budget.attack,

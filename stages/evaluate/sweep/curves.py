@@ -1,9 +1,10 @@
-"""Curves of the paper's budgets: mAP ratio over the budget and over the Chamfer distance."""
+"""Curves: mAP ratio over the paper's budgets, over the Chamfer distance, and over the number of steps."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import cycle
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -12,7 +13,7 @@ from advpipe.stages.evaluate.report.ratios import strongest_baseline
 from advpipe.stages.evaluate.report.style import BASELINE, INK, LINE, PREDICTION, SOFT, TRUTH, plain_axes
 from advpipe.stages.evaluate.sweep.budgets import AXES, TABLES
 from advpipe.stages.evaluate.sweep.cell import Cell
-from advpipe.stages.evaluate.sweep.variants import is_twice
+from advpipe.stages.evaluate.sweep.variants import by_steps, steps_factor
 
 MARKS = ("o", "s", "^", "D", "v")
 PAPER = "the paper"
@@ -58,7 +59,7 @@ def curve_points(cells: Sequence[Cell], attack: str) -> dict[tuple[str, str, str
             for each in budgets.values()
         ]
     }
-    for number, recipe in enumerate(sorted({cell.recipe for cell in cells if not is_twice(cell.recipe)})):
+    for number, recipe in enumerate(_plain_recipes(cells)):
         mark = MARKS[number % len(MARKS)]
         mine = {cell.budget: cell for cell in cells if cell.recipe == recipe}
         for title, colour, style, is_random in (
@@ -73,6 +74,36 @@ def curve_points(cells: Sequence[Cell], attack: str) -> dict[tuple[str, str, str
             if points:
                 lines[title, colour, style] = points
     return lines
+
+
+def _plain_recipes(cells: Sequence[Cell]) -> list[str]:
+    return sorted({cell.recipe for cell in cells if steps_factor(cell.recipe) == 1})
+
+
+def draw_convergence(cells: Sequence[Cell]) -> Figure | None:
+    """mAP ratio over the number of steps, of the cells that were run with others, too; None without."""
+    families = by_steps(cells)
+    if not families:
+        return None
+    figure = Figure(figsize=(7.5, 4.4), dpi=110, facecolor="white", layout="constrained")
+    axes = figure.add_subplot()
+    plain_axes(axes)
+    for mark, (name, family) in zip(cycle(MARKS), families.items(), strict=False):
+        points = [
+            Point((steps_factor(cell.recipe), 0), ratio, bounds if isinstance(bounds, tuple) else None)
+            for cell in family
+            if isinstance(ratio := cell.row["map_ratio_percent"], float)
+            for bounds in [cell.row["map_ratio_ci95"]]
+        ]
+        _draw_line(axes, points, 0, name, PREDICTION, f"{mark}-")
+    axes.set_xscale("log", base=2)
+    factors = sorted({steps_factor(cell.recipe) for family in families.values() for cell in family})
+    axes.set_xticks(factors, [f"x {factor:g}" for factor in factors])
+    axes.set_ylim(0, None)
+    axes.set_xlabel("steps, of those of the recipe", color=SOFT)
+    axes.set_ylabel("mAP ratio in %", color=SOFT)
+    axes.legend(frameon=False, fontsize=9, labelcolor=INK)
+    return figure
 
 
 def _point(cell: Cell, printed: float, is_random: bool) -> Point | None:

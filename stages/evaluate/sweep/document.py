@@ -13,7 +13,7 @@ from advpipe.stages.evaluate.report.report import FORMULAS
 from advpipe.stages.evaluate.report.section import OVERVIEW, Picture, Table
 from advpipe.stages.evaluate.sweep.budgets import AXES
 from advpipe.stages.evaluate.sweep.cell import Cell
-from advpipe.stages.evaluate.sweep.curves import draw_curves
+from advpipe.stages.evaluate.sweep.curves import draw_convergence, draw_curves
 from advpipe.stages.evaluate.sweep.tables import (
     ON_THE_TERMINAL,
     baselines_table,
@@ -50,10 +50,14 @@ def write_document(
 
 def _curves(cells: Sequence[Cell]) -> list[Picture]:
     caption = "mAP ratio over budget and over Chamfer distance, with 95 % intervals: "
-    return [
+    pictures = [
         Picture(OVERVIEW, "", f"{attack}.png", caption + axis.title, to_png(draw_curves(cells, attack)))
         for attack, axis in AXES.items()
     ]
+    if (figure := draw_convergence(cells)) is not None:
+        title = "Converged: mAP ratio over the number of steps, with 95 % intervals"
+        pictures.append(Picture(OVERVIEW, "", "convergence.png", title, to_png(figure)))
+    return pictures
 
 
 def _json(cells: Sequence[Cell], recipes: Sequence[str], command: str) -> str:

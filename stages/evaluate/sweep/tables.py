@@ -17,7 +17,7 @@ from advpipe.stages.evaluate.report.section import Table
 from advpipe.stages.evaluate.report.table import changed_points
 from advpipe.stages.evaluate.sweep.budgets import AXES, TABLE_ONE, TABLES, Budget
 from advpipe.stages.evaluate.sweep.cell import Cell
-from advpipe.stages.evaluate.sweep.variants import pairs_of_twice, split_recipe
+from advpipe.stages.evaluate.sweep.variants import by_steps, split_recipe, steps_factor
 
 NOT_RUN = "not run"
 
@@ -125,23 +125,26 @@ def line(budget: Budget, recipe: str, cell: Cell | None) -> tuple[str, ...]:
 
 
 def convergence_table(cells: Sequence[Cell]) -> Table:
-    """What twice the steps change, of the cells that were run so, too; drawn together."""
+    """What more steps change, of the cells that were run with other numbers of them, too; drawn together."""
     heads = (
-        *("cell", "ratio %", "twice the steps: ratio %", "change", "95 %"),
+        *("cell", "steps", "ratio %", "95 %", "twice as many change", "95 %"),
         *(f"under {CONVERGED_POINTS:g} points", "beyond its interval"),
     )
     lines = []
-    for once, twice in pairs_of_twice(cells):
-        points, bounds = step(once, twice)
-        is_small = None if points is None else abs(points) < CONVERGED_POINTS
-        differs = None if bounds is None else bounds[0] > 0 or bounds[1] < 0
-        lines.append(
-            (
-                once.name,
-                *(number(cell.row["map_ratio_percent"], 2) for cell in (once, twice)),
-                *(number(points, 2), interval(bounds), ANSWER[is_small], ANSWER[differs]),
+    for name, family in by_steps(cells).items():
+        factors = {steps_factor(cell.recipe): cell for cell in family}
+        for factor, cell in factors.items():
+            after = factors.get(2 * factor)
+            points, bounds = (None, None) if after is None else step(cell, after)
+            is_small = None if points is None else abs(points) < CONVERGED_POINTS
+            differs = None if bounds is None else bounds[0] > 0 or bounds[1] < 0
+            lines.append(
+                (
+                    *(name, f"x {factor:g}", number(cell.row["map_ratio_percent"], 2)),
+                    interval(cell.row["map_ratio_ci95"]),
+                    *(number(points, 2), interval(bounds), ANSWER[is_small], ANSWER[differs]),
+                )
             )
-        )
     return Table("Converged", heads, tuple(lines))
 
 

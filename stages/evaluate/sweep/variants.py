@@ -1,19 +1,19 @@
-"""Variants of a recipe in a sweep: `best+twice` looks twice as often as `best`, `best+hide` hides objects."""
+"""Variants of a recipe in a sweep: `best+twice` takes twice its steps, `best+hide` hides objects."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.evaluate.sweep.cell import Cell
 
-TWICE = "twice"
-"""Twice the steps by the same rule: what changes little by them has converged."""
-
 HIDE = "hide"
 """After no box at all, rather than after boxes that are off."""
 
-VARIANTS = (HIDE, TWICE)
+STEPS: Mapping[str, float] = {"half": 0.5, "twice": 2}
+"""So many times the steps, by the same rule: an attack that changes little by twice as many has converged."""
+
+VARIANTS = (HIDE, *STEPS)
 
 
 def split_recipe(word: str) -> tuple[str, tuple[str, ...]]:
@@ -27,21 +27,28 @@ def split_recipe(word: str) -> tuple[str, tuple[str, ...]]:
     spelling = "+".join([recipe, *(variant for variant in VARIANTS if variant in variants)])
     if word != spelling:
         raise AdvpipeError(f"recipe {word} is spelt {spelling}")
+    if len([variant for variant in variants if variant in STEPS]) > 1:
+        raise AdvpipeError(f"recipe {word} asks for two numbers of steps; take one of {', '.join(STEPS)}")
     return recipe, tuple(variants)
 
 
-def is_twice(recipe: str) -> bool:
-    """Whether a recipe's word asks for twice the steps."""
-    return TWICE in split_recipe(recipe)[1]
+def steps_factor(recipe: str) -> float:
+    """How many times the steps of the plain recipe it takes."""
+    return next((STEPS[variant] for variant in split_recipe(recipe)[1] if variant in STEPS), 1)
 
 
-def pairs_of_twice(cells: Sequence[Cell]) -> list[tuple[Cell, Cell]]:
-    """The cells that were also run with twice the steps, each with that one."""
-    found = {(cell.recipe, cell.budget): cell for cell in cells}
-    pairs = []
-    for doubled in (cell for cell in cells if is_twice(cell.recipe)):
-        recipe, variants = split_recipe(doubled.recipe)
-        once = "+".join([recipe, *(variant for variant in variants if variant != TWICE)])
-        if (once, doubled.budget) in found:
-            pairs.append((found[once, doubled.budget], doubled))
-    return pairs
+def by_steps(cells: Sequence[Cell]) -> dict[str, list[Cell]]:
+    """The cells that were also run with other steps, by the name of the plain one, from few steps to many.
+
+    Without the plain one there is nothing to lay them beside.
+    """
+    families: dict[str, list[Cell]] = {}
+    for cell in cells:
+        recipe, variants = split_recipe(cell.recipe)
+        plain = "+".join([recipe, *(variant for variant in variants if variant not in STEPS)])
+        families.setdefault(f"{plain}-{cell.budget}", []).append(cell)
+    return {
+        name: sorted(family, key=lambda cell: steps_factor(cell.recipe))
+        for name, family in families.items()
+        if len(family) > 1 and any(cell.name == name for cell in family)
+    }

@@ -8,7 +8,7 @@ from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.evaluate.sweep.budgets import TABLES, budget_named
 from advpipe.stages.evaluate.sweep.cell import Cell, Settings
 from advpipe.stages.evaluate.sweep.compare import differences
-from advpipe.stages.evaluate.sweep.curves import PAPER, curve_points
+from advpipe.stages.evaluate.sweep.curves import PAPER, curve_points, draw_convergence
 from advpipe.stages.evaluate.sweep.panels import median_frame
 from advpipe.stages.evaluate.sweep.tables import (
     NOT_RUN,
@@ -144,24 +144,38 @@ def test_a_cell_comes_back_from_its_file():
     assert differences(made, cell("detach-1", 51.0, draws=(48.0, None)))[-1].startswith("row.map_ratio_")
 
 
-def test_twice_the_steps_are_laid_beside():
+def test_other_numbers_of_steps_are_laid_beside():
     cells = [
         cell("perturb-10", 40.0, draws=(38.0, 42.0)),
         cell("perturb-10", 38.5, recipe="best+twice", draws=(37.0, 41.0)),
         cell("detach-1", 50.0, draws=(48.0, 52.0)),
         cell("detach-1", 45.0, recipe="best+twice", draws=(44.0, 52.5)),
+        cell("detach-1", 50.5, recipe="best+half", draws=(47.0, 53.0)),
         cell("attach-1", 20.0, recipe="paper+twice"),  # without the plain one there is nothing to say
     ]
-    near, far = convergence_table(cells).lines
-    assert near == ("best-perturb-10", "40.00", "38.50", "-1.50", "-1.0…-1.0", "yes", "yes")
-    assert far[:4] == ("best-detach-1", "50.00", "45.00", "-5.00")
-    assert far[5:] == ("no", "no")
+    lines = convergence_table(cells).lines
+    assert [line[:3] for line in lines] == [
+        ("best-perturb-10", "x 1", "40.00"),
+        ("best-perturb-10", "x 2", "38.50"),
+        ("best-detach-1", "x 0.5", "50.50"),
+        ("best-detach-1", "x 1", "50.00"),
+        ("best-detach-1", "x 2", "45.00"),
+    ]
+    assert lines[0][4:] == ("-1.50", "-1.0…-1.0", "yes", "yes")
+    assert lines[1][4:] == ("–", "–", "–", "–")
+    assert (lines[2][4], *lines[2][6:]) == ("-0.50", "yes", "no")
+    assert (lines[3][4], *lines[3][6:]) == ("-5.00", "no", "no")
     lines = [line[0] for line in table_two(cells, ["best", "best+twice"], "detach").lines]
     assert lines[-3:] == ["1 %, best", "1 %, best+twice", "1.5 %, best"]
     listed = records(cells, ["best", "best+twice"])
     assert {each["recipe"] for each in listed if each["status"] == NOT_RUN} == {"best"}
     titles = [title for title, _, _ in curve_points(cells, "perturb")]
-    assert not [title for title in titles if "twice" in title]
+    assert not [title for title in titles if "twice" in title or "half" in title]
+    (axes,) = draw_convergence(cells).axes
+    assert [list(line.get_xdata()) for line in axes.get_lines() if len(line.get_xdata()) == 3] == [
+        [0.5, 1, 2]
+    ]
+    assert draw_convergence(cells[:1]) is None
 
 
 def test_loose_overlap_is_laid_beside():
@@ -171,11 +185,15 @@ def test_loose_overlap_is_laid_beside():
 
 def test_unknown_variants_are_named():
     assert split_recipe("best+hide+twice") == ("best", ("hide", "twice"))
-    with pytest.raises(AdvpipeError, match=r"unknown variant 'thrice' of recipe best; known: hide, twice"):
+    with pytest.raises(
+        AdvpipeError, match=r"unknown variant 'thrice' of recipe best; known: hide, half, twice"
+    ):
         split_recipe("best+thrice")
     for word in ("best+twice+hide", "best+hide+twice+hide"):
         with pytest.raises(AdvpipeError, match=r"is spelt best\+hide\+twice"):
             split_recipe(word)
+    with pytest.raises(AdvpipeError, match=r"two numbers of steps; take one of half, twice"):
+        split_recipe("best+half+twice")
 
 
 def test_other_code_is_no_difference_by_itself():
