@@ -34,7 +34,7 @@ INTENSITY_STEP = 0.2
 
 @dataclass(frozen=True)
 class Tactics:
-    """How crossings are chosen; chosen by measurement (benchmarks/attack_ingredients.py).
+    """How crossings are chosen; chosen by measurement (benchmarks/ingredients.py).
 
     margin_m: points this near to an object take part. landing_m: how far past a face they land.
     momentum: share of the earlier rounds in a voxel's gain. eager, calm: the probability that a crossing

@@ -14,6 +14,7 @@ from advpipe.stages.evaluate.report.section import OVERVIEW, Picture, Table
 from advpipe.stages.evaluate.sweep.budgets import AXES
 from advpipe.stages.evaluate.sweep.cell import Cell
 from advpipe.stages.evaluate.sweep.curves import draw_convergence, draw_curves
+from advpipe.stages.evaluate.sweep.ingredients import ingredients_tables, measured
 from advpipe.stages.evaluate.sweep.tables import (
     ON_THE_TERMINAL,
     baselines_table,
@@ -67,6 +68,7 @@ def _json(cells: Sequence[Cell], recipes: Sequence[str], command: str) -> str:
         "formulas": formulas,
         "provenance": provenance(cells),
         "cells": records(cells, recipes),
+        "ingredients": measured(cells),
     }
     return json.dumps(document, indent=1, sort_keys=True, allow_nan=False) + "\n"
 
@@ -91,7 +93,10 @@ def provenance(cells: Sequence[Cell]) -> list[dict[str, Any]]:
 def _html(cells: Sequence[Cell], recipes: Sequence[str], command: str, pictures: Sequence[Picture]) -> str:
     from jinja2 import Environment, StrictUndefined
 
-    details = (baselines_table(cells), loose_table(cells), steps_table(cells), convergence_table(cells))
+    details = (
+        *(baselines_table(cells), loose_table(cells), steps_table(cells), convergence_table(cells)),
+        *ingredients_tables(cells),
+    )
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )

@@ -1,0 +1,61 @@
+"""What each ingredient of recipe `best` brings, as benchmarks/ingredients.py measured it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from advpipe.stages.evaluate.report.numbers import number
+from advpipe.stages.evaluate.report.section import Table
+from advpipe.stages.evaluate.sweep.budgets import AXES
+from advpipe.stages.evaluate.sweep.cell import Cell
+
+PATH = Path(__file__).with_name("ingredients.json")
+
+HEADS = (
+    "recipe best, but", "mAP ratio %", "at loose IoU %", "after 1 cm of jitter %", "rounded to 1 cm %",
+    "cars %", "CD m²", "s a frame",
+)  # fmt: skip
+
+
+def measured(cells: Sequence[Cell]) -> dict[str, Any]:
+    """By attack, what was measured of the detector of these cells; of another one it says nothing."""
+    stored: dict[str, Any] = json.loads(PATH.read_text(encoding="utf-8"))
+    detectors = {cell.settings.detector_sha256 for cell in cells}
+    return {
+        attack: stored[attack]
+        for attack in AXES
+        if attack in stored and stored[attack]["detector_sha256"] in detectors
+    }
+
+
+def ingredients_tables(cells: Sequence[Cell]) -> list[Table]:
+    """A table for each attack: a line for the recipe, and one for each thing that was changed of it."""
+    return [
+        Table(
+            f"What each ingredient brings: {attack}, {_after_comma(attack)} {about['lines'][0]['budget']:g}, "
+            f"{len(about['frame_list'])} frames of a validation drive",
+            HEADS,
+            tuple(
+                (
+                    line["line"],
+                    number(line["map_ratio_plain_percent"], 1),
+                    number(line["map_ratio_loose_percent"], 1),
+                    number(line["map_ratio_jitter_percent"], 1),
+                    number(line["map_ratio_rounding_percent"], 1),
+                    number(line["car_ratio_percent"], 1),
+                    number(line["chamfer_distance_m2"], 5),
+                    number(line["s_per_frame"], 0),
+                )
+                for line in about["lines"]
+            ),
+        )
+        for attack, about in measured(cells).items()
+    ]
+
+
+def _after_comma(attack: str) -> str:
+    """Such as `share removed in %`."""
+    return AXES[attack].title.partition(", ")[2]
