@@ -128,7 +128,7 @@ def convergence_table(cells: Sequence[Cell]) -> Table:
     """What more steps change, of the cells that were run with other numbers of them, too; drawn together."""
     heads = (
         *("cell", "steps", "ratio %", "95 %", "twice as many change", "95 %"),
-        *(f"under {CONVERGED_POINTS:g} points", "beyond its interval"),
+        *(f"under {CONVERGED_POINTS:g} points", "surely not"),
     )
     lines = []
     for name, family in by_steps(cells).items():
@@ -137,15 +137,18 @@ def convergence_table(cells: Sequence[Cell]) -> Table:
             after = factors.get(2 * factor)
             points, bounds = (None, None) if after is None else step(cell, after)
             is_small = None if points is None else abs(points) < CONVERGED_POINTS
-            differs = None if bounds is None else bounds[0] > 0 or bounds[1] < 0
+            is_large = None
+            if bounds is not None:
+                is_large = bounds[0] > CONVERGED_POINTS or bounds[1] < -CONVERGED_POINTS
             lines.append(
                 (
                     *(name, f"x {factor:g}", number(cell.row["map_ratio_percent"], 2)),
                     interval(cell.row["map_ratio_ci95"]),
-                    *(number(points, 2), interval(bounds), ANSWER[is_small], ANSWER[differs]),
+                    *(number(points, 2), interval(bounds), ANSWER[is_small], ANSWER[is_large]),
                 )
             )
-    return Table("Converged", heads, tuple(lines))
+    title = f"Converged; surely not where the whole interval is beyond {CONVERGED_POINTS:g} points"
+    return Table(title, heads, tuple(lines))
 
 
 def loose_table(cells: Sequence[Cell]) -> Table:

@@ -151,6 +151,8 @@ def test_other_numbers_of_steps_are_laid_beside():
         cell("detach-1", 50.0, draws=(48.0, 52.0)),
         cell("detach-1", 45.0, recipe="best+twice", draws=(44.0, 52.5)),
         cell("detach-1", 50.5, recipe="best+half", draws=(47.0, 53.0)),
+        cell("attach-0.5", 30.0, draws=(29.0, 31.0)),
+        cell("attach-0.5", 20.5, recipe="best+twice", draws=(19.0, 22.0)),
         cell("attach-1", 20.0, recipe="paper+twice"),  # without the plain one there is nothing to say
     ]
     lines = convergence_table(cells).lines
@@ -160,11 +162,14 @@ def test_other_numbers_of_steps_are_laid_beside():
         ("best-detach-1", "x 0.5", "50.50"),
         ("best-detach-1", "x 1", "50.00"),
         ("best-detach-1", "x 2", "45.00"),
+        ("best-attach-0.5", "x 1", "30.00"),
+        ("best-attach-0.5", "x 2", "20.50"),
     ]
-    assert lines[0][4:] == ("-1.50", "-1.0…-1.0", "yes", "yes")
+    assert lines[0][4:] == ("-1.50", "-1.0…-1.0", "yes", "no")
     assert lines[1][4:] == ("–", "–", "–", "–")
     assert (lines[2][4], *lines[2][6:]) == ("-0.50", "yes", "no")
     assert (lines[3][4], *lines[3][6:]) == ("-5.00", "no", "no")
+    assert (lines[5][4], *lines[5][6:]) == ("-9.50", "no", "yes")
     lines = [line[0] for line in table_two(cells, ["best", "best+twice"], "detach").lines]
     assert lines[-3:] == ["1 %, best", "1 %, best+twice", "1.5 %, best"]
     listed = records(cells, ["best", "best+twice"])
