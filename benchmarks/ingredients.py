@@ -93,7 +93,7 @@ LINES: Mapping[str, Mapping[str, Line]] = {
         "points cross singly": tactics(groups=False),
         "no false boxes made surer": tactics(decoys=False),
         "no gradient of a false truth": tactics(lie=False),
-        "neither": tactics(decoys=False, lie=False),
+        "false boxes play no part": tactics(decoys=False, lie=False),
         "no momentum": tactics(momentum=0.0),
         "momentum .8": tactics(momentum=0.8),
         "half of the crossings, always": tactics(eager=0.5, calm=0.5),
