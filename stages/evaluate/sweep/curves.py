@@ -89,12 +89,7 @@ def draw_convergence(cells: Sequence[Cell]) -> Figure | None:
     axes = figure.add_subplot()
     plain_axes(axes)
     for mark, (name, family) in zip(cycle(MARKS), families.items(), strict=False):
-        points = [
-            Point((steps_factor(cell.recipe), 0), ratio, bounds if isinstance(bounds, tuple) else None)
-            for cell in family
-            if isinstance(ratio := cell.row["map_ratio_percent"], float)
-            for bounds in [cell.row["map_ratio_ci95"]]
-        ]
+        points = [point for cell in family if (point := _point(cell, steps_factor(cell.recipe), False))]
         _draw_line(axes, points, 0, name, PREDICTION, f"{mark}-")
     axes.set_xscale("log", base=2)
     factors = sorted({steps_factor(cell.recipe) for family in families.values() for cell in family})

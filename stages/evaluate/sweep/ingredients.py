@@ -14,10 +14,16 @@ from advpipe.stages.evaluate.sweep.cell import Cell
 
 PATH = Path(__file__).with_name("ingredients.json")
 
-HEADS = (
-    "recipe best, but", "mAP ratio %", "at loose IoU %", "after 1 cm of jitter %", "rounded to 1 cm %",
-    "cars %", "CD m²", "s a frame",
-)  # fmt: skip
+COLUMNS: dict[str, tuple[str, int]] = {
+    "map_ratio_plain_percent": ("mAP ratio %", 1),
+    "map_ratio_loose_percent": ("at loose IoU %", 1),
+    "map_ratio_jitter_percent": ("after 1 cm of jitter %", 1),
+    "map_ratio_rounding_percent": ("rounded to 1 cm %", 1),
+    "car_ratio_percent": ("cars %", 1),
+    "chamfer_distance_m2": ("CD m²", 5),
+    "s_per_frame": ("s a frame", 0),
+}
+"""Of each figure that is shown, its head and digits."""
 
 
 def measured(cells: Sequence[Cell]) -> dict[str, Any]:
@@ -37,18 +43,9 @@ def ingredients_tables(cells: Sequence[Cell]) -> list[Table]:
         Table(
             f"What each ingredient brings: {attack}, {_after_comma(attack)} {about['lines'][0]['budget']:g}, "
             f"{len(about['frame_list'])} frames of a validation drive",
-            HEADS,
+            ("recipe best, but", *(head for head, _ in COLUMNS.values())),
             tuple(
-                (
-                    line["line"],
-                    number(line["map_ratio_plain_percent"], 1),
-                    number(line["map_ratio_loose_percent"], 1),
-                    number(line["map_ratio_jitter_percent"], 1),
-                    number(line["map_ratio_rounding_percent"], 1),
-                    number(line["car_ratio_percent"], 1),
-                    number(line["chamfer_distance_m2"], 5),
-                    number(line["s_per_frame"], 0),
-                )
+                (line["line"], *(number(line[key], digits) for key, (_, digits) in COLUMNS.items()))
                 for line in about["lines"]
             ),
         )
