@@ -1,4 +1,4 @@
-"""The one error that a user may see."""
+"""The errors that a user may see, each in one line, and with an exit code."""
 
 from __future__ import annotations
 
@@ -6,9 +6,21 @@ import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from advpipe.pipeline.text import one_line
+
+__all__ = [
+    "AdvpipeError",
+    "OutputExistsError",
+    "UsageError",
+    "one_line",
+    "os_error_line",
+    "writing",
+    "wrong_use",
+]
+
 
 class AdvpipeError(Exception):
-    """A mistake outside advpipe's code, said in one line: what, where, and how to mend it.
+    """What went wrong outside advpipe's code, said in one line: what, where, and how to fix it.
 
     The command line prints the message and exits with `exit_code`, without a traceback.
     """
@@ -16,17 +28,31 @@ class AdvpipeError(Exception):
     exit_code = 1
 
 
-class OutputExistsError(AdvpipeError):
+class UsageError(AdvpipeError):
+    """The command cannot be carried out as it was given: an unknown name, a bad value, an input that is none.
+
+    What fails on the way, such as a full disk or a file that turns out to be damaged, is an AdvpipeError.
+    """
+
+    exit_code = 2
+
+
+class OutputExistsError(UsageError):
     """An output is there already, and `--overwrite` was not given."""
 
     def __init__(self, path: object) -> None:
         super().__init__(f"{path} exists already, not overwriting; pass --overwrite to replace it")
 
 
-def one_line(text: object) -> str:
-    """Text on one line that a terminal shows and does not obey: what cannot be printed is spelt out."""
-    words = " ".join(str(text).split())
-    return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in words)
+@contextmanager
+def wrong_use() -> Iterator[None]:
+    """Raises UsageError for any AdvpipeError inside: there, only what the user gave can be wrong."""
+    try:
+        yield
+    except UsageError:
+        raise
+    except AdvpipeError as error:
+        raise UsageError(str(error)) from error
 
 
 def os_error_line(error: OSError) -> str:

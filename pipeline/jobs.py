@@ -3,21 +3,39 @@
 from __future__ import annotations
 
 import os
-import signal
+import threading
+import traceback
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process, resource_tracker
 from multiprocessing.connection import Connection, wait
 from typing import Any, TypeVar
 
-from advpipe.pipeline.errors import AdvpipeError, os_error_line
+from advpipe.pipeline.errors import AdvpipeError, UsageError, os_error_line
+from advpipe.pipeline.process import signals
 from advpipe.pipeline.progress import track
+from advpipe.pipeline.verbosity import detail, quieten_warnings
 
 Work = Callable[[int], None]
 T = TypeVar("T")
 
 JOBS_WORTH_A_WORKER = 4
 """A worker takes seconds to load its libraries: below this many jobs each, fewer workers are faster."""
+
+
+class UnexpectedInWorkerError(Exception):
+    """An error in a worker process that nobody thought of, and the traceback there."""
+
+    def __init__(self, summary: str, traceback: str) -> None:
+        super().__init__(summary, traceback)
+        self.traceback = traceback
+
+    def __str__(self) -> str:
+        return f"{self.args[0]} (in a worker process)"
+
+
+class WorkerTracebackError(Exception):
+    """Shows, as the cause of the error in this process, where the one in the worker came from."""
 
 
 def run_jobs(
@@ -52,6 +70,7 @@ def _done(
 ) -> Iterator[tuple[int, T]]:
     """Each job with its result, as they end."""
     count = min(workers or os.cpu_count() or 1, max(len(jobs) // JOBS_WORTH_A_WORKER, 1))
+    detail(f"{description}: {len(jobs)} jobs in {count} processes")
     done = _in_processes(prepare, jobs, count) if count > 1 else _here(prepare, jobs)
     return track(done, description, len(jobs))
 
@@ -68,20 +87,23 @@ def _in_processes(
 ) -> Iterator[tuple[int, T]]:
     context = get_context("spawn")  # a fork would inherit the threads of the libraries loaded here
     processes, pipes = [], []
+    if os.name == "posix":
+        resource_tracker.ensure_running()  # starting it unblocks signals
     try:
         for index in range(count):
             ours, theirs = context.Pipe(duplex=False)
             process = context.Process(
                 target=_serve, args=(theirs, partial(prepare), list(jobs[index::count])), daemon=True
             )
-            process.start()
+            with signals.blocked():  # until the worker says what becomes of them
+                process.start()
             theirs.close()  # the worker's end is the worker's alone: its death closes the pipe
             processes.append(process)
             pipes.append(ours)
         yield from _finished(pipes)
     finally:
         for process in processes:
-            process.terminate()
+            process.kill()  # at once and without a word, even while it still loads its libraries
         for process in processes:
             process.join()
 
@@ -99,6 +121,8 @@ def _finished(pipes: list[Connection]) -> Iterator[tuple[int, Any]]:
                     "a worker process died (out of memory, or killed); run again to go on, "
                     "with --workers 1 if memory is short"
                 ) from None
+            if isinstance(message, UnexpectedInWorkerError):
+                raise message from WorkerTracebackError(f"\n{message.traceback}")
             if isinstance(message, BaseException):
                 raise message
             if message is None:
@@ -108,8 +132,10 @@ def _finished(pipes: list[Connection]) -> Iterator[tuple[int, Any]]:
 
 
 def _serve(pipe: Connection, prepare: Callable[[], Callable[[int], Any]], jobs: list[int]) -> None:
-    """A worker's life; ctrl-C is the parent's business, and a parent that is gone ends the worker."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """A worker's life; signals are the parent's business, and a parent that is gone ends the worker."""
+    signals.leave_to_parent()
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    quieten_warnings()
     try:
         work = prepare()
         for job in jobs:
@@ -118,7 +144,19 @@ def _serve(pipe: Connection, prepare: Callable[[], Callable[[int], Any]], jobs: 
     except BrokenPipeError:
         return
     except AdvpipeError as error:
-        pipe.send(AdvpipeError(str(error)))
+        kind = UsageError if isinstance(error, UsageError) else AdvpipeError
+        pipe.send(kind(str(error)))
     except OSError as error:
         # A full disk has no name: whoever knows the output gives it one.
         pipe.send(AdvpipeError(os_error_line(error)) if error.filename else OSError(*error.args))
+    except Exception as error:
+        summary = traceback.format_exception_only(error)[-1].strip()
+        pipe.send(UnexpectedInWorkerError(summary, traceback.format_exc()))
+
+
+def _end_with_parent() -> None:
+    """Ends this worker as soon as its parent is gone, whatever it computes."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

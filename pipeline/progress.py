@@ -1,33 +1,70 @@
-"""Progress of long work: a bar with time left on a terminal, silence in a pipe."""
+"""Progress of long work on standard error: a bar on a terminal, a line now and then elsewhere."""
 
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator
-from typing import TypeVar
+from typing import TextIO, TypeVar
+
+from advpipe.pipeline.process.streams import beneath
+from advpipe.pipeline.text import one_line
+from advpipe.pipeline.verbosity import is_quiet, notice
 
 T = TypeVar("T")
+
+LINE_EVERY_S = 10.0
+"""In a pipe or a log file; what takes less time than this writes none."""
 
 
 def track(
     items: Iterable[T], description: str, total: int | None = None, status: Callable[[], str] | None = None
 ) -> Iterator[T]:
-    """The same items, with a progress bar on standard error while that is a terminal.
+    """The same items; says on standard error how many have come, and how long the rest will take.
 
-    status: what to write beside the bar, asked again at each item.
+    status: what to write besides, asked again at each item. --quiet silences it.
     """
-    if not sys.stderr.isatty():
-        yield from items
-        return
+    description = one_line(description)
+    if is_quiet():
+        return iter(items)
+    terminal = beneath(sys.stderr)
+    if terminal is not None and not terminal.closed and terminal.isatty():
+        return _with_bar(items, terminal, description, total, status)
+    return _with_lines(items, description, total, status)
+
+
+def _with_bar(
+    items: Iterable[T],
+    terminal: TextIO,
+    description: str,
+    total: int | None,
+    status: Callable[[], str] | None,
+) -> Iterator[T]:
     from rich.console import Console
+    from rich.markup import escape
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True)) as progress:
-        if status is None:
-            yield from progress.track(items, total=total, description=description)
-            return
-        task = progress.add_task(description, total=total)
+    with Progress(*columns, console=Console(file=terminal), redirect_stdout=False) as progress:
+        task = progress.add_task(escape(description), total=total)
         for item in items:
             yield item
-            progress.update(task, advance=1, description=f"{description}: {status()}")
+            beside = f": {one_line(status())}" if status else ""
+            progress.update(task, advance=1, description=escape(f"{description}{beside}"))
+
+
+def _with_lines(
+    items: Iterable[T], description: str, total: int | None, status: Callable[[], str] | None
+) -> Iterator[T]:
+    begin_s = last_s = time.monotonic()
+    for count, item in enumerate(items, 1):
+        yield item
+        now_s = time.monotonic()
+        if now_s - last_s < LINE_EVERY_S:
+            continue
+        last_s = now_s
+        done = f"{count:,}"
+        if total:
+            left_s = (now_s - begin_s) / count * (total - count)
+            done = f"{count:,} of {total:,}, about {left_s:.0f} s left"
+        notice(f"{description}: {done}{f'; {status()}' if status else ''}")

@@ -72,8 +72,9 @@ class BagDescription:
 
     def print(self) -> None:
         """Tables on standard output."""
-        from rich.console import Console
         from rich.table import Column, Table
+
+        from advpipe.pipeline.process.streams import plain_console
 
         facts = Table.grid(padding=(0, 2))
         for name, value in self._facts():
@@ -82,10 +83,10 @@ class BagDescription:
         for topic in self.topics:
             rate = f"{topic.rate_hz:.1f} Hz" if topic.rate_hz else ""
             topics.add_row(topic.name, topic.type.replace("/msg/", "/"), str(topic.count), rate, topic.qos)
-        console = Console(highlight=False)
-        console.width = max(console.width, 110)  # a long line that a terminal wraps beats a folded name
-        console.print(facts)
-        console.print(topics)
+        shown = plain_console()
+        shown.width = max(shown.width, 110)  # a long line that a terminal wraps beats a folded name
+        shown.print(facts)
+        shown.print(topics)
 
     def _facts(self) -> list[tuple[str, str]]:
         facts = [

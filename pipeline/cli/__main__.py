@@ -1,3 +1,4 @@
-from advpipe.pipeline.cli import app
+from advpipe.__main__ import main
 
-app()
+if __name__ == "__main__":
+    main()

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from advpipe.pipeline.cli.shared import DetectorName, Device, LidarTopic, Overwrite, Workers
+from advpipe.pipeline.cli.shared import Answer, DetectorName, Device, LidarTopic, Overwrite, Workers, line
+
+if TYPE_CHECKING:
+    from advpipe.stages.attack.run import AttackSummary
 
 USUAL_BUDGETS: dict[str, dict[str, float]] = {
     "detach": {"ratio": 0.01},
@@ -68,57 +72,74 @@ def attack(
         Path | None, typer.Option("--out", "-o", help="Adversarial bag.", show_default="beside the clean one")
     ] = None,
     overwrite: Overwrite = False,
-) -> None:
+) -> Answer:
     """Stage 2: write an adversarial version of a bag; everything not attacked is copied byte for byte."""
     from advpipe.pipeline.bag.locate import newest_dataset, resolve_bag
-    from advpipe.pipeline.errors import writing
+    from advpipe.pipeline.errors import writing, wrong_use
     from advpipe.pipeline.scenario.attacks import attack_spec
+    from advpipe.pipeline.verbosity import detail
     from advpipe.stages.attack.run import AttackRequest, attack_id
     from advpipe.stages.attack.run import attack as run
 
-    clean = resolve_bag(bag or newest_dataset(Path("datasets")))
     options = {"ratio": ratio, "eps_cm": eps_cm, "points": points, "eps_m": eps_m, "goal": goal}
     given = {name: value for name, value in options.items() if value is not None}
     given |= {"along_ray": True} if along_ray else {}
-    spec = attack_spec(
-        {
-            "type": kind,
-            "recipe": recipe,
-            "parameters": {**USUAL_BUDGETS.get(kind, {}), **_parameters(given, settings or [])},
-            "schedule": {"from_s": from_s, "to_s": to_s},
-            "attackers": _attackers(attacker or []),
-            "victim": victim,
-            "dcc_reacts": dcc_reacts,
-            "lidar": lidar,
-            "frames": frames,
-            "detector": detector,
-        }
-    )
-    request = AttackRequest((spec,), seed, device)
+    with wrong_use():
+        clean = resolve_bag(bag or newest_dataset(Path("datasets")))
+        spec = attack_spec(
+            {
+                "type": kind,
+                "recipe": recipe,
+                "parameters": {**USUAL_BUDGETS.get(kind, {}), **_parameters(given, settings or [])},
+                "schedule": {"from_s": from_s, "to_s": to_s},
+                "attackers": _attackers(attacker or []),
+                "victim": victim,
+                "dcc_reacts": dcc_reacts,
+                "lidar": lidar,
+                "frames": frames,
+                "detector": detector,
+            }
+        )
+        request = AttackRequest((spec,), seed, device)
+        request.check()
     target = out or clean.parent / attack_id(request)
+    detail(f"{attack_id(request)} of {clean}, seed {seed}, detector {detector} on {device}")
     with writing(target):
-        print(run(clean, target, request, overwrite=overwrite, workers=workers))
+        summary = run(clean, target, request, overwrite=overwrite, workers=workers)
+    return attacked(summary)
+
+
+def attacked(summary: AttackSummary) -> Answer:
+    """The bag, and what was done to it: of the losses their means."""
+    before, after = zip(*summary.losses, strict=True) if summary.losses else ((), ())
+    document = {key: value for key, value in vars(summary).items() if key != "losses"}
+    document |= {"mean_loss_before": _mean(before), "mean_loss_after": _mean(after)}
+    return Answer(document, line(summary))
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    return sum(values) / len(values) if values else None
 
 
 def _parameters(options: dict[str, Any], settings: list[str]) -> dict[str, Any]:
     """Those given as options, and the values of `name=value`, each read as YAML."""
     import yaml
 
-    from advpipe.pipeline.errors import AdvpipeError
+    from advpipe.pipeline.errors import UsageError
 
     found = dict(options)
     for setting in settings:
         word, equals, text = setting.partition("=")
         name = word.strip().replace("-", "_")
         if not equals or not name:
-            raise AdvpipeError(f"--set {setting!r}: write name=value, such as rounds=20")
+            raise UsageError(f"--set {setting!r}: write name=value, such as rounds=20")
         if name in found:
-            raise AdvpipeError(f"--set {setting!r}: {name} is {found[name]} already; leave one of them out")
+            raise UsageError(f"--set {setting!r}: {name} is {found[name]} already; leave one of them out")
         try:
             found[name] = _number_of(yaml.safe_load(text))
         except (yaml.YAMLError, ValueError) as error:
             problem = getattr(error, "problem", None) or "it is not YAML"
-            raise AdvpipeError(f"--set {setting!r}: the value cannot be read: {problem}") from None
+            raise UsageError(f"--set {setting!r}: the value cannot be read: {problem}") from None
     return found
 
 
@@ -132,7 +153,7 @@ def _number_of(value: Any) -> Any:
 
 def _attackers(words: list[str]) -> dict[str, Any] | None:
     """The section `attackers` that these words stand for."""
-    from advpipe.pipeline.errors import AdvpipeError
+    from advpipe.pipeline.errors import UsageError
 
     if not words:
         return None
@@ -140,7 +161,7 @@ def _attackers(words: list[str]) -> dict[str, Any] | None:
     if not special:
         return {"vehicles": words}
     if len(words) > 1:
-        raise AdvpipeError(
+        raise UsageError(
             f"--attacker {special[0]}: a share or a roadside unit stands alone; leave out the rest"
         )
     (word,) = words
@@ -150,4 +171,4 @@ def _attackers(words: list[str]) -> dict[str, Any] | None:
         numbers = [float(part) for part in word.removeprefix("rsu:").split(",")]
         return {"roadside_unit": dict(zip(("x_m", "y_m", "z_m")[: len(numbers)], numbers, strict=True))}
     except ValueError:
-        raise AdvpipeError(f"--attacker {word}: write a vehicle's id, 20%, or rsu:X,Y in metres") from None
+        raise UsageError(f"--attacker {word}: write a vehicle's id, 20%, or rsu:X,Y in metres") from None

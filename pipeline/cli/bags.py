@@ -7,21 +7,23 @@ from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Overwrite
+from advpipe.pipeline.cli.shared import Answer, Overwrite, line
 
 
 def inspect(
     bag: Annotated[Path, typer.Argument(help="Data set, rosbag2 folder or .mcap.")],
-    as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
-) -> None:
+) -> Answer:
     """What is in a bag: topics, rates, clouds, road users, V2X, provenance, checksums."""
-    from advpipe.pipeline.bag.inspect import describe
+    from dataclasses import asdict
 
+    from advpipe.pipeline.bag.inspect import describe
+    from advpipe.pipeline.bag.locate import resolve_bag
+    from advpipe.pipeline.errors import wrong_use
+
+    with wrong_use():
+        resolve_bag(bag)
     description = describe(bag)
-    if as_json:
-        print(description.to_json())
-    else:
-        description.print()
+    return Answer(asdict(description), description.print)
 
 
 def plot(
@@ -30,12 +32,16 @@ def plot(
         "v2x.png"
     ),
     overwrite: Overwrite = False,
-) -> None:
+) -> Answer:
     """Draw a drive's V2X: CAM rates, packets delivered by distance, channel load."""
+    from advpipe.pipeline.bag.locate import resolve_bag
     from advpipe.pipeline.bag.v2x_picture import draw_bag
+    from advpipe.pipeline.errors import wrong_use
 
+    with wrong_use():
+        resolve_bag(bag)
     draw_bag(bag, out, overwrite)
-    print(out)
+    return Answer({"picture": out}, line(out))
 
 
 def recover(
@@ -46,11 +52,14 @@ def recover(
         Path | None, typer.Option("--out", "-o", help="Where to.", show_default="PATH-recovered")
     ] = None,
     overwrite: Overwrite = False,
-) -> None:
+) -> Answer:
     """Save what was written of a recording that was cut off, as a whole bag or data set beside it.
 
     What a killed run wrote stays in a hidden folder until a later run for the same output has finished.
     """
     from advpipe.pipeline.bag.recover import recover as run
 
-    print(run(path, out, overwrite=overwrite))
+    recovery = run(path, out, overwrite=overwrite)
+    counts = {key: value for key, value in vars(recovery).items() if isinstance(value, int)}
+    found = {"bag": recovery.remains.bag, "found": recovery.remains.found}
+    return Answer({"recovered": recovery.out, **found, **counts}, line(recovery))

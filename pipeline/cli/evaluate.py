@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import BaselineTries, Device, LidarTopic, Overwrite, Workers
+from advpipe.pipeline.cli.shared import Answer, BaselineTries, Device, LidarTopic, Overwrite, Workers
 
 
 def evaluate(
@@ -52,20 +53,27 @@ def evaluate(
         typer.Option("--out", "-o", help="Report folder.", show_default="reports/ of the data set"),
     ] = None,
     overwrite: Overwrite = False,
-) -> None:
+) -> Answer:
     """Stage 3: run a detector on clean and adversarial bags; AP, mAP ratio, Chamfer distance, report."""
     from advpipe.pipeline.bag.frames import FrameSlice
     from advpipe.pipeline.bag.locate import adversarial_bags, newest_dataset, resolve_bag
+    from advpipe.pipeline.errors import wrong_use
+    from advpipe.pipeline.verbosity import detail
     from advpipe.stages.evaluate.run import evaluate as run
     from advpipe.stages.evaluate.run import print_report
 
-    given = bags or [newest_dataset(Path("datasets"))]
-    clean = resolve_bag(given[0])
-    adversarial = [resolve_bag(bag) for bag in given[1:]]
+    with wrong_use():
+        given = bags or [newest_dataset(Path("datasets"))]
+        clean = resolve_bag(given[0])
+        adversarial = [resolve_bag(bag) for bag in given[1:]]
+        chosen = FrameSlice.parse(frames)
     if len(given) == 1 and clean.name == "clean":
         adversarial = adversarial_bags(clean.parent)
     detectors = detector or ["small"]
     target = out or clean.parent / "reports" / "+".join(detector_slug(name) for name in detectors)
+    detail(
+        f"{', '.join(detectors)} on {device}, seed {seed}: {clean} and {len(adversarial)} adversarial bags"
+    )
     report = run(
         clean,
         adversarial,
@@ -75,7 +83,7 @@ def evaluate(
         baseline=baseline,
         baseline_tries=baseline_tries,
         defences=defence or (),
-        frames=FrameSlice.parse(frames),
+        frames=chosen,
         overwrite=overwrite,
         lidar_topic=lidar,
         workers=workers,
@@ -83,8 +91,12 @@ def evaluate(
         with_clouds=with_clouds,
         device=device,
     )
-    print_report(report)
-    print(f"report: {target / 'report.html'}")
+
+    def show() -> None:
+        print_report(report)
+        print(f"report: {target / 'report.html'}")
+
+    return Answer({"report": target / "report.html", **json.loads(report.to_json())}, show)
 
 
 def detector_slug(detector: str) -> str:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Overwrite
+from advpipe.pipeline.cli.shared import Answer, Overwrite
 
 FORMATS = {"veremi": "extension", "veremi-2018": "2018"}
 """By the word on the command line."""
@@ -22,20 +22,28 @@ def export(
         Path | None, typer.Option("--out", "-o", help="Folder to write.", show_default="<bag>-<format>")
     ] = None,
     overwrite: Overwrite = False,
-) -> None:
+) -> Answer:
     """Write a bag's V2X messages as others read them, labels included.
 
     veremi: JSON of the VeReMi Extension, a file a receiver and one of ground truth. veremi-2018: of VeReMi.
     """
     from advpipe.pipeline.bag.locate import resolve_bag
-    from advpipe.pipeline.errors import AdvpipeError
+    from advpipe.pipeline.errors import UsageError, wrong_use
     from advpipe.stages.evaluate.v2x.veremi import export_veremi
 
     if format not in FORMATS:
-        raise AdvpipeError(f"unknown format {format!r}; known: {', '.join(FORMATS)}")
-    source = resolve_bag(bag)
+        raise UsageError(f"unknown format {format!r}; known: {', '.join(FORMATS)}")
+    with wrong_use():
+        source = resolve_bag(bag)
     target = out or source.with_name(f"{source.name if source.is_dir() else source.stem}-{format}")
     written = export_veremi(source, target, form=FORMATS[format], overwrite=overwrite)
-    print(f"{target}: {written.sent} messages, {written.received} receptions of {written.receivers} vehicles")
-    for attack, number in written.attacks.items():
-        print(f"  attackerType {number}: {attack}")
+
+    def show() -> None:
+        print(
+            f"{target}: {written.sent} messages, {written.received} receptions of "
+            f"{written.receivers} vehicles"
+        )
+        for attack, number in written.attacks.items():
+            print(f"  attackerType {number}: {attack}")
+
+    return Answer({"folder": target, **vars(written)}, show)

@@ -2,42 +2,71 @@
 
 from __future__ import annotations
 
-import os
-import select
 import sys
-from typing import TextIO
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
 
 import typer
 from typer.core import TyperGroup
 
+from advpipe.pipeline.errors import UsageError
+from advpipe.pipeline.process.endings import ended
+from advpipe.pipeline.process.streams import flush_output
+
+ClickException: type[Exception] = next(
+    kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException"
+)
+"""What the command line's own parser raises; older releases of typer have it in another package."""
+
 
 class OneLineErrors(TyperGroup):
-    """A user's mistake becomes one line and a non-zero exit code."""
+    """Whatever goes wrong becomes one line and an exit code; see `endings`."""
+
+    def make_context(self, *args: Any, **extra: Any) -> typer.Context:
+        with _in_one_line():
+            return super().make_context(*args, **extra)  # type: ignore[return-value]
 
     def invoke(self, ctx: typer.Context) -> object:  # type: ignore[override]
-        from advpipe.pipeline.errors import AdvpipeError, one_line, os_error_line
+        with _in_one_line():
+            return super().invoke(ctx)
 
+    def main(
+        self,
+        args: Sequence[str] | None = None,
+        prog_name: str | None = None,
+        complete_var: str | None = None,
+        standalone_mode: bool = True,
+        **extra: Any,
+    ) -> Any:
         try:
-            result = super().invoke(ctx)
-            sys.stdout.flush()
-            return result
-        except AdvpipeError as error:
-            print(f"advpipe: {one_line(error)}", file=sys.stderr)
-            raise typer.Exit(error.exit_code) from None
-        except OSError as error:
-            if not (isinstance(error, BrokenPipeError) and _is_unread(sys.stdout)):
-                print(f"advpipe: {one_line(os_error_line(error))}", file=sys.stderr)
-            raise typer.Exit(1) from None
-        except KeyboardInterrupt:
-            print("advpipe: interrupted", file=sys.stderr)
-            raise typer.Exit(130) from None
+            code = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
+            flush_output()
+        except ClickException as error:
+            code = _misused(error)
+        except SystemExit:
+            raise
+        except BaseException as error:
+            code = ended(error)
+        sys.exit(code if isinstance(code, int) else 0)
 
 
-def _is_unread(stream: TextIO) -> bool:
-    """Whether the reader is gone, as after `| head`; what is still to be written then goes nowhere."""
-    poll = select.poll()
-    poll.register(stream, 0)  # errors alone are reported
-    if not poll.poll(0):
-        return False
-    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-    return True
+@contextmanager
+def _in_one_line() -> Iterator[None]:
+    """Ends the command with the line of whatever is raised inside; typer would tell some of it in its way."""
+    try:
+        yield
+    except (typer.Exit, SystemExit, ClickException):
+        raise
+    except BaseException as error:
+        raise typer.Exit(ended(error)) from None
+
+
+def _misused(error: Any) -> int:
+    """Prints what is wrong with the options in one line, and where they are explained."""
+    context = getattr(error, "ctx", None)
+    if type(error).__name__ == "NoArgsIsHelpError":  # no mistake: whoever types `advpipe` alone wants help
+        print(error.format_message(), file=sys.stderr)
+        return 2
+    command = context.command_path if context else "advpipe"
+    return ended(UsageError(f"{error.format_message()} (see {command} --help)"))

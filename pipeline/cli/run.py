@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from advpipe.pipeline.cli.attack import attacked
 from advpipe.pipeline.cli.evaluate import detector_slug, evaluate
-from advpipe.pipeline.cli.shared import DetectorName, Device, Overwrite, Workers
+from advpipe.pipeline.cli.shared import Answer, DetectorName, Device, Overwrite, Workers, line, told
 from advpipe.pipeline.cli.simulate import simulate
 
 if TYPE_CHECKING:
@@ -30,40 +31,53 @@ def run(
     device: Device = "cpu",
     workers: Workers = None,
     overwrite: Overwrite = False,
-) -> None:
+) -> Answer:
     """All stages: simulate a scenario, carry out its attacks, evaluate; goes on where it was stopped.
 
     What is done already is kept. A drive, bag or report in its place that comes of anything else is
     refused, or replaced with --overwrite.
     """
+    from advpipe.pipeline.errors import wrong_use
     from advpipe.pipeline.scenario import load_scenario
     from advpipe.stages.attack.run import AttackRequest
 
-    loaded = load_scenario(scenario, settings or ())
-    requests = {
-        name: AttackRequest(attacks, loaded.simulation.seed, device)
-        for name, attacks in loaded.attacks.items()
-    }
-    for request in requests.values():
-        request.check()  # rather now than after the simulation
+    with wrong_use():
+        loaded = load_scenario(scenario, settings or ())
+        requests = {
+            name: AttackRequest(attacks, loaded.simulation.seed, device)
+            for name, attacks in loaded.attacks.items()
+        }
+        for request in requests.values():
+            request.check()  # rather now than after the simulation
     folder = out or Path("datasets") / loaded.name
     if _has_drive(folder, loaded, overwrite):
-        print(f"{folder / 'clean'}: kept")
+        drive = told(_kept("bag", folder / "clean"))
     else:
-        simulate(scenario, folder, settings, overwrite)
-    for name, request in requests.items():
-        _attack(folder / "clean", folder / name, request, workers, overwrite)
+        drive = told(simulate(scenario, folder, settings, overwrite))
+    attacks = [
+        told(_attack(folder / "clean", folder / name, request, workers, overwrite))
+        for name, request in requests.items()
+    ]
     bags = [folder / "clean", *(folder / name for name in requests)]
     report = folder / "reports" / detector_slug(detector)
     if _is_report_of(report, bags, detector, device):
-        print(f"{report}: kept")
+        scored = told(_kept("report", report))
     else:
-        evaluate(bags, [detector], device=device, workers=workers, out=report, overwrite=overwrite)
+        scored = told(
+            evaluate(bags, [detector], device=device, workers=workers, out=report, overwrite=overwrite)
+        )
+    document = {"data_set": folder, "drive": drive, "attacks": attacks, "evaluation": scored}
+    return Answer(document, lambda: None)
+
+
+def _kept(kind: str, path: Path) -> Answer:
+    """Of a result that is there already."""
+    return Answer({kind: path, "kept": True}, line(f"{path}: kept"))
 
 
 def _has_drive(folder: Path, scenario: Scenario, overwrite: bool) -> bool:
     """Whether a data set holds the drive of this scenario, whatever its attacks."""
-    from advpipe.pipeline.errors import AdvpipeError
+    from advpipe.pipeline.errors import UsageError
     from advpipe.pipeline.scenario import dump_scenario
 
     resolved = folder / "scenario.yaml"
@@ -73,15 +87,15 @@ def _has_drive(folder: Path, scenario: Scenario, overwrite: bool) -> bool:
         return True
     if overwrite:
         return False
-    raise AdvpipeError(
+    raise UsageError(
         f"{folder} holds the drive of another scenario; pass --overwrite to replace it, or give another --out"
     )
 
 
-def _attack(clean: Path, bag: Path, request: AttackRequest, workers: int | None, overwrite: bool) -> None:
+def _attack(clean: Path, bag: Path, request: AttackRequest, workers: int | None, overwrite: bool) -> Answer:
     """Makes the bag, unless the same request made it of the same clean one."""
     from advpipe.pipeline.bag.reader import BagReader
-    from advpipe.pipeline.errors import AdvpipeError, writing
+    from advpipe.pipeline.errors import UsageError, writing
     from advpipe.stages.attack.provenance import provenance_of, resolved_text
     from advpipe.stages.attack.run import attack
 
@@ -90,15 +104,15 @@ def _attack(clean: Path, bag: Path, request: AttackRequest, workers: int | None,
     if made.is_file():
         others = _differing_keys(made.read_text(encoding="utf-8"), wanted)
         if not others:
-            print(f"{bag}: kept")
-            return
+            return _kept("bag", bag)
         if not overwrite:
-            raise AdvpipeError(
+            raise UsageError(
                 f"{bag} was made with other {', '.join(others)} (see {made.name} in it); pass --overwrite to "
                 "make it again, or give another --out"
             )
     with writing(bag):
-        print(attack(clean, bag, request, overwrite=overwrite, workers=workers))
+        summary = attack(clean, bag, request, overwrite=overwrite, workers=workers)
+    return attacked(summary)
 
 
 def _differing_keys(made: str, wanted: str) -> list[str]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Overwrite
+from advpipe.pipeline.cli.shared import Answer, Overwrite, line
 
 
 def schema(
@@ -15,7 +16,7 @@ def schema(
         Path | None, typer.Option("--out", "-o", help="File to write.", show_default="standard output")
     ] = None,
     overwrite: Overwrite = False,
-) -> None:
+) -> Answer:
     """The JSON Schema of scenario files, for editors and checkers.
 
     Editors with a YAML language server complete and check a scenario that starts with the line
@@ -24,7 +25,6 @@ def schema(
     from advpipe.pipeline.scenario.schema import schema_json, write_schema
 
     if out is None:
-        print(schema_json())
-    else:
-        write_schema(out, overwrite)
-        print(out)
+        return Answer(json.loads(schema_json()), line(schema_json()))
+    write_schema(out, overwrite)
+    return Answer({"schema": out}, line(out))

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Overwrite
+from advpipe.pipeline.cli.shared import Answer, Overwrite
 
 
 def share(
@@ -31,21 +30,27 @@ def share(
         str | None, typer.Option("--citation", help="How to cite it: a text, or a file such as a .bib.")
     ] = None,
     overwrite: Overwrite = False,
-) -> None:
+) -> Answer:
     """Make a data set ready to publish, as a folder or an archive; the data set itself is not touched.
 
     Card, pictures, layouts for Foxglove and RViz, contracts for checkers, checksums, provenance, signature.
     """
-    from advpipe.pipeline.errors import one_line
+    from advpipe.pipeline.errors import wrong_use
+    from advpipe.pipeline.verbosity import notice
     from advpipe.stages.share.options import citation_text
     from advpipe.stages.share.run import ShareOptions
     from advpipe.stages.share.run import share as run
 
     size_bytes = None if split_mb is None else split_mb * 1_000_000
-    options = ShareOptions(licence, citation_text(citation), sign, size_bytes, overwrite)
+    with wrong_use():
+        options = ShareOptions(licence, citation_text(citation), sign, size_bytes, overwrite)
     summary = run(dataset, out or Path("shared") / dataset.resolve().name, options)
-    for path in summary.made:
-        print(path)
-    print(f"{summary.files} files, {summary.bytes / 1e6:.1f} MB")
     for remark in summary.remarks:
-        print(f"note: {one_line(remark)}", file=sys.stderr)
+        notice(f"note: {remark}")
+
+    def show() -> None:
+        for path in summary.made:
+            print(path)
+        print(f"{summary.files} files, {summary.bytes / 1e6:.1f} MB")
+
+    return Answer(vars(summary), show)

@@ -1,8 +1,13 @@
-"""Options that several commands share."""
+"""Options that several commands share, and the way in which all of them answer."""
 
 from __future__ import annotations
 
-from typing import Annotated
+import inspect
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import wraps
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
@@ -28,3 +33,82 @@ Device = Annotated[
 DetectorName = Annotated[
     str, typer.Option("--detector", help="A shipped name, a .safetensors file, or module:Class.")
 ]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
+Verbose = Annotated[
+    bool, typer.Option("--verbose", "-v", help="Tell versions, what is loaded, seeds and times as well.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as one JSON document, for programs.")]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a command found or made.
+
+    document: for programs, with the paths of outputs and all figures; see `strict_json`. show: prints it for
+    people. exit_code: 1 where a check found faults.
+    """
+
+    document: Mapping[str, Any]
+    show: Callable[[], None]
+    exit_code: int = 0
+
+
+def answering(command: Callable[..., Answer]) -> Callable[..., None]:
+    """The command as typer runs it: with --quiet, --verbose and --json, and its answer printed."""
+
+    @wraps(command)
+    def answer(*args: Any, quiet: bool, verbose: bool, as_json: bool, **options: Any) -> None:
+        from advpipe.pipeline.process.document import strict_json
+        from advpipe.pipeline.process.streams import safe_streams
+        from advpipe.pipeline.verbosity import Verbosity, phase, speaking
+
+        with safe_streams(), speaking(Verbosity(quiet, verbose, as_json)):
+            _tell_versions()
+            with phase("in all"):
+                given = command(*args, **options)
+            if as_json:
+                print(strict_json(given.document))
+            elif not quiet:
+                given.show()
+            sys.stdout.flush()
+        if given.exit_code:
+            raise typer.Exit(given.exit_code)
+
+    hints = get_type_hints(command, include_extras=True)
+    parameters = [
+        one.replace(annotation=hints[one.name]) for one in inspect.signature(command).parameters.values()
+    ]
+    for name, kind in (("quiet", Quiet), ("verbose", Verbose), ("as_json", AsJson)):
+        one = inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind)
+        parameters.append(one)
+    answer.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    answer.__annotations__ = {one.name: one.annotation for one in parameters}
+    return answer
+
+
+def told(answer: Answer) -> dict[str, Any]:
+    """Shows an answer that is a part of another one, as soon as it is known; returns its document."""
+    from advpipe.pipeline.verbosity import is_for_people
+
+    if is_for_people():
+        answer.show()
+        sys.stdout.flush()
+    return dict(answer.document)
+
+
+def line(text: object) -> Callable[[], None]:
+    """Prints the text: what an answer of one line shows."""
+    return lambda: print(text)
+
+
+def _tell_versions() -> None:
+    """With --verbose: what a figure may depend on."""
+    import platform
+
+    from advpipe.pipeline.verbosity import detail
+    from advpipe.pipeline.versions import installed
+
+    packages = ("advpipe", "numpy", "open3d-cpu", "open3d", "libsumo", "torch")
+    found = {package: installed(package) for package in packages}
+    versions = ", ".join(f"{package} {number}" for package, number in found.items() if number)
+    detail(f"{versions}; Python {platform.python_version()} on {platform.platform()}")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Overwrite
+from advpipe.pipeline.cli.shared import Answer, Overwrite
 
 
 def simulate(
@@ -19,17 +20,26 @@ def simulate(
         list[str] | None, typer.Option("--set", help="Override one key: section.key=value.")
     ] = None,
     overwrite: Overwrite = False,
-) -> None:
+) -> Answer:
     """Stage 1: record a clean drive (LiDAR, ground truth, odometry, GNSS) to an MCAP bag."""
+    from advpipe.pipeline.errors import wrong_use
     from advpipe.pipeline.scenario import load_scenario
+    from advpipe.pipeline.verbosity import detail
     from advpipe.stages.simulate.run import simulate as run
 
-    loaded = load_scenario(scenario, settings or ())
-    summary = run(loaded, out or Path("datasets") / loaded.name, overwrite=overwrite)
-    print(
-        f"{summary.bag}: {summary.frames} frames, "
-        f"{summary.clouds} clouds of {summary.points / max(summary.clouds, 1):,.0f} points, "
-        f"{summary.road_users} road users in range"
-    )
-    for name, value in summary.v2x.lines() if summary.v2x else ():
-        print(f"{name}: {value}")
+    with wrong_use():
+        loaded = load_scenario(scenario, settings or ())
+    detail(f"scenario {loaded.name} of {scenario}, seed {loaded.simulation.seed}")
+    folder = out or Path("datasets") / loaded.name
+    summary = run(loaded, folder, overwrite=overwrite)
+
+    def show() -> None:
+        print(
+            f"{summary.bag}: {summary.frames} frames, "
+            f"{summary.clouds} clouds of {summary.points / max(summary.clouds, 1):,.0f} points, "
+            f"{summary.road_users} road users in range"
+        )
+        for name, value in summary.v2x.lines() if summary.v2x else ():
+            print(f"{name}: {value}")
+
+    return Answer({"data_set": folder, **asdict(summary)}, show)

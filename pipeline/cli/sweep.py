@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import time
 from collections.abc import Sequence
@@ -12,7 +13,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from advpipe.pipeline.cli.evaluate import detector_slug
-from advpipe.pipeline.cli.shared import BaselineTries, DetectorName, Device, LidarTopic, Overwrite, Workers
+from advpipe.pipeline.cli.shared import (
+    Answer,
+    BaselineTries,
+    DetectorName,
+    Device,
+    LidarTopic,
+    Overwrite,
+    Workers,
+)
 
 if TYPE_CHECKING:
     from advpipe.stages.attack.run import AttackRequest
@@ -64,13 +73,15 @@ def sweep(
         typer.Option("--out", "-o", help="Folder.", show_default="reports/sweep-<detector> of the data set"),
     ] = None,
     overwrite: Overwrite = False,
-) -> None:
+) -> Answer:
     """Attack and evaluate at every budget of the paper's tables; goes on where it was stopped.
 
     Each finished cell is kept in cells/ of the output, and only those that are missing are run. Other
     recipes, with frames of their own, may be added to the same output later.
     """
     from advpipe.pipeline.bag.locate import newest_dataset, resolve_bag
+    from advpipe.pipeline.errors import wrong_use
+    from advpipe.pipeline.verbosity import detail, say
     from advpipe.stages.evaluate.report.numbers import number
     from advpipe.stages.evaluate.sweep.budgets import choose_budgets
     from advpipe.stages.evaluate.sweep.document import print_document, write_document
@@ -79,33 +90,36 @@ def sweep(
     from advpipe.stages.evaluate.sweep.tables import recipes_of
     from advpipe.stages.evaluate.sweep.variants import steps_factor
 
-    clean = resolve_bag(bag or newest_dataset(Path("datasets")))
-    named = [word.strip() for words in cells or [] for word in words.split(",") if word.strip()]
-    budgets = choose_budgets(table, named)
+    with wrong_use():
+        clean = resolve_bag(bag or newest_dataset(Path("datasets")))
+        named = [word.strip() for words in cells or [] for word in words.split(",") if word.strip()]
+        budgets = choose_budgets(table, named)
     asked = list(dict.fromkeys(word.strip() for word in recipes.split(",") if word.strip())) or ["best"]
     settings = sweep_settings(clean, detector, frames, seed, baseline_tries, lidar, USUAL_FRAMES, device)
     target = out or clean.parent / "reports" / f"sweep-{detector_slug(detector)}"
     store, bench = Store(target), _Bench(clean, target, detector, workers, keep_bags, device)
-    for recipe in asked:
-        for budget in budgets:
-            bench.request(budget, recipe, settings).check()  # rather now than hours later
+    with wrong_use():
+        for recipe in asked:
+            for budget in budgets:
+                bench.request(budget, recipe, settings).check()  # rather now than hours later
+    detail(f"{len(asked) * len(budgets)} cells of {clean}: {detector} on {device}, seed {seed}")
     if check is not None:
-        _check(bench, store, [(recipe, budget) for recipe in asked for budget in budgets], check, seed)
-        return
+        places = [(recipe, budget) for recipe in asked for budget in budgets]
+        checked = _check(bench, store, places, check, seed)
+        return Answer({"checked": checked}, lambda: None)
     store.open(settings, asked, overwrite)
     is_new = dict.fromkeys(asked, False)
     for recipe in asked:
         for budget in budgets:
             if store.load(recipe, budget.name) is not None:
-                print(f"{recipe}-{budget.name}: kept")
+                say(f"{recipe}-{budget.name}: kept")
                 continue
             store.save(cell := bench.run(budget, recipe, settings))
             is_new[recipe] = True
-            print(
+            say(
                 f"{cell.name}: mAP ratio {number(cell.row['map_ratio_percent'], 2)} % (the paper: "
                 f"{budget.paper_map_ratio_percent:.2f} %), {len(cell.frames)} frames, "
-                f"attack {cell.attack_s:.0f} s, evaluation {cell.evaluate_s:.0f} s",
-                flush=True,
+                f"attack {cell.attack_s:.0f} s, evaluation {cell.evaluate_s:.0f} s"
             )
     done = store.cells()
     shown = recipes_of(done, asked)
@@ -116,8 +130,13 @@ def sweep(
         for picture in _panels(bench, store, recipe, is_new.get(recipe, False))
     ]
     write_document(target, done, shown, _commands(clean, table, done), pictures)
-    print_document(done, shown)
-    print(f"report: {target / 'report.html'}")
+
+    def show() -> None:
+        print_document(done, shown)
+        print(f"report: {target / 'report.html'}")
+
+    document = json.loads((target / "report.json").read_text(encoding="utf-8"))
+    return Answer({"report": target / "report.html", **document}, show)
 
 
 @dataclass(frozen=True)
@@ -201,13 +220,16 @@ class _Bench:
             folder.parent.rmdir()
 
 
-def _check(bench: _Bench, store: Store, places: Sequence[tuple[str, Budget]], count: int, seed: int) -> None:
+def _check(
+    bench: _Bench, store: Store, places: Sequence[tuple[str, Budget]], count: int, seed: int
+) -> list[str]:
     """Compute some of the stored cells again, as they were made; raises AdvpipeError where one differs.
 
     By the code that there is: figures that stay the same show that a change of it changed nothing.
     """
     from advpipe.pipeline.errors import AdvpipeError
     from advpipe.pipeline.seeding import named_generator
+    from advpipe.pipeline.verbosity import say
     from advpipe.stages.evaluate.sweep.compare import differences
     from advpipe.stages.evaluate.sweep.settings import refuse_other_work, with_this_code
 
@@ -216,17 +238,20 @@ def _check(bench: _Bench, store: Store, places: Sequence[tuple[str, Budget]], co
         raise AdvpipeError(f"{store.folder} holds none of these cells; run the sweep first")
     drawn = named_generator(seed, "sweep", "check").permutation(len(stored))[:count]
     again = replace(bench, out=store.folder / "check", keep_bags=False)
-    wrong = []
+    wrong: list[str] = []
+    checked: list[str] = []
     for cell, budget in (stored[place] for place in sorted(drawn)):
         refuse_other_work(cell, bench.clean, bench.detector, bench.device)
         now = with_this_code(cell.settings)
         found = differences(cell, again.run(budget, cell.recipe, now))
         same = "the same" if now == cell.settings else "the same, though other code of advpipe made it"
-        print(f"{cell.name}: {'; '.join(found[:5]) or same}", flush=True)
+        say(f"{cell.name}: {'; '.join(found[:5]) or same}")
+        checked.append(cell.name)
         wrong += [cell.name] if found else []
     again.tidy(again.out)
     if wrong:
         raise AdvpipeError(f"computed again, {', '.join(wrong)} differ from what {store.folder} holds")
+    return checked
 
 
 def _panels(bench: _Bench, store: Store, recipe: str, is_new: bool) -> list[Picture]:

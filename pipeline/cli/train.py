@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Device, Overwrite
+from advpipe.pipeline.cli.shared import Answer, Device, Overwrite, line
 
 if TYPE_CHECKING:
     from advpipe.stages.train.run import TrainSummary
@@ -26,18 +26,20 @@ def train(
     device: Device = "cpu",
     seed: Annotated[int, typer.Option(min=0, help="Seed of weights, order and augmentation.")] = 0,
     overwrite: Overwrite = False,
-) -> None:
+) -> Answer:
     """Train a SECOND detector on clean bags; goes on where an interrupted run stopped."""
     from advpipe.pipeline.bag.locate import resolve_bag
-    from advpipe.pipeline.errors import AdvpipeError, writing
+    from advpipe.pipeline.errors import UsageError, writing, wrong_use
+    from advpipe.pipeline.verbosity import detail
     from advpipe.stages.train.config import TrainConfig
     from advpipe.stages.train.run import train as run
 
     if not 0 < learning_rate < math.inf:
-        raise AdvpipeError(f"--learning-rate is {learning_rate:g}; it has to be finite and above 0")
-    learned, held_out = tuple(map(resolve_bag, bags)), resolve_bag(validate) if validate else None
+        raise UsageError(f"--learning-rate is {learning_rate:g}; it has to be finite and above 0")
+    with wrong_use():
+        learned, held_out = tuple(map(resolve_bag, bags)), resolve_bag(validate) if validate else None
     if held_out and held_out.resolve() in {bag.resolve() for bag in learned}:
-        raise AdvpipeError(f"--validate {validate} is a bag to learn from; name one that is held out")
+        raise UsageError(f"--validate {validate} is a bag to learn from; name one that is held out")
     config = TrainConfig(
         bags=learned,
         out=out,
@@ -50,8 +52,10 @@ def train(
         device=device,
         seed=seed,
     )
+    detail(f"preset {preset}, {steps} steps on {len(learned)} bags, seed {seed}, on {device}")
     with writing(out):
-        print(_trained(run(config, overwrite=overwrite)))
+        summary = run(config, overwrite=overwrite)
+    return Answer(vars(summary), line(_trained(summary)))
 
 
 def _trained(summary: TrainSummary) -> str:
@@ -70,17 +74,20 @@ def import_weights(
     file: Annotated[Path, typer.Argument(help="Checkpoint (.pth) of OpenPCDet's SECOND for KITTI.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="The .safetensors file to write.")],
     overwrite: Overwrite = False,
-) -> None:
+) -> Answer:
     """Turn a SECOND that OpenPCDet trained into a detector for --detector; runs no code from the file."""
     from advpipe.pipeline.detector.second.checkpoint import save_checkpoint
     from advpipe.pipeline.detector.second.openpcdet import import_openpcdet
-    from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
+    from advpipe.pipeline.errors import OutputExistsError, UsageError
 
     if out.suffix != ".safetensors":
-        raise AdvpipeError(f"--out is {out}; a detector's file is named .safetensors")
+        raise UsageError(f"--out is {out}; a detector's file is named .safetensors")
     if out.exists() and not overwrite:
         raise OutputExistsError(out)
     net, provenance = import_openpcdet(file)
     save_checkpoint(net, out, provenance, half=False, overwrite=overwrite)
     parameters = sum(weight.numel() for weight in net.parameters())
-    print(f"{out}: preset {net.preset.name}, {parameters:,} parameters; use it as --detector {out}")
+    return Answer(
+        {"checkpoint": out, "preset": net.preset.name, "parameters": parameters},
+        line(f"{out}: preset {net.preset.name}, {parameters:,} parameters; use it as --detector {out}"),
+    )

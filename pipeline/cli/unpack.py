@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from advpipe.pipeline.cli.shared import Answer, line
+
 
 def unpack(
     archive: Annotated[Path, typer.Argument(help="NAME.tar, or any part of it such as NAME.tar.000.")],
@@ -14,11 +16,12 @@ def unpack(
         Path | None,
         typer.Option("--out", "-o", help="Folder to make.", show_default="NAME beside the archive"),
     ] = None,
-) -> None:
+) -> Answer:
     """Unpack an archive of `advpipe share`, safely: what is damaged, cut off or hostile leaves nothing.
 
     Every byte is checked; `advpipe verify` then checks what the data set claims.
     """
     from advpipe.pipeline.dataset.archive import unpack as run
 
-    print(run(archive, out))
+    folder = run(archive, out)
+    return Answer({"folder": folder}, line(folder))

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from advpipe.pipeline.cli.shared import Answer
 
 
 def verify(
@@ -16,16 +19,15 @@ def verify(
     key: Annotated[
         Path | None, typer.Option("--key", help="The signer's public key (PEM).", show_default=False)
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
-) -> None:
+) -> Answer:
     """Check everything that a data set or a bag claims; one line a finding, exit code 1 if there is any."""
-    from advpipe.pipeline.errors import one_line
+    from advpipe.pipeline.errors import one_line, wrong_use
     from advpipe.stages.verify.run import verify as run
 
-    result = run(path, quick=quick, key=key)
-    if as_json:
-        print(result.to_json())
-    else:
+    with wrong_use():
+        result = run(path, quick=quick, key=key)
+
+    def show() -> None:
         for finding in result.findings:
             print(finding)
         for gap in result.unchecked:
@@ -33,5 +35,5 @@ def verify(
         faults = len(result.findings)
         outcome = f"{faults} findings" if faults > 1 else "1 finding" if faults else "good"
         print(f"{one_line(path)}: {outcome}")
-    if not result.is_good:
-        raise typer.Exit(1)
+
+    return Answer(json.loads(result.to_json()), show, exit_code=0 if result.is_good else 1)

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import json
 import os
-import signal
-import threading
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from math import cos, isfinite, pi
 from pathlib import Path
-from types import FrameType
 
 import torch
 
@@ -25,6 +22,7 @@ from advpipe.pipeline.detector.second.checkpoint import load_checkpoint, save_ch
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import preset_named
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.process import signals
 from advpipe.pipeline.progress import track
 from advpipe.stages.train.config import TrainConfig
 from advpipe.stages.train.examples import Examples
@@ -90,7 +88,7 @@ def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
         closing(Log(folder.log, STEPS, state.step)) as log,
         # A run that was killed in its last validation does it again.
         closing(Log(folder.validations, VALIDATIONS, min(state.step, steps - 1))) as validations,
-        interrupts() as interrupted,
+        signals.deferred() as stopped,  # a step is not broken off, so that the state can be saved first
         gradients(net, examples, workers) as gradients_of,
     ):
         for step in track(range(state.step, steps), "train", steps - state.step, status.text):
@@ -101,11 +99,10 @@ def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
             if drive is not None and state.step % config.validate_every == 0 and state.step < steps:
                 status.precision = drive.precision(saved(state.step), at_most=SOME_FRAMES)
                 validations.add(step, *strict_percents(status.precision))
-            if state.step % config.checkpoint_every == 0 or interrupted.is_set():
+            if state.step % config.checkpoint_every == 0 or stopped.is_set():
                 state.save(folder.state)
                 saved(state.step)
-            if interrupted.is_set():
-                raise KeyboardInterrupt
+            stopped.raise_if_set()
         state.save(folder.state)
         trained = saved(steps)
         precision = drive.precision(trained) if drive else {}
@@ -205,21 +202,3 @@ def train_step(
     state.optimiser.step()
     state.step += 1
     return parts, norm
-
-
-@contextmanager
-def interrupts() -> Iterator[threading.Event]:
-    """Ctrl-C sets the event instead of breaking off a step, so that the state can be saved first."""
-    event = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield event
-        return
-
-    def note(_signal: int, _frame: FrameType | None) -> None:
-        event.set()
-
-    previous = signal.signal(signal.SIGINT, note)
-    try:
-        yield event
-    finally:
-        signal.signal(signal.SIGINT, previous)

@@ -8,7 +8,6 @@ process, one after another: its context would not survive a fork.
 
 from __future__ import annotations
 
-import signal
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -23,6 +22,7 @@ from advpipe.pipeline.detector.second.loss import losses
 from advpipe.pipeline.detector.second.model import SecondNet
 from advpipe.pipeline.detector.second.voxels import voxelise
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.process import signals
 from advpipe.stages.train.examples import Examples
 
 PARTS = ("score_loss", "box_loss", "direction_loss", "quality_loss")
@@ -113,7 +113,8 @@ def gradients(net: SecondNet, examples: Examples, workers: int) -> Iterator[Grad
             share = range(worker, batch, workers)
             arguments = (net, examples, rows, share, theirs, [*pipes, mine])
             process = context.Process(target=_work, args=arguments, daemon=True)
-            process.start()
+            with signals.blocked():  # until the worker says what becomes of them
+                process.start()
             theirs.close()
             stack.callback(process.join)
             stack.callback(mine.close)
@@ -142,7 +143,7 @@ def _work(
     inherited: list[Connection],
 ) -> None:
     """Answer each step that comes through the pipe, until it closes."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signals.leave_to_parent()
     # The parent's ends have to be the parent's alone: else its death would close no pipe.
     for connection in inherited:
         connection.close()

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Literal
 
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
+from advpipe.pipeline.process.streams import plain_console
 from advpipe.stages.evaluate.detection.arm import WHOLE
 from advpipe.stages.evaluate.detection.baseline import baseline_title
 from advpipe.stages.evaluate.detection.figures import Row
@@ -152,7 +152,7 @@ def _short(stratum: object) -> str:
 
 def print_report(report: Report) -> None:
     """The tables on the terminal: the detector on the clean clouds, then attacks if there are any."""
-    console = Console()
+    console = plain_console()
     if by_class := clean_lines(report):
         console.print(_by_class(by_class))
     if any(row["map_adv"] is not None for row in report.rows):

@@ -116,9 +116,9 @@ _SHOWN = ("ap", "map", "map_ratio", "iou", "ignored", "chamfer", "interval", "ba
 
 def print_document(cells: Sequence[Cell], recipes: Sequence[str]) -> None:
     """Both tables on the terminal; of Table II the columns that fit there."""
-    from rich.console import Console
+    from advpipe.pipeline.process.streams import plain_console
 
-    console = Console()
+    console = plain_console()
     console.print(_rich(_transposed(table_one(cells, recipes))))
     for attack in AXES:
         table = table_two(cells, recipes, attack)

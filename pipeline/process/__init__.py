@@ -1,0 +1,1 @@
+"""What surrounds every command: signals, the standard streams, and how a command ends."""

@@ -1,0 +1,41 @@
+"""A command's result as one JSON document that any parser reads."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, is_dataclass
+from typing import Any
+
+
+def strict_json(document: Mapping[str, Any]) -> str:
+    """JSON in ASCII: null for what is no finite number, names that are not UTF-8 with escapes.
+
+    >>> print(strict_json({"path": Path("a"), "ratio": math.nan}))
+    {
+      "path": "a",
+      "ratio": null
+    }
+    """
+    text = json.dumps(plain(document), indent=2, allow_nan=False)
+    return text.replace("\x7f", "\\u007f")  # the one control character that json leaves as it is
+
+
+def plain(value: Any) -> Any:
+    """The value with nothing but what JSON has: dataclasses, paths and numpy's numbers are turned into it."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return plain(asdict(value))
+    if isinstance(value, Mapping):
+        return {plain(str(key)): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple | set | frozenset):
+        items = sorted(value) if isinstance(value, set | frozenset) else value
+        return [plain(item) for item in items]
+    if hasattr(value, "item") and not isinstance(value, str):  # a scalar of numpy's
+        value = value.item()
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, bool | int):
+        return value
+    text = str(value)
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")

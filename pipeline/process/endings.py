@@ -1,0 +1,70 @@
+"""How a command fails: in one line, and with an exit code.
+
+0: done. 1: findings, or something failed on the way. 2: wrong use. 128 + n: ended by signal n.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from contextlib import suppress
+
+from advpipe.pipeline.errors import AdvpipeError, os_error_line
+from advpipe.pipeline.process import signals, streams
+from advpipe.pipeline.process.last_resort import unexpected
+from advpipe.pipeline.text import one_line
+
+FAILED, WRONG_USE = 1, 2
+
+
+def ended(error: BaseException) -> int:
+    """Prints the line of an error that ended a command; returns the exit code."""
+    number = signals.received()
+    if number is None and isinstance(error, KeyboardInterrupt):
+        number = getattr(error, "number", 2)
+    if number is not None:
+        _say(signals.last_line(number))
+        return signals.exit_code(number)
+    if isinstance(error, BrokenPipeError) and streams.is_unread():
+        streams.drop_output()
+        return FAILED
+    line, code = _told(error)
+    _say(f"advpipe: {one_line(line)}")
+    return code
+
+
+def _told(error: BaseException) -> tuple[str, int]:
+    match error:
+        case AdvpipeError():
+            return str(error), error.exit_code
+        case OSError() if _folder_is_gone():
+            return "the working folder was deleted; go to one that exists (cd)", FAILED
+        case OSError():
+            return os_error_line(error), FAILED
+        case UnicodeEncodeError():
+            return _unwritable(error), WRONG_USE
+        case _:
+            return unexpected(error), FAILED
+
+
+def _unwritable(error: UnicodeEncodeError) -> str:
+    """Of a name that is not UTF-8 and would have to go into a text, or that the locale cannot spell."""
+    before, after = error.object[: error.start], error.object[error.start :]
+    name = re.split(r"[\n\"']", before)[-1] + re.split(r"[\n\"']", after)[0]
+    if error.encoding.lower().replace("-", "") == "utf8":
+        return f"{name}: this name is not UTF-8, and a text file would have to hold it; rename it"
+    return f"{name}: this locale has no such characters ({error.encoding}); set LC_ALL=C.UTF-8"
+
+
+def _folder_is_gone() -> bool:
+    try:
+        os.getcwd()
+    except OSError:
+        return True
+    return False
+
+
+def _say(line: str) -> None:
+    with suppress(OSError, ValueError):  # standard error is closed or full: the exit code has to tell
+        print(line, file=sys.stderr, flush=True)
