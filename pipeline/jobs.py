@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
+import pickle
 import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from multiprocessing import get_context, parent_process, resource_tracker
 from multiprocessing.connection import Connection, wait
 from typing import Any, TypeVar
@@ -93,7 +93,7 @@ def _in_processes(
         for index in range(count):
             ours, theirs = context.Pipe(duplex=False)
             process = context.Process(
-                target=_serve, args=(theirs, partial(prepare), list(jobs[index::count])), daemon=True
+                target=_serve, args=(theirs, pickle.dumps(prepare), list(jobs[index::count])), daemon=True
             )
             with signals.blocked():  # until the worker says what becomes of them
                 process.start()
@@ -131,13 +131,16 @@ def _finished(pipes: list[Connection]) -> Iterator[tuple[int, Any]]:
                 yield message
 
 
-def _serve(pipe: Connection, prepare: Callable[[], Callable[[int], Any]], jobs: list[int]) -> None:
-    """A worker's life; signals are the parent's business, and a parent that is gone ends the worker."""
+def _serve(pipe: Connection, pickled: bytes, jobs: list[int]) -> None:
+    """A worker's life; signals are the parent's business, and a parent that is gone ends the worker.
+
+    pickled: `prepare`, which only here loads its libraries: they take seconds, and the parent may end before.
+    """
     signals.leave_to_parent()
     threading.Thread(target=_end_with_parent, daemon=True).start()
     quieten_warnings()
     try:
-        work = prepare()
+        work: Callable[[int], Any] = pickle.loads(pickled)()
         for job in jobs:
             pipe.send((job, work(job)))
         pipe.send(None)

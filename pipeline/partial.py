@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, writing
+from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, UsageError, writing
 
 try:
     import fcntl
@@ -157,7 +157,7 @@ class FolderKind:
         taken = [name for name in self.items if (folder / name).exists()]
         lacking = [mark for mark in self.marks if not (folder / mark).is_file()]
         if taken and lacking:
-            raise AdvpipeError(
+            raise UsageError(
                 f"{folder} holds {taken[0]} but no {lacking[0]}, so it is no {self.name}; not replacing it, "
                 "choose another name"
             )
@@ -175,7 +175,7 @@ def staged_folder(final: Path, overwrite: bool, kind: FolderKind) -> Iterator[Pa
         if final.exists() and not overwrite:
             raise OutputExistsError(final)
         if final.exists() and not final.is_dir():
-            raise AdvpipeError(f"{final} is no folder, not replacing it; choose another name")
+            raise UsageError(f"{final} is no folder, not replacing it; choose another name")
         kind.refuse_foreign(final)
 
     refuse()

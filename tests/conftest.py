@@ -3,12 +3,33 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
+from pathlib import Path
 
 import pytest
 
 # Tests run side by side: threads of theirs would only be in each other's way.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def tracebacks(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The folder where every command that a test runs, in whatever process, reports unexpected errors."""
+    folder = tmp_path_factory.mktemp("tracebacks")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ADVPIPE_TRACEBACK_DIR", str(folder))
+        yield folder
+
+
+@pytest.fixture(autouse=True)
+def unexpected_errors_fail(tracebacks: Path) -> Iterator[None]:
+    """An error that nobody thought of fails the test in which it happens, even one that expects a failure."""
+    yield
+    found = sorted(tracebacks.glob("advpipe-error-*.txt"))
+    texts = [path.read_text(encoding="utf-8") for path in found]
+    for path in found:
+        path.unlink()
+    assert not texts, f"an unexpected error:\n{texts[0]}"
 
 
 @pytest.hookimpl(hookwrapper=True)

@@ -22,7 +22,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     source.mkdir()
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
-    for name in ("pipeline", "stages", "scenarios"):
+    for name in ("api", "pipeline", "stages", "scenarios"):
         shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
     command = [
         sys.executable,
@@ -57,6 +57,22 @@ def test_data_is_in_the_wheel(wheel: list[str]) -> None:
     assert len(expected) > 8
     for path in expected:
         assert f"advpipe/{path.relative_to(ROOT)}" in wheel
+
+
+def test_the_top_level_package_is_in_the_wheel_and_typed(wheel: list[str]) -> None:
+    for file in (ROOT / "api").iterdir():
+        if file.is_file():
+            assert f"advpipe/{file.name}" in wheel
+    assert "advpipe/py.typed" in wheel
+
+
+def test_type_checkers_see_the_whole_package() -> None:
+    """`typings/advpipe` puts together by links what lies in several folders here."""
+    seen = {path.name: path.resolve() for path in (ROOT / "typings" / "advpipe").iterdir()}
+    assert seen == {
+        **{file.name: file for file in (ROOT / "api").glob("*.py")},
+        **{top: ROOT / top for top in ("pipeline", "stages")},
+    }
 
 
 def imported(path: Path) -> set[str]:

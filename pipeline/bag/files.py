@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from advpipe.pipeline.bag import plain_yaml
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, UsageError
 
 METADATA_NAME = "metadata.yaml"
 
@@ -20,7 +20,7 @@ def mcap_files(path: Path) -> list[Path]:
         if path.is_file():
             return [path]
         if not path.is_dir():
-            raise AdvpipeError(f"{path} does not exist; give a rosbag2 directory or an .mcap file")
+            raise UsageError(f"{path} does not exist; give a rosbag2 directory or an .mcap file")
         return _files_of_directory(path)
     except OSError as error:
         raise AdvpipeError(f"{path}: cannot be read: {error.strerror or error}") from None
@@ -29,19 +29,19 @@ def mcap_files(path: Path) -> list[Path]:
 def _files_of_directory(directory: Path) -> list[Path]:
     metadata_path = directory / METADATA_NAME
     if not metadata_path.is_file():
-        raise AdvpipeError(
+        raise UsageError(
             f"{directory} is not a rosbag2 directory, it holds no {METADATA_NAME}; "
             "pass the .mcap file itself, or restore it with `ros2 bag reindex`"
         )
     information = read_information(metadata_path)
     storage = information.get("storage_identifier")
     if storage != "mcap":
-        raise AdvpipeError(
+        raise UsageError(
             f"{directory} is stored as {storage!r}, advpipe reads mcap; convert it with "
             f"`rosbags-convert --src {directory} --dst NEW --dst-storage mcap`"
         )
     if str(information.get("compression_mode") or "none").lower() != "none":
-        raise AdvpipeError(
+        raise UsageError(
             f"{directory} is compressed per file or message, which rosbag2 itself plays badly; convert it "
             f"with `rosbags-convert --src {directory} --dst NEW --dst-storage mcap`"
         )

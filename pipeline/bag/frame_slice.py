@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 
 _PATTERN = re.compile(r"(\d*):(\d*)(?::(\d*))?")
 
@@ -29,17 +29,17 @@ class FrameSlice:
             return FrameSlice(int(text), int(text) + 1)
         match = _PATTERN.fullmatch(text)
         if match is None:
-            raise AdvpipeError(f"frames {text!r}: expected start:stop:step, such as 0:300:10 or 100:")
+            raise UsageError(f"frames {text!r}: expected start:stop:step, such as 0:300:10 or 100:")
         start, stop, step = (int(part) if part else None for part in match.groups())
         if step == 0:
-            raise AdvpipeError(f"frames {text!r}: the step must be at least 1")
+            raise UsageError(f"frames {text!r}: the step must be at least 1")
         return FrameSlice(start or 0, stop, step or 1)
 
     def indices(self, count: int) -> range:
         """The chosen ones among `count` frames; a choice of none is refused."""
         chosen = range(*slice(self.start, self.stop, self.step).indices(count))
         if not chosen:
-            raise AdvpipeError(f"frames {self} choose none of the bag's {count} frames")
+            raise UsageError(f"frames {self} choose none of the bag's {count} frames")
         return chosen
 
     def __str__(self) -> str:

@@ -14,7 +14,7 @@ from advpipe.pipeline.bag.frame_slice import ALL_FRAMES, FrameSlice
 from advpipe.pipeline.bag.ground_truth import LATENCY_NS, GroundTruth, objects_topic
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import RawMessage, VehicleTopics
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, UsageError
 from advpipe.pipeline.geometry.boxes import Boxes
 
 __all__ = [
@@ -46,14 +46,14 @@ def find_lidar_topic(reader: BagReader, lidar_topic: str | None = None) -> str:
     """The named topic of clouds; without a name, the bag's only one, or among several the ego's `lidar`."""
     candidates = reader.topics_of_type("sensor_msgs/msg/PointCloud2")
     if not candidates:
-        raise AdvpipeError(f"{reader.path} holds no LiDAR clouds (no sensor_msgs/msg/PointCloud2 topic)")
+        raise UsageError(f"{reader.path} holds no LiDAR clouds (no sensor_msgs/msg/PointCloud2 topic)")
     default = VehicleTopics().lidar_points.name
     if lidar_topic is None and len(candidates) > 1 and default not in candidates:
-        raise AdvpipeError(
+        raise UsageError(
             f"{reader.path} has several LiDAR topics and none is {default}; name one: {', '.join(candidates)}"
         )
     if lidar_topic is not None and lidar_topic not in candidates:
-        raise AdvpipeError(f"{reader.path} has no clouds on {lidar_topic}; it has {', '.join(candidates)}")
+        raise UsageError(f"{reader.path} has no clouds on {lidar_topic}; it has {', '.join(candidates)}")
     return lidar_topic or (default if default in candidates else candidates[0])
 
 
@@ -80,7 +80,7 @@ def read_frames(
     reader = BagReader(path)
     topic = find_lidar_topic(reader, lidar_topic)
     if not reader.topics[topic].count:
-        raise AdvpipeError(f"{path} holds no LiDAR clouds ({topic} is empty)")
+        raise UsageError(f"{path} holds no LiDAR clouds ({topic} is empty)")
     indices = chosen.indices(reader.topics[topic].count)
     return _frames(reader, topic, indices)
 

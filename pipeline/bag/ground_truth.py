@@ -11,7 +11,7 @@ import numpy as np
 from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import TF, TF_STATIC, RawMessage, VehicleTopics, is_truth
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, UsageError
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
 from advpipe.pipeline.geometry.transforms import Float64, invert
 
@@ -45,7 +45,7 @@ def objects_topic(reader: BagReader, topics: VehicleTopics) -> str | None:
     if topics.objects.name in candidates:
         return topics.objects.name
     if len(candidates) > 1:
-        raise AdvpipeError(
+        raise UsageError(
             f"{reader.path} has several topics of boxes ({', '.join(candidates)}) and none of them is "
             f"{topics.objects.name}; rename or remove all but one"
         )

@@ -10,7 +10,7 @@ import numpy as np
 from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import Topic, VehicleTopics
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, UsageError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.localisation.measurements import ImuSamples, InitialPose, Measurements, WheelTwist
@@ -111,7 +111,7 @@ def read_measurements(reader: BagReader, topics: VehicleTopics) -> Iterator[Meas
     estimates.
     """
     if topics.odometry.name not in reader.topics:
-        raise AdvpipeError(f"{reader.path} has no topic {topics.odometry.name}: no filter to run again")
+        raise UsageError(f"{reader.path} has no topic {topics.odometry.name}: no filter to run again")
     stamps_ns = reader.log_times_ns(topics.odometry.name)
     names = [topics.imu.name, topics.gnss_fix.name, topics.wheel_odometry.name]
     arrivals = ((raw.log_time_ns, raw.topic.name, reader.decode(raw)) for raw in reader.raw_messages(names))

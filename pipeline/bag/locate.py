@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from advpipe.pipeline.bag.files import METADATA_NAME
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 
 CLEAN_NAME = "clean"
 
@@ -23,8 +23,8 @@ def resolve_bag(path: Path) -> Path:
     if (path / METADATA_NAME).is_file() or path.is_file():
         return path
     if not path.exists():
-        raise AdvpipeError(f"{path} does not exist; give a data set, a rosbag2 directory or an .mcap file")
-    raise AdvpipeError(
+        raise UsageError(f"{path} does not exist; give a data set, a rosbag2 directory or an .mcap file")
+    raise UsageError(
         f"{path} is no bag: no data set (with {CLEAN_NAME}/), no rosbag2 directory (with {METADATA_NAME}) "
         "and no .mcap file"
     )
@@ -35,7 +35,7 @@ def newest_dataset(root: Path) -> Path:
     folders = [path for path in root.iterdir() if _is_dataset(path)] if root.is_dir() else []
     visible = [path for path in folders if not path.name.startswith(".")]
     if not visible:
-        raise AdvpipeError(f"no data set under {root}; make one with `advpipe simulate`, or name a bag")
+        raise UsageError(f"no data set under {root}; make one with `advpipe simulate`, or name a bag")
     return max(visible, key=lambda path: ((path / CLEAN_NAME / METADATA_NAME).stat().st_mtime_ns, path.name))
 
 

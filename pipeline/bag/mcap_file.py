@@ -32,7 +32,7 @@ from advpipe.pipeline.bag.mcap_records import (
 from advpipe.pipeline.bag.mcap_summary import add_definition, data_records, read_metadata, read_summary
 from advpipe.pipeline.bag.topics import RawMessage, Topic, qos_from_yaml
 from advpipe.pipeline.bag.unpacking import MESSAGE_BYTES, UnpackBudget
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, UsageError
 
 _FOOTER = struct.Struct("<BQQQI")  # opcode, length, summary start, summary offset start, summary CRC
 _BLOCK_BYTES = 1 << 20
@@ -256,9 +256,9 @@ def check_ends(path: Path) -> None:
     magic_bytes = len(MCAP0_MAGIC)
     with path.open("rb") as stream:
         if size == 0:
-            raise AdvpipeError(f"{path} is empty, no MCAP file")
+            raise UsageError(f"{path} is empty, no MCAP file")
         if stream.read(magic_bytes) != MCAP0_MAGIC:
-            raise AdvpipeError(f"{path} is no MCAP file (wrong first bytes)")
+            raise UsageError(f"{path} is no MCAP file (wrong first bytes)")
         if size < 2 * magic_bytes + _FOOTER.size:
             raise AdvpipeError(f"{path} is cut off: {size} bytes are too few for an MCAP file")
         stream.seek(-(_FOOTER.size + magic_bytes), 2)
@@ -281,12 +281,12 @@ def check_ends(path: Path) -> None:
 def ros2_topic(path: Path, channel: Channel, schema: Schema) -> Topic:
     """What a channel says; AdvpipeError where it is none of a ROS 2 recording."""
     if channel.message_encoding != "cdr":
-        raise AdvpipeError(
+        raise UsageError(
             f"{path}: {channel.topic} is encoded as {channel.message_encoding!r}; "
             "advpipe reads ROS 2 bags, where all topics are 'cdr'"
         )
     if schema.encoding not in _SCHEMA_ENCODINGS:
-        raise AdvpipeError(f"{path}: {channel.topic} has a schema in {schema.encoding!r}, not ROS 2's")
+        raise UsageError(f"{path}: {channel.topic} has a schema in {schema.encoding!r}, not ROS 2's")
     if not _TYPE_NAME.fullmatch(schema.name):  # rosbags makes code of it
         raise AdvpipeError(f"{path}: {channel.topic} has the type {schema.name!r}, which is no type's name")
     if len(schema.data) > SCHEMA_LIMIT_BYTES:

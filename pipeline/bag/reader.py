@@ -18,7 +18,7 @@ from advpipe.pipeline.bag.object_count import has_more_objects
 from advpipe.pipeline.bag.provenance import RECORD_NAME, unseal
 from advpipe.pipeline.bag.topics import RawMessage, TopicInfo
 from advpipe.pipeline.bag.types import missing_field, schema_text, types_from, typestore
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, UsageError
 
 OBJECTS_LIMIT = 1 << 23
 """The most Python objects that a message may become: some 0.8 GB. A transform is 17, in 80 bytes."""
@@ -78,7 +78,7 @@ class BagReader:
     def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
         """Log time in ns and decoded message of one topic, in log-time order."""
         if topic not in self.topics:
-            raise AdvpipeError(f"{self.path} has no topic {topic}; it has {', '.join(sorted(self.topics))}")
+            raise UsageError(f"{self.path} has no topic {topic}; it has {', '.join(sorted(self.topics))}")
         for raw in self.raw_messages([topic]):
             yield raw.log_time_ns, self.decode(raw)
 

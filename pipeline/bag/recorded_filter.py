@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from advpipe.pipeline.bag.localisation import read_initial_pose
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import SCENARIO_INFO, VehicleTopics
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, UsageError
 from advpipe.pipeline.localisation.estimator import Estimator
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.scenario.map import Origin
@@ -42,7 +42,7 @@ class RecordedFilter:
 def read_filter(reader: BagReader) -> RecordedFilter:
     """Raises AdvpipeError for a bag that does not hold its scenario."""
     if SCENARIO_INFO.name not in reader.topics:
-        raise AdvpipeError(f"{reader.path} has no {SCENARIO_INFO.name}: nobody knows what its filters assume")
+        raise UsageError(f"{reader.path} has no {SCENARIO_INFO.name}: nobody knows what its filters assume")
     try:
         text = next(message for _, message in reader.messages(SCENARIO_INFO.name)).data
         scenario = json.loads(text)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from advpipe.pipeline.bag.locate import CLEAN_NAME
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, UsageError
 from advpipe.pipeline.partial import final_path, held, leftovers
 
 SCENARIO_NAME = "scenario.yaml"
@@ -60,7 +60,7 @@ def find_remains(path: Path) -> Iterator[Remains]:
                 yield remains
             return
     if not path.is_dir() or not (remains := _in_folder(path, path, is_leftover=False)):
-        raise AdvpipeError(
+        raise UsageError(
             f"{path} holds no .mcap file, and no killed run left one beside it (in .{path.name}.partial-...)"
         )
     yield remains

@@ -26,7 +26,7 @@ from advpipe.pipeline.bag.mcap_records import (
 from advpipe.pipeline.bag.mcap_summary import read_summary
 from advpipe.pipeline.bag.topics import RawMessage, Topic
 from advpipe.pipeline.bag.unpacking import UnpackBudget
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, UsageError
 
 
 @dataclass
@@ -70,9 +70,9 @@ class Salvage:
     def _check_start(self, stream: IO[bytes]) -> None:
         start = stream.read(len(MCAP0_MAGIC))
         if not start:
-            raise AdvpipeError(f"{self.path} is empty; nothing can be saved")
+            raise UsageError(f"{self.path} is empty; nothing can be saved")
         if start != MCAP0_MAGIC:
-            raise AdvpipeError(f"{self.path} is no MCAP file (wrong first bytes); nothing can be saved")
+            raise UsageError(f"{self.path} is no MCAP file (wrong first bytes); nothing can be saved")
 
     def _summary(self, stream: IO[bytes]) -> Summary:
         """The summary where the file still has one: it repeats what a damaged chunk may have defined."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from advpipe.pipeline.bag.v2x import RadioPlace
 from advpipe.pipeline.bag.v2x_drive import V2xDrive
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.scenario.attacks import Attackers, AttackSpec, RoadsideUnit
 from advpipe.pipeline.seeding import named_generator
 
@@ -48,7 +48,7 @@ class Cast:
         by_name = sorted((name, number) for number, name in self.drive.stations.items())
         others = [number for name, number in by_name if number not in self.drive.listeners]
         if not others:
-            raise AdvpipeError(f"{spec.type}: all stations of {self.path} are instrumented; name an attacker")
+            raise UsageError(f"{spec.type}: all stations of {self.path} are instrumented; name an attacker")
         size = min(max(round(who.share * len(by_name)), 1), len(others))
         rng = named_generator(self.seed, "attack", "share of attackers", spec.seed_name)
         return tuple(sorted(rng.permutation(others)[:size].tolist()))
@@ -60,7 +60,7 @@ class Cast:
         number = self._id_of(spec.victim, f"{spec.type}: victim")
         if number not in self.drive.listeners:
             known = ", ".join(sorted(self.drive.listeners.values()))
-            raise AdvpipeError(
+            raise UsageError(
                 f"{spec.type}: victim {spec.victim!r} is not instrumented in {self.path}; choose from {known}"
             )
         return number
@@ -71,7 +71,7 @@ class Cast:
                 return number
         known = sorted(self.drive.stations.values())
         more = f" and {len(known) - _NAMED} more" if len(known) > _NAMED else ""
-        raise AdvpipeError(
+        raise UsageError(
             f"{role} {name!r} has no radio in {self.path}; stations are {', '.join(known[:_NAMED])}{more}"
         )
 

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import SCENARIO_INFO, V2X_BUILDINGS, V2X_SENT, V2X_STATIONS
 from advpipe.pipeline.bag.v2x import RadioPlace, sent_of_message, stations_of, stations_of_message
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, UsageError
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.scenario.map import Origin
 from advpipe.pipeline.scenario.v2x import V2x
@@ -48,7 +48,7 @@ class V2xDrive:
     def __init__(self, reader: BagReader) -> None:
         for topic in (SCENARIO_INFO, V2X_STATIONS):
             if topic.name not in reader.topics:
-                raise AdvpipeError(f"{reader.path} has no {topic.name}: no V2X to send again")
+                raise UsageError(f"{reader.path} has no {topic.name}: no V2X to send again")
         self._reader = reader
         try:
             scenario = json.loads(self._text(SCENARIO_INFO.name))

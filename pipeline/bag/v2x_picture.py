@@ -7,7 +7,7 @@ from pathlib import Path
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.v2x_statistics import read_statistics
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, writing
+from advpipe.pipeline.errors import OutputExistsError, UsageError, writing
 from advpipe.pipeline.v2x.plot import draw_statistics
 
 FORMATS = (".png", ".pdf", ".svg")
@@ -20,13 +20,13 @@ def draw_bag(bag: Path, out: Path, overwrite: bool = False) -> None:
     Raises AdvpipeError for a bag without V2X, a file that exists, and a kind of file that is none.
     """
     if out.suffix.lower() not in FORMATS:
-        raise AdvpipeError(f"{out} is no picture; end its name in one of {', '.join(FORMATS)}")
+        raise UsageError(f"{out} is no picture; end its name in one of {', '.join(FORMATS)}")
     if out.exists() and not overwrite:
         raise OutputExistsError(out)
     reader = BagReader(resolve_bag(bag))
     statistics = read_statistics(reader)
     if statistics is None:
-        raise AdvpipeError(f"{reader.path} has no statistics of V2X; simulate a drive with v2x.enabled")
+        raise UsageError(f"{reader.path} has no statistics of V2X; simulate a drive with v2x.enabled")
     figure = draw_statistics(statistics, reader.provenance.get("scenario_name", ""))
     beside = out.with_name(f".{out.stem}.partial{out.suffix}")
     try:

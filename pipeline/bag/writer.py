@@ -22,7 +22,7 @@ from advpipe.pipeline.bag.mcap_writer import COMPRESSIONS, McapWriter
 from advpipe.pipeline.bag.provenance import RECORD_NAME, seal
 from advpipe.pipeline.bag.topics import RawMessage, Topic, qos_to_yaml
 from advpipe.pipeline.bag.types import schema_text, serialise, type_hash
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, os_error_line
+from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, UsageError, os_error_line
 from advpipe.pipeline.hashing import sha256_of
 from advpipe.pipeline.partial import PartialFolder, final_path
 
@@ -61,9 +61,7 @@ class BagWriter:
         compression: str = "zstd",
     ) -> None:
         if compression not in COMPRESSIONS:
-            raise AdvpipeError(
-                f"compression {compression!r} is unknown; use one of {', '.join(COMPRESSIONS)}"
-            )
+            raise UsageError(f"compression {compression!r} is unknown; use one of {', '.join(COMPRESSIONS)}")
         self.path = Path(path)
         self._provenance = dict(provenance)
         self._overwrite = overwrite
@@ -187,7 +185,7 @@ class BagWriter:
         if not self._overwrite:
             raise OutputExistsError(self.path)
         if not _is_bag(self.path):
-            raise AdvpipeError(f"{self.path} is no rosbag2 directory, not replacing it; choose another name")
+            raise UsageError(f"{self.path} is no rosbag2 directory, not replacing it; choose another name")
 
     @property
     def _file_name(self) -> str:

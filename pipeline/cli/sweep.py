@@ -227,7 +227,7 @@ def _check(
 
     By the code that there is: figures that stay the same show that a change of it changed nothing.
     """
-    from advpipe.pipeline.errors import AdvpipeError
+    from advpipe.pipeline.errors import AdvpipeError, UsageError
     from advpipe.pipeline.seeding import named_generator
     from advpipe.pipeline.verbosity import say
     from advpipe.stages.evaluate.sweep.compare import differences
@@ -235,7 +235,7 @@ def _check(
 
     stored = [(cell, budget) for recipe, budget in places if (cell := store.load(recipe, budget.name))]
     if not stored:
-        raise AdvpipeError(f"{store.folder} holds none of these cells; run the sweep first")
+        raise UsageError(f"{store.folder} holds none of these cells; run the sweep first")
     drawn = named_generator(seed, "sweep", "check").permutation(len(stored))[:count]
     again = replace(bench, out=store.folder / "check", keep_bags=False)
     wrong: list[str] = []

@@ -40,18 +40,19 @@ def train(
         learned, held_out = tuple(map(resolve_bag, bags)), resolve_bag(validate) if validate else None
     if held_out and held_out.resolve() in {bag.resolve() for bag in learned}:
         raise UsageError(f"--validate {validate} is a bag to learn from; name one that is held out")
-    config = TrainConfig(
-        bags=learned,
-        out=out,
-        preset=preset,
-        start=start,
-        steps=steps,
-        learning_rate=learning_rate,
-        validation=held_out,
-        bf16=bf16,
-        device=device,
-        seed=seed,
-    )
+    with wrong_use():
+        config = TrainConfig(
+            bags=learned,
+            out=out,
+            preset=preset,
+            start=start,
+            steps=steps,
+            learning_rate=learning_rate,
+            validation=held_out,
+            bf16=bf16,
+            device=device,
+            seed=seed,
+        )
     detail(f"preset {preset}, {steps} steps on {len(learned)} bags, seed {seed}, on {device}")
     with writing(out):
         summary = run(config, overwrite=overwrite)

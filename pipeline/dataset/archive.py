@@ -16,7 +16,7 @@ from pathlib import Path
 
 from advpipe.pipeline.dataset import checksums, layout, signature, tar_header
 from advpipe.pipeline.dataset.parts import PartsReader, PartsWriter, existing_parts, sums_path, whole_name
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, writing
+from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, UsageError, writing
 from advpipe.pipeline.hashing import copy
 from advpipe.pipeline.partial import PartialFolder
 from advpipe.pipeline.progress import track
@@ -53,9 +53,9 @@ def pack(
     AdvpipeError for a file that is not what SHA256SUMS says, and for an output that exists.
     """
     if archive.suffix != ".tar" or not layout.is_plain(archive.stem):
-        raise AdvpipeError(f"{archive}: an archive's name ends in .tar and has no signs that paths need")
+        raise UsageError(f"{archive}: an archive's name ends in .tar and has no signs that paths need")
     if split_size_bytes is not None and split_size_bytes < tar_header.RECORD_BYTES:
-        raise AdvpipeError(f"parts of {split_size_bytes} bytes are too small; choose 1 MB or more")
+        raise UsageError(f"parts of {split_size_bytes} bytes are too small; choose 1 MB or more")
     sums = checksums.of_files(files)
     old = refuse_existing(archive, overwrite)
     partial = PartialFolder(archive)
@@ -80,7 +80,7 @@ def refuse_existing(archive: Path, overwrite: bool) -> list[Path]:
     if old and not overwrite:
         raise OutputExistsError(old[0])
     if folders := [path for path in old if not path.is_file()]:
-        raise AdvpipeError(f"{folders[0]} is no file, not replacing it; choose another name")
+        raise UsageError(f"{folders[0]} is no file, not replacing it; choose another name")
     return old
 
 
@@ -112,10 +112,10 @@ def unpack(archive: Path, folder: Path | None = None, limits: Limits = Limits())
     """
     archive = whole_name(archive)
     if archive.is_dir():
-        raise AdvpipeError(f"{archive} is a folder; give the archive, NAME.tar, or one of its parts")
+        raise UsageError(f"{archive} is a folder; give the archive, NAME.tar, or one of its parts")
     folder = folder or archive.with_suffix("")
     if folder.exists():
-        raise AdvpipeError(f"{folder} exists already, not overwriting; choose another name with --out")
+        raise UsageError(f"{folder} exists already, not overwriting; choose another name with --out")
     with closing(PartsReader(archive)) as stream:
         if stream.length_bytes > limits.bytes:
             raise AdvpipeError(
@@ -212,7 +212,7 @@ def _copy(stream: PartsReader, folder: Path, name: str, size_bytes: int) -> str:
 def _check(found: Mapping[str, str], folder: Path, archive: Path) -> None:
     """Every file is listed, as it is; the signature, which no list holds, is that of the signer beside it."""
     if checksums.FILE not in found:
-        raise AdvpipeError(f"{archive} holds no {checksums.FILE}: no data set that `advpipe share` packed")
+        raise UsageError(f"{archive} holds no {checksums.FILE}: no data set that `advpipe share` packed")
     sums = checksums.parse(checksums.read_bytes(folder / checksums.FILE), archive / checksums.FILE)
     listed = {name: digest for name, digest in found.items() if name not in checksums.UNLISTED}
     for name in sorted({*sums, *listed}):

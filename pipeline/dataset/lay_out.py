@@ -8,7 +8,7 @@ from pathlib import Path
 
 from advpipe.pipeline.dataset import checksums
 from advpipe.pipeline.dataset.layout import is_dataset
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, writing
+from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, UsageError, writing
 from advpipe.pipeline.hashing import copy
 from advpipe.pipeline.partial import PartialFolder
 from advpipe.pipeline.progress import track
@@ -46,12 +46,12 @@ def refuse_folder(folder: Path, *, overwrite: bool) -> None:
     if not overwrite:
         raise OutputExistsError(folder)
     if not is_dataset(folder) or not (folder / checksums.FILE).is_file():
-        raise AdvpipeError(
+        raise UsageError(
             f"{folder} is no shared data set (it has no {checksums.FILE}), not replacing it; choose another "
             "name"
         )
     if own := sorted(set(checksums.listed(folder)) - checksums.read(folder).keys()):
-        raise AdvpipeError(
+        raise UsageError(
             f"{folder} also holds {own[0]}, which `share` did not make, not replacing it; choose another name"
         )
 

@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 
 from advpipe.pipeline.bag.files import METADATA_NAME
 from advpipe.pipeline.bag.locate import CLEAN_NAME, adversarial_bags
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, UsageError
 
 SCENARIO_NAME = "scenario.yaml"
 CARD_NAME = "README.md"
@@ -58,9 +58,9 @@ def read_layout(folder: Path) -> Layout:
     folder = Path(folder)
     if not folder.is_dir():
         what = "is no folder" if folder.exists() else "does not exist"
-        raise AdvpipeError(f"{folder} {what}; give a data set, a folder with {CLEAN_NAME}/")
+        raise UsageError(f"{folder} {what}; give a data set, a folder with {CLEAN_NAME}/")
     if not is_dataset(folder):
-        raise AdvpipeError(
+        raise UsageError(
             f"{folder} is no data set: it holds no {CLEAN_NAME}/{METADATA_NAME}; `advpipe simulate` makes one"
         )
     reports = folder / REPORTS_NAME

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import IO
 
 from advpipe.pipeline.dataset import checksums
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, UsageError
 
 _PART = re.compile(r"(.+\.tar)\.([0-9]{3,})")
 
@@ -42,10 +42,10 @@ def find_parts(archive: Path) -> list[Path]:
     parts = existing_parts(archive)
     if archive.is_file():
         if parts:
-            raise AdvpipeError(f"there are both {archive} and {parts[0].name}; move one of them elsewhere")
+            raise UsageError(f"there are both {archive} and {parts[0].name}; move one of them elsewhere")
         return [archive]
     if not parts:
-        raise AdvpipeError(f"{archive} does not exist, nor {archive.name}.000")
+        raise UsageError(f"{archive} does not exist, nor {archive.name}.000")
     for number, part in enumerate(parts):
         expected = part_path(archive, number)
         if part != expected:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from advpipe.pipeline.dataset import checksums
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, UsageError
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
@@ -36,17 +36,17 @@ def load_private_key(path: Path) -> Ed25519PrivateKey:
         from cryptography.hazmat.primitives.serialization import load_pem_private_key
     data = _pem(path)
     if b" PRIVATE KEY-----" not in data and b"PUBLIC KEY-----" in data:
-        raise AdvpipeError(f"{path} is a public key; signing needs the private one")
+        raise UsageError(f"{path} is a public key; signing needs the private one")
     try:
         key = load_pem_private_key(data, password=None)
     except TypeError:
-        raise AdvpipeError(
+        raise UsageError(
             f"{path} is encrypted; decrypt it with `openssl pkey -in {path} -out plain.pem` and use that"
         ) from None
     except Exception:  # ValueError, and what the library has for keys that it does not support
-        raise AdvpipeError(f"{path} is no private key in PEM; {_HOW}") from None
+        raise UsageError(f"{path} is no private key in PEM; {_HOW}") from None
     if not isinstance(key, Ed25519PrivateKey):
-        raise AdvpipeError(f"{path} is no Ed25519 key; {_HOW}")
+        raise UsageError(f"{path} is no Ed25519 key; {_HOW}")
     return key
 
 
@@ -57,15 +57,15 @@ def load_public_key(path: Path) -> Ed25519PublicKey:
         from cryptography.hazmat.primitives.serialization import load_pem_public_key
     data = _pem(path)
     if b"PRIVATE KEY-----" in data:
-        raise AdvpipeError(
+        raise UsageError(
             f"{path} is a private key; checking needs the public one: `openssl pkey -in {path} -pubout`"
         )
     try:
         key = load_pem_public_key(data)
     except Exception:  # as above
-        raise AdvpipeError(f"{path} is no public key in PEM") from None
+        raise UsageError(f"{path} is no public key in PEM") from None
     if not isinstance(key, Ed25519PublicKey):
-        raise AdvpipeError(f"{path} is no Ed25519 key")
+        raise UsageError(f"{path} is no Ed25519 key")
     return key
 
 
@@ -115,7 +115,7 @@ def _pem(path: Path) -> bytes:
         with path.open("rb") as stream:
             return stream.read(_KEY_LIMIT_BYTES)
     except OSError as error:
-        raise AdvpipeError(f"{path}: the key cannot be read: {error.strerror or error}") from None
+        raise UsageError(f"{path}: the key cannot be read: {error.strerror or error}") from None
 
 
 @contextmanager

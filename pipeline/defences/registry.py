@@ -9,7 +9,7 @@ from advpipe.pipeline.defences.base import Defence
 from advpipe.pipeline.defences.placing import Flip, Scale, Shift
 from advpipe.pipeline.defences.rounding import Jitter, Quantisation
 from advpipe.pipeline.defences.thinning import OutlierRemoval, RandomSampling
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 
 DEFENCES: dict[str, Callable[..., Defence]] = {
     "sample": RandomSampling,
@@ -32,7 +32,7 @@ def parse_defences(texts: Sequence[str]) -> dict[str, Defence]:
     for text in texts:
         name, defence = _parse(text)
         if name in found:
-            raise AdvpipeError(f"defence {name} is given twice")
+            raise UsageError(f"defence {name} is given twice")
         found[name] = defence
     return found
 
@@ -40,7 +40,7 @@ def parse_defences(texts: Sequence[str]) -> dict[str, Defence]:
 def _parse(text: str) -> tuple[str, Defence]:
     word, _, rest = text.partition(":")
     if word not in DEFENCES:
-        raise AdvpipeError(f"unknown defence {word!r}; known: {', '.join(DEFENCES)}")
+        raise UsageError(f"unknown defence {word!r}; known: {', '.join(DEFENCES)}")
     known = {
         name: float(parameter.default)
         for name, parameter in inspect.signature(DEFENCES[word]).parameters.items()
@@ -52,11 +52,11 @@ def _parse(text: str) -> tuple[str, Defence]:
             name, value = next(iter(known), ""), part
         if name not in known or name in given:
             why = "given twice" if name in given else f"unknown; known: {', '.join(known) or 'none'}"
-            raise AdvpipeError(f"defence {word}: parameter {name or value!r} is {why}")
+            raise UsageError(f"defence {word}: parameter {name or value!r} is {why}")
         try:
             given[name] = float(value)
         except ValueError:
-            raise AdvpipeError(f"defence {word}: {name} is {value!r}, but must be a number") from None
+            raise UsageError(f"defence {word}: {name} is {value!r}, but must be a number") from None
     resolved = known | given
     words = ",".join(f"{name}={value:g}" for name, value in resolved.items())
     return f"{word}:{words}" if words else word, DEFENCES[word](**resolved)

@@ -8,7 +8,7 @@ import numpy as np
 
 from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.defences.base import Defended, with_xyz
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 
 
 class Quantisation:
@@ -35,5 +35,5 @@ class Jitter:
 def positive(defence: str, name: str, value: float) -> float:
     """The value of a parameter that must be finite and above 0."""
     if not 0 < value < math.inf:
-        raise AdvpipeError(f"defence {defence}: {name} is {value:g}, but must be finite and above 0")
+        raise UsageError(f"defence {defence}: {name} is {value:g}, but must be finite and above 0")
     return value

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.defences.base import Defended
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 
 
 class RandomSampling:
@@ -17,9 +17,7 @@ class RandomSampling:
 
     def __init__(self, *, drop: float = 0.05) -> None:
         if not 0 < drop < 1:
-            raise AdvpipeError(
-                f"defence sample: drop is {drop:g}, but must lie between 0 and 1, such as 0.05"
-            )
+            raise UsageError(f"defence sample: drop is {drop:g}, but must lie between 0 and 1, such as 0.05")
         self.drop = drop
 
     def __call__(self, cloud: Cloud, rng: np.random.Generator) -> Defended:
@@ -37,9 +35,9 @@ class OutlierRemoval:
 
     def __init__(self, *, k: float = 2, sigmas: float = 1.1) -> None:
         if not (k >= 1 and float(k).is_integer()):
-            raise AdvpipeError(f"defence outliers: k is {k:g}, but must be a whole number from 1 up")
+            raise UsageError(f"defence outliers: k is {k:g}, but must be a whole number from 1 up")
         if not 0 <= sigmas < math.inf:
-            raise AdvpipeError(f"defence outliers: sigmas is {sigmas:g}, but must be finite and 0 or more")
+            raise UsageError(f"defence outliers: sigmas is {sigmas:g}, but must be finite and 0 or more")
         self.k, self.sigmas = int(k), sigmas
 
     def __call__(self, cloud: Cloud, rng: np.random.Generator) -> Defended:

@@ -7,7 +7,7 @@ import re
 import warnings
 from typing import TYPE_CHECKING
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 
 if TYPE_CHECKING:
     import torch
@@ -30,7 +30,7 @@ def open_device(name: str) -> torch.device:
     """
     known = _KNOWN.fullmatch(name)
     if known is None:
-        raise AdvpipeError(f"unknown device {name!r}; known: cpu, cuda, cuda:N (N counts GPUs from 0)")
+        raise UsageError(f"unknown device {name!r}; known: cpu, cuda, cuda:N (N counts GPUs from 0)")
     import torch
 
     if name == CPU:
@@ -38,12 +38,12 @@ def open_device(name: str) -> torch.device:
     count, index = torch.cuda.device_count() if torch.cuda.is_available() else 0, int(known[1] or 0)
     if not count:
         build = torch.__version__
-        raise AdvpipeError(
+        raise UsageError(
             f"device {name}: PyTorch {build} finds no CUDA GPU; use --device cpu, or install PyTorch's CUDA "
             "build and NVIDIA's driver"
         )
     if index >= count:
-        raise AdvpipeError(f"device {name}: the last of {count} CUDA GPUs is cuda:{count - 1}")
+        raise UsageError(f"device {name}: the last of {count} CUDA GPUs is cuda:{count - 1}")
     os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")
     torch.use_deterministic_algorithms(True, warn_only=True)
     # The product that it warns of has factors of 0 and 1 only, exact in any order.

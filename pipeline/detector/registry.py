@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from advpipe.pipeline.detector.device import CPU, open_device
 from advpipe.pipeline.detector.protocol import Detector
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, UsageError
 from advpipe.pipeline.geometry.boxes import CLASSES
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def load_detector(name_or_path: str, device: str = CPU) -> Detector:
     if colon:
         return _load_class(module, attribute, place)
     known = ", ".join(SHIPPED)
-    raise AdvpipeError(
+    raise UsageError(
         f"unknown detector {name_or_path!r}; known: {known}, a path to FILE.safetensors, or module:Class"
     )
 
@@ -83,9 +83,9 @@ def _load_class(module: str, attribute: str, device: torch.device) -> Detector:
     except Exception as error:  # a user's class may raise anything
         raise _not_loaded(module, attribute, error) from None
     if not isinstance(made, Detector):
-        raise AdvpipeError(f"{module}:{attribute} is no detector: it needs classes, range_m, detect and loss")
+        raise UsageError(f"{module}:{attribute} is no detector: it needs classes, range_m, detect and loss")
     if not made.classes or not set(made.classes) <= set(CLASSES):
-        raise AdvpipeError(
+        raise UsageError(
             f"{module}:{attribute} finds the classes {tuple(made.classes)}; each has to be one of "
             f"{', '.join(CLASSES)}"
         )

@@ -89,20 +89,26 @@ def _stop(number: int, frame: FrameType | None) -> None:
     Where the command line itself imports, nothing has begun that would have to be cleaned up.
     """
     global _received
-    importer = _importer(frame)
     is_first, _received = _received is None, number
-    if importer is None or not is_first or not hasattr(signal, "setitimer"):
+    if not is_first or not hasattr(signal, "setitimer"):
+        raise Stopped(number)
+    signal.setitimer(signal.ITIMER_REAL, _AGAIN_S, _AGAIN_S)
+    _end_if_possible(number, frame)
+
+
+def _try_again(_alarm: int, frame: FrameType | None) -> None:
+    """The library is loaded, perhaps."""
+    if _received is not None:
+        _end_if_possible(_received, frame)
+
+
+def _end_if_possible(number: int, frame: FrameType | None) -> None:
+    importer = _importer(frame)
+    if importer is None:
+        signal.setitimer(signal.ITIMER_REAL, 0)
         raise Stopped(number)
     if importer.startswith(_COMMAND_LINE):
         _end_now(number)
-    signal.setitimer(signal.ITIMER_REAL, _AGAIN_S, _AGAIN_S)
-
-
-def _try_again(_number: int, frame: FrameType | None) -> None:
-    """Raises `Stopped` as soon as the library is loaded."""
-    if _importer(frame) is None and _received is not None:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        raise Stopped(_received)
 
 
 def _importer(frame: FrameType | None) -> str | None:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from advpipe.pipeline.bag.frames import FrameSlice, find_lidar_topic
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import VehicleTopics
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.pipeline.seeding import named_generator
 from advpipe.stages.attack.recording import Recording
@@ -62,13 +62,13 @@ def plan_clouds(
     topics = [topic_of(reader, spec) for spec in attacks]
     for (topic, spec), (other_topic, other) in combinations(zip(topics, attacks, strict=True), 2):
         if topic == other_topic and spec.schedule.overlaps(other.schedule):
-            raise AdvpipeError(
+            raise UsageError(
                 f"{spec.type} and {other.type} attack the same clouds of {topic} at the same time; "
                 "give them schedules that do not overlap"
             )
     times_ns = reader.log_times_ns(topics[0])
     if not len(times_ns):
-        raise AdvpipeError(f"{reader.path} holds no LiDAR clouds ({topics[0]} is empty)")
+        raise UsageError(f"{reader.path} holds no LiDAR clouds ({topics[0]} is empty)")
     plan = CloudPlan(tuple(dict.fromkeys(topics)), frames.indices(len(times_ns)), times_ns, ())
     attacked: list[AttackedCloud] = []
     for place, (topic, spec) in enumerate(zip(topics, attacks, strict=True)):
@@ -79,7 +79,7 @@ def plan_clouds(
             and is_active(spec, frame, recording.time_s(log_time_ns), seed)
         ]
         if not struck:
-            raise AdvpipeError(f"{spec.type}: its schedule meets none of the chosen clouds of {topic}")
+            raise UsageError(f"{spec.type}: its schedule meets none of the chosen clouds of {topic}")
         attacked += struck
     return CloudPlan(plan.topics, plan.frames, times_ns, tuple(attacked))
 
@@ -100,8 +100,8 @@ def topic_of(reader: BagReader, spec: AttackSpec) -> str:
         if name.startswith(f"/{spec.victim}/")
     ]
     if not own:
-        raise AdvpipeError(f"{spec.type}: {reader.path} has no clouds of the victim {spec.victim!r}")
+        raise UsageError(f"{spec.type}: {reader.path} has no clouds of the victim {spec.victim!r}")
     default = VehicleTopics(spec.victim).lidar_points.name
     if len(own) > 1 and default not in own:
-        raise AdvpipeError(f"{spec.type}: {spec.victim} has several LiDARs; name one: {', '.join(own)}")
+        raise UsageError(f"{spec.type}: {spec.victim} has several LiDARs; name one: {', '.join(own)}")
     return default if default in own else own[0]

@@ -7,7 +7,7 @@ from itertools import combinations
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.v2x_drive import V2xDrive
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.scenario.attacks import AttackSpec
 
 ALL = frozenset({"position", "speed", "heading", "acceleration", "dimensions", "station id"})
@@ -57,7 +57,7 @@ def refuse_contradictions(reader: BagReader, attacks: Sequence[AttackSpec], seed
 
             attackers = Cast(V2xDrive(reader), str(reader.path), seed).attackers
         if not set(attackers(one)).isdisjoint(attackers(other)):
-            raise AdvpipeError(
+            raise UsageError(
                 f"{one.type} and {other.type} contradict each other: both set the {min(shared)} of the same "
                 "messages at the same time; give them other attackers, or schedules that do not overlap"
             )

@@ -8,7 +8,7 @@ from typing import Any, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.own_code import mistakes_told, own_words
 from advpipe.pipeline.scenario.attacks import AttackSpec, Value
 from advpipe.stages.attack.lidar.base import LidarAttack
@@ -31,10 +31,10 @@ def resolved_parameters(spec: AttackSpec) -> dict[str, Any]:
     for name in spec.parameters:
         if name not in known:
             choice = f"known: {', '.join(known)}" if known else "it has none"
-            raise AdvpipeError(f"{spec.type}: unknown parameter {name!r}; {choice}")
+            raise UsageError(f"{spec.type}: unknown parameter {name!r}; {choice}")
     for name, default in known.items():
         if default is REQUIRED and name not in spec.parameters:
-            raise AdvpipeError(f"{spec.type}: {name} is missing; pass --set {name}=VALUE")
+            raise UsageError(f"{spec.type}: {name} is missing; pass --set {name}=VALUE")
     types = _types(spec.type)
     given = {name: _checked(spec.type, name, value, types) for name, value in spec.parameters.items()}
     return {name: given.get(name, default) for name, default in known.items()}
@@ -44,9 +44,9 @@ def resolved_recipe(spec: AttackSpec) -> str:
     """The attack's recipe: its best one if none is named, "" for an attack that has none."""
     recipe = _keywords(spec.type).get("recipe")
     if recipe is None and spec.recipe is not None:
-        raise AdvpipeError(f"{spec.type} has no recipes; leave out {spec.recipe!r}")
+        raise UsageError(f"{spec.type} has no recipes; leave out {spec.recipe!r}")
     if spec.recipe == "":
-        raise AdvpipeError(f"{spec.type}: the recipe is empty; name one, or leave it out")
+        raise UsageError(f"{spec.type}: the recipe is empty; name one, or leave it out")
     if recipe is None:
         return ""
     return str(recipe.default) if spec.recipe is None else spec.recipe
@@ -61,7 +61,7 @@ def build_lidar_attack(spec: AttackSpec) -> LidarAttack:
     with mistakes_told(own_words([spec.type])):
         made: LidarAttack = find_attack(spec.type)(**keywords)
     if not callable(made):
-        raise AdvpipeError(f"{spec.type} is no attack: its instances cannot be called with a cloud")
+        raise UsageError(f"{spec.type} is no attack: its instances cannot be called with a cloud")
     return made
 
 
@@ -69,9 +69,7 @@ def looks_of(attack: LidarAttack) -> int | None:
     """To how many tries the attack looks to keep the best, as its `looks` says; None if it does not say."""
     looks = getattr(attack, "looks", None)
     if looks is not None and not (isinstance(looks, int) and looks >= 1):
-        raise AdvpipeError(
-            f"{type(attack).__name__}: looks is {looks!r}, but must be a whole number from 1 up"
-        )
+        raise UsageError(f"{type(attack).__name__}: looks is {looks!r}, but must be a whole number from 1 up")
     return looks
 
 
@@ -80,7 +78,7 @@ def _refuse_idle(spec: AttackSpec, recipe: str, parameters: Mapping[str, Any]) -
     usual = known_parameters(spec.type)
     for name, recipes in getattr(find_attack(spec.type), "only_for", {}).items():
         if name in usual and parameters[name] != usual[name] and recipe not in recipes:
-            raise AdvpipeError(
+            raise UsageError(
                 f"{spec.type}: recipe {recipe} does not look at {name}; leave it out, or take one that does: "
                 f"{', '.join(recipes)}"
             )
@@ -120,7 +118,7 @@ def _constructors(found: Callable[..., Any]) -> Iterator[Callable[..., Any]]:
 
 def _checked(attack: str, name: str, value: Value, types: Mapping[str, Any]) -> Any:
     if value in ((), ""):
-        raise AdvpipeError(f"{attack}: {name} is empty; give it a value, or leave it out")
+        raise UsageError(f"{attack}: {name} is empty; give it a value, or leave it out")
     if name not in types:
         return value
     if types[name] == tuple[str, ...]:
@@ -129,7 +127,7 @@ def _checked(attack: str, name: str, value: Value, types: Mapping[str, Any]) -> 
         return TypeAdapter(types[name]).validate_python(value, strict=not isinstance(value, tuple))
     except ValidationError as error:
         problem = error.errors()[0]["msg"].removeprefix("Value error, ")
-        raise AdvpipeError(f"{attack}: {name} is {value!r}: {problem}") from None
+        raise UsageError(f"{attack}: {name} is {value!r}: {problem}") from None
 
 
 def _words(value: Value) -> tuple[Value, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.scenario.attacks import NS_PER_S, AttackSpec
 
 
@@ -24,7 +24,7 @@ class Recording:
         """Raises AdvpipeError for an attack that would begin after the recording ends."""
         end_s = self.time_s(self.end_ns)
         if spec.schedule.from_s > end_s:
-            raise AdvpipeError(
+            raise UsageError(
                 f"{spec.type}: its schedule begins at {spec.schedule.from_s:g} s, but the recording ends at "
                 f"{end_s:g} s"
             )
@@ -38,6 +38,6 @@ def recording_of(reader: BagReader) -> Recording:
         if len(times_ns)
     ]
     if not spans_ns:
-        raise AdvpipeError(f"{reader.path} holds no messages")
+        raise UsageError(f"{reader.path} holds no messages")
     starts_ns, ends_ns = zip(*spans_ns, strict=True)
     return Recording(min(starts_ns), max(ends_ns))

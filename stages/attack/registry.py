@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 
 _HERE = "advpipe.stages.attack"
 
@@ -76,7 +76,7 @@ def find_attack(word: str) -> Callable[..., Any]:
     module, colon, name = word.partition(":")
     if colon:
         return _users_class(module, name)
-    raise AdvpipeError(f"unknown attack {word!r}; known: {', '.join(ATTACKS)}, or module:Class of your own")
+    raise UsageError(f"unknown attack {word!r}; known: {', '.join(ATTACKS)}, or module:Class of your own")
 
 
 def source_sha256(word: str) -> str:
@@ -98,8 +98,8 @@ def _users_class(module: str, name: str) -> Callable[..., Any]:
         found = getattr(importlib.import_module(module), name)
     except (Exception, SystemExit) as error:  # a user's module may do anything
         kind = "" if isinstance(error, ImportError | AttributeError) else f"{type(error).__name__}: "
-        raise AdvpipeError(f"cannot load attack {module}:{name}: {kind}{error}") from None
+        raise UsageError(f"cannot load attack {module}:{name}: {kind}{error}") from None
     if not callable(found):
-        raise AdvpipeError(f"{module}:{name} is no class; an attack is a class whose instances are called")
+        raise UsageError(f"{module}:{name} is no class; an attack is a class whose instances are called")
     made: Callable[..., Any] = found
     return made

@@ -11,7 +11,7 @@ from typing import Any
 from advpipe.pipeline.bag.frames import FrameSlice
 from advpipe.pipeline.detector.device import CPU, device_record, frames_at_once, open_device
 from advpipe.pipeline.detector.registry import detector_sha256
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.scenario.attacks import OWN_KEYS, AttackSpec
 from advpipe.stages.attack.parameters import (
     build_lidar_attack,
@@ -48,17 +48,17 @@ class AttackRequest:
         """Which clouds the adversarial bag holds, counted in the clean bag."""
         slices = {spec.frames for spec in self.lidar} or {"::"}
         if len(slices) > 1:
-            raise AdvpipeError(f"frames: one bag cannot hold both {' and '.join(sorted(slices))}; give one")
+            raise UsageError(f"frames: one bag cannot hold both {' and '.join(sorted(slices))}; give one")
         return FrameSlice.parse(slices.pop())
 
     def check(self) -> None:
         """Raises AdvpipeError for an attack, a parameter or a device that is bad whatever the bag."""
         if not self.attacks:
-            raise AdvpipeError("no attack is given; name one")
+            raise UsageError("no attack is given; name one")
         open_device(self.device)
         chosen = self.frames
         if chosen.stop is not None and chosen.stop <= chosen.start:
-            raise AdvpipeError(f"frames {chosen} choose none: the stop, excluded, is not after the start")
+            raise UsageError(f"frames {chosen} choose none: the stop, excluded, is not after the start")
         for spec in self.attacks:
             if spec.family == "lidar":
                 build_lidar_attack(spec)

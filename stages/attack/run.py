@@ -14,7 +14,7 @@ from advpipe.pipeline.bag.topics import RawMessage
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.detector.device import frames_at_once
 from advpipe.pipeline.detector.registry import load_detector
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.jobs import run_jobs
 from advpipe.pipeline.own_code import own_words, told
 from advpipe.stages.attack.change import Change, changed_messages
@@ -59,7 +59,7 @@ def attack(
     reader = BagReader(resolve_bag(clean))
     source = reader.path.resolve()
     if out.resolve() in (source, *source.parents):
-        raise AdvpipeError(f"{out} is or holds the clean bag; choose another output")
+        raise UsageError(f"{out} is or holds the clean bag; choose another output")
     plan = _plan(reader, request)
     for detector in {spec.detector: None for spec in request.lidar}:
         load_detector(detector, request.device)

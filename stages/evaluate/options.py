@@ -8,7 +8,7 @@ from pathlib import Path
 from advpipe.pipeline.bag.frames import ALL_FRAMES, FrameSlice
 from advpipe.pipeline.defences.registry import parse_defences
 from advpipe.pipeline.detector.device import CPU, open_device
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 
 
 @dataclass(frozen=True)
@@ -40,10 +40,10 @@ class Options:
         parse_defences(self.defences)
         open_device(self.device)
         if not self.detectors:
-            raise AdvpipeError("no detector is given; name one")
+            raise UsageError("no detector is given; name one")
         if self.baseline_tries is not None and self.baseline_tries < 1:
-            raise AdvpipeError(f"baseline tries are {self.baseline_tries}, but must be 1 or more")
+            raise UsageError(f"baseline tries are {self.baseline_tries}, but must be 1 or more")
         names = [Path(detector).name for detector in self.detectors]
         for name in names:
             if names.count(name) > 1:
-                raise AdvpipeError(f"two detectors are named {name}; reports tell them by name")
+                raise UsageError(f"two detectors are named {name}; reports tell them by name")

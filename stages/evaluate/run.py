@@ -12,7 +12,7 @@ from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.detector.device import CPU, device_record
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.partial import FolderKind, staged_folder
 from advpipe.stages.evaluate.cooperative.section import sections as cooperative
 from advpipe.stages.evaluate.coordinated.section import sections as coordinated
@@ -206,14 +206,14 @@ def _write_detections(
 
 def _refuse_adversarial(clean: Path) -> None:
     if BagReader(clean).provenance.get("kind") == "attack":
-        raise AdvpipeError(
+        raise UsageError(
             f"{clean} is an adversarial bag; give the clean bag that it was made from first, then this one"
         )
 
 
 def _require_ground_truth(clean: Path, lidar_topic: str | None) -> None:
     if not has_ground_truth(clean, lidar_topic):
-        raise AdvpipeError(
+        raise UsageError(
             f"{clean} has no ground truth (no topic of {' or '.join(BOX_TYPES)}); "
             "give the clean bag that holds it"
         )
@@ -223,7 +223,7 @@ def _refuse_another_parent(bag: Path, provenance: Mapping[str, str], clean: Path
     """Raises AdvpipeError for an adversarial bag that says that it was made from another bag."""
     told = provenance.get("parent_sha256", clean_sha256)
     if told != clean_sha256:
-        raise AdvpipeError(
+        raise UsageError(
             f"{bag} was made from another bag than {clean} (parent SHA-256 {told[:12]}…, not "
             f"{clean_sha256[:12]}…); give the bag that was attacked; if that was recorded anew since, "
             "attack again with --overwrite or remove that folder"
@@ -234,6 +234,6 @@ def _refuse_equal_names(bags: Sequence[Path]) -> None:
     names = [bag_name(bag) for bag in bags]
     for name in names:
         if names.count(name) > 1:
-            raise AdvpipeError(
+            raise UsageError(
                 f"two adversarial bags are named {name}; rename one, the report tells them by name"
             )

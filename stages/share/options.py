@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 
 _SPDX = re.compile(r"[A-Za-z0-9][A-Za-z0-9.+-]*(?: (?:AND|OR|WITH) [A-Za-z0-9][A-Za-z0-9.+-]*)*")
 _CITATION_LIMIT_BYTES = 100_000
@@ -24,7 +24,7 @@ class ShareOptions:
 
     def __post_init__(self) -> None:
         if self.licence is not None and not _SPDX.fullmatch(self.licence):
-            raise AdvpipeError(
+            raise UsageError(
                 f"licence {self.licence!r} is no SPDX identifier, such as CC-BY-4.0 or LicenseRef-mine "
                 "(https://spdx.org/licenses)"
             )
@@ -42,9 +42,9 @@ def citation_text(text_or_file: str | None) -> str | None:
         if "\n" in text_or_file or not path.is_file():
             return text_or_file
         if path.stat().st_size > _CITATION_LIMIT_BYTES:
-            raise AdvpipeError(f"{path} is too large for a citation")
+            raise UsageError(f"{path} is too large for a citation")
         return path.read_text(encoding="utf-8").strip()
     except UnicodeDecodeError:
-        raise AdvpipeError(f"{path} is no text in UTF-8") from None
+        raise UsageError(f"{path} is no text in UTF-8") from None
     except OSError:  # too long for a file's name: a text
         return text_or_file

@@ -13,7 +13,7 @@ from advpipe.pipeline.dataset import checksums, layout, signature
 from advpipe.pipeline.dataset.archive import pack, refuse_existing
 from advpipe.pipeline.dataset.lay_out import lay_out, refuse_folder
 from advpipe.pipeline.dataset.layout import Layout, read_layout
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.hashing import sha256_of
 from advpipe.pipeline.progress import track
 from advpipe.stages.share import names
@@ -59,7 +59,7 @@ def share(dataset: Path, out: Path, options: ShareOptions = NOTHING_SAID) -> Sha
     unchecked = check_chain(found, sha256_of_bags)
     bags = [read_facts(bag) for bag in track(found.bags, "describing the bags")]
     if not bags[0].topics:
-        raise AdvpipeError(f"{found.clean} holds no messages")
+        raise UsageError(f"{found.clean} holds no messages")
     remarks = (*unchecked, *remarks_on(found, bags, options))
     name = out.stem if _is_archive(out) else out.resolve().name
     with tempfile.TemporaryDirectory() as scratch:
@@ -84,24 +84,22 @@ def _is_archive(out: Path) -> bool:
 def _refuse_outputs(found: Layout, out: Path, options: ShareOptions) -> None:
     source, target = found.folder.resolve(), out.resolve()
     if target == source or target in source.parents or source in target.parents:
-        raise AdvpipeError(f"{out} is, holds or lies in the data set {found.folder}; choose another output")
+        raise UsageError(f"{out} is, holds or lies in the data set {found.folder}; choose another output")
     if out.suffix in _OTHER_ARCHIVES:
-        raise AdvpipeError(
+        raise UsageError(
             f"{out}: an archive is a plain .tar, for bags are compressed; end the output's name in .tar"
         )
     if options.split_size_bytes is not None and not _is_archive(out):
-        raise AdvpipeError(
-            f"only an archive can be split: end the output's name in .tar, as in {out.name}.tar"
-        )
+        raise UsageError(f"only an archive can be split: end the output's name in .tar, as in {out.name}.tar")
     if not layout.is_plain(target.name):
-        raise AdvpipeError(f"{str(out)!r}: a name of signs that not every system takes; choose another")
+        raise UsageError(f"{str(out)!r}: a name of signs that not every system takes; choose another")
     if _is_archive(out):
         refuse_existing(out, options.overwrite)
     elif out.exists():
         refuse_folder(out, overwrite=options.overwrite)
     for name in names.FOLDERS:
         if (found.folder / name).exists() and not _was_shared(found):
-            raise AdvpipeError(
+            raise UsageError(
                 f"{found.folder / name} has a name that a shared data set needs itself; rename it"
             )
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.provenance import clean_provenance
 from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.errors import wrong_use
 from advpipe.pipeline.garbage import settled
 from advpipe.pipeline.partial import FolderKind, staged_folder
 from advpipe.pipeline.progress import track
@@ -52,14 +53,16 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
     clouds, points, seen = 0, 0, set[str]()
     with staged_folder(out, overwrite, DATA_SET) as folder, tempfile.TemporaryDirectory() as scratch:
         (folder / "scenario.yaml").write_text(text, encoding="utf-8")
-        network = load_network(scenario.map, Path(scratch), clock.seed)
-        variants = draw_variants(named_generator(clock.seed, "bodies"), scenario.bodies)
-        world = World(scenario, network, variants)
+        with wrong_use():  # nothing but what the scenario names has been read so far
+            network = load_network(scenario.map, Path(scratch), clock.seed)
+            variants = draw_variants(named_generator(clock.seed, "bodies"), scenario.bodies)
+            world = World(scenario, network, variants)
+            prepared = Traffic(scenario, network, variants, Path(scratch))
         vehicles = [Instrumented(scenario, name) for name in sorted(scenario.vehicles)]
         provenance = clean_provenance(scenario.name, text, clock.seed, network.map_sha256)
         with (
             settled(),
-            Traffic(scenario, network, variants, Path(scratch)) as traffic,
+            prepared as traffic,
             BagWriter(
                 folder / "clean", provenance=provenance, compression=scenario.recording.compression
             ) as writer,

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from advpipe.pipeline.detector.device import device_record
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
+from advpipe.pipeline.errors import OutputExistsError, UsageError
 from advpipe.stages.train.config import TrainConfig
 
 
@@ -56,9 +56,9 @@ class RunFolder:
     def refuse(self, overwrite: bool) -> None:
         """Raises AdvpipeError where no run may start or go on, whatever it is to learn from."""
         if self.path.exists() and not self.path.is_dir():
-            raise AdvpipeError(f"{self.path} is a file; name a folder for the training run")
+            raise UsageError(f"{self.path} is a file; name a folder for the training run")
         if self.path.exists() and not self._is_run() and any(self.path.iterdir()):
-            raise AdvpipeError(f"{self.path} is not empty and holds no training run; choose another folder")
+            raise UsageError(f"{self.path} is not empty and holds no training run; choose another folder")
         if self.checkpoint.exists() and not overwrite:
             self.tidy()  # a kill may have come in between
             raise OutputExistsError(self.checkpoint)
@@ -77,7 +77,7 @@ class RunFolder:
             for file in (self.checkpoint, self.latest, self.state, self.log, self.validations, self.picture):
                 file.unlink(missing_ok=True)
         elif self.config.is_file() and self.config.read_text(encoding="utf-8") != wanted:
-            raise AdvpipeError(
+            raise UsageError(
                 f"{self.path} holds an unfinished run with another configuration or other bags; "
                 "pass --overwrite to start anew, or choose another folder"
             )

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.bag.cloud import Cloud, xyzi
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.geometry.boxes import Boxes, points_in_boxes
 
 Points = npt.NDArray[np.float32]
@@ -80,7 +80,7 @@ class FrameStore:
                 frame_boxes.append(frame_boxes[-1] + len(frame.boxes))
         if not boxes or not frame_points[-1]:
             shutil.rmtree(beside)
-            raise AdvpipeError("the bags hold no labelled clouds to train on")
+            raise UsageError("the bags hold no labelled clouds to train on")
         np.savez(
             beside / "index.npz",
             boxes=np.concatenate(boxes),

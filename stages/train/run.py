@@ -21,7 +21,7 @@ from advpipe.pipeline.detector.registry import detector_sha256
 from advpipe.pipeline.detector.second.checkpoint import load_checkpoint, save_checkpoint
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import preset_named
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, UsageError
 from advpipe.pipeline.process import signals
 from advpipe.pipeline.progress import track
 from advpipe.stages.train.config import TrainConfig
@@ -119,7 +119,7 @@ def labelled_bag(path: Path) -> Path:
     """The bag that a path names; it has to hold ground truth."""
     bag = resolve_bag(path)
     if not has_ground_truth(bag):
-        raise AdvpipeError(f"{bag} holds no ground truth ({' or '.join(BOX_TYPES)}) to learn from")
+        raise UsageError(f"{bag} holds no ground truth ({' or '.join(BOX_TYPES)}) to learn from")
     return bag
 
 
@@ -129,7 +129,7 @@ def new_net(config: TrainConfig) -> SecondNet:
     if config.start is not None:
         start = load_checkpoint(config.start)
         if start.preset != net.preset:
-            raise AdvpipeError(f"{config.start} holds preset {start.preset.name!r}, not {config.preset!r}")
+            raise UsageError(f"{config.start} holds preset {start.preset.name!r}, not {config.preset!r}")
         net.load_state_dict(start.net.state_dict())
     channels_last: SecondNet = net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     return channels_last

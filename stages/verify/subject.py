@@ -13,7 +13,7 @@ from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.dataset import checksums
 from advpipe.pipeline.dataset.layout import Layout, read_layout
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, UsageError
 from advpipe.stages.verify.scan import FileScan, scan
 from advpipe.stages.verify.walk import Walk
 
@@ -125,9 +125,9 @@ def find_subject(path: Path) -> Subject:
     """What a path names. Raises AdvpipeError for what is neither a data set nor a bag."""
     path = Path(path)
     if not path.exists():
-        raise AdvpipeError(f"{path} does not exist; give a data set, a bag, an .mcap file or an archive")
+        raise UsageError(f"{path} does not exist; give a data set, a bag, an .mcap file or an archive")
     if _is_unfinished(path):
-        raise AdvpipeError(
+        raise UsageError(
             f"{path} is what an unfinished job left; run the job to its end, or save it with "
             "`advpipe recover`"
         )
@@ -138,12 +138,12 @@ def find_subject(path: Path) -> Subject:
         return _lone(path)
     if path.suffix == ".mcap":
         return _lone(path)
-    raise AdvpipeError(f"{path} is no data set, no bag, no .mcap file and no archive")
+    raise UsageError(f"{path} is no data set, no bag, no .mcap file and no archive")
 
 
 def _lone(path: Path) -> Subject:
     if path.is_dir() and not (path / METADATA_NAME).is_file():
-        raise AdvpipeError(
+        raise UsageError(
             f"{path} is no data set (no {CLEAN_NAME}/) and no bag (no {METADATA_NAME}); give one of them"
         )
     root = path if path.is_dir() else path.parent
@@ -161,7 +161,7 @@ def _dataset(path: Path) -> Subject:
     elif (path / checksums.FILE).is_file():
         layout = None  # the list of checksums tells what is missing
     else:
-        raise AdvpipeError(f"{path} is no data set: {CLEAN_NAME}/{METADATA_NAME} is missing")
+        raise UsageError(f"{path} is no data set: {CLEAN_NAME}/{METADATA_NAME} is missing")
     subject = Subject(path, layout)
     if layout is not None:
         subject.bags = [Bag(bag, subject.place(bag), subject) for bag in layout.bags]

@@ -13,7 +13,7 @@ from safetensors.torch import save
 
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import preset_named
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
+from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, UsageError
 
 KIND = "advpipe-second-1"
 SHIPPED = {"small": Path(__file__).parent / "checkpoints" / "small.safetensors"}
@@ -50,13 +50,13 @@ def save_checkpoint(
 def load_checkpoint(path: Path, device: torch.device | None = None) -> Second:
     """The detector in a checkpoint file, its weights in single precision, on the device (the CPU)."""
     if not path.is_file():
-        raise AdvpipeError(f"no detector checkpoint at {path}; train one with `advpipe train`")
+        raise UsageError(f"no detector checkpoint at {path}; train one with `advpipe train`")
     try:
         with safe_open(path, framework="pt") as file:
             metadata = file.metadata() or {}
             tensors = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118
     except (SafetensorError, OSError) as error:
-        raise AdvpipeError(
+        raise UsageError(
             f"{path} is not a whole safetensors file ({error}); train or copy it again"
         ) from None
     try:
@@ -67,17 +67,17 @@ def load_checkpoint(path: Path, device: torch.device | None = None) -> Second:
         if not (isinstance(name, str) and isinstance(classes, list) and isinstance(provenance, dict)):
             raise TypeError
     except (KeyError, TypeError, ValueError):
-        raise AdvpipeError(
+        raise UsageError(
             f"{path} is no detector checkpoint of advpipe; make one with `advpipe train`"
         ) from None
     net = SecondNet(preset_named(name))
     if tuple(classes) != net.preset.classes:
-        raise AdvpipeError(
+        raise UsageError(
             f"{path} finds {classes}, preset {name!r} finds {list(net.preset.classes)}; train again"
         )
     ours = {k: v.shape for k, v in net.state_dict().items() if v.is_floating_point()}
     if ours != {k: v.shape for k, v in tensors.items()}:
-        raise AdvpipeError(f"the weights in {path} do not fit preset {name!r} of this version; train again")
+        raise UsageError(f"the weights in {path} do not fit preset {name!r} of this version; train again")
     if not all(bool(torch.isfinite(weights).all()) for weights in tensors.values()):
         raise AdvpipeError(f"the weights in {path} are not all finite; train or copy it again")
     net.load_state_dict(tensors, strict=False)

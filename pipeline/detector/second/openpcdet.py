@@ -15,7 +15,7 @@ from torch import Tensor
 from advpipe.pipeline.detector.second.backbone3d import STRIDED
 from advpipe.pipeline.detector.second.model import SecondNet
 from advpipe.pipeline.detector.second.presets import KITTI
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, UsageError
 
 LAYERS_3D = {
     "stage1.0": "conv_input",
@@ -75,12 +75,12 @@ def _read_weights(path: Path, wanted: set[str]) -> dict[str, Tensor]:
     checkpoint = _load(path)
     state = checkpoint.get("model_state") if isinstance(checkpoint, dict) else None
     if not isinstance(state, dict) or not all(isinstance(value, Tensor) for value in state.values()):
-        raise AdvpipeError(f"{path} holds no `model_state` of tensors; it is no checkpoint of OpenPCDet")
+        raise UsageError(f"{path} holds no `model_state` of tensors; it is no checkpoint of OpenPCDet")
     given = {str(name) for name in state if not COUNTERS.search(str(name))}
     found = {"lacks": wanted - given, "has": given - wanted}
     wrong = [f"{verb} {_some(names)}" for verb, names in found.items() if names]
     if wrong:
-        raise AdvpipeError(f"{path} is no SECOND of OpenPCDet's second.yaml: it {' and '.join(wrong)}")
+        raise UsageError(f"{path} is no SECOND of OpenPCDet's second.yaml: it {' and '.join(wrong)}")
     for name in sorted(wanted):
         value = state[name]
         is_plain = value.layout is torch.strided and value.device.type == "cpu" and value.is_floating_point()
@@ -98,7 +98,7 @@ def _some(names: Iterable[str], shown: int = 3) -> str:
 
 def _load(path: Path) -> object:
     if not path.is_file():
-        raise AdvpipeError(f"no OpenPCDet checkpoint at {path}")
+        raise UsageError(f"no OpenPCDet checkpoint at {path}")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -106,8 +106,8 @@ def _load(path: Path) -> object:
     except pickle.UnpicklingError as error:
         code = re.search(r"GLOBAL ([\w.]+)", str(error))
         if code is None:
-            raise AdvpipeError(f"{path} is no checkpoint that torch.save wrote") from None
-        raise AdvpipeError(
+            raise UsageError(f"{path} is no checkpoint that torch.save wrote") from None
+        raise UsageError(
             f"{path} holds {code[1]}, and what is no plain tensor is not loaded, since it could run code; if "
             "you trust the file, save its `model_state` alone, as {'model_state': ...}, with torch.save"
         ) from None

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import pi
 
 from advpipe.pipeline.detector.protocol import Range
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.geometry.boxes import CLASSES
 
 
@@ -173,5 +173,5 @@ PRESETS = {"small": SMALL, "360": ALL_AROUND, "kitti": KITTI}
 def preset_named(name: str) -> Preset:
     """The preset of that name, or an error that lists the known ones."""
     if name not in PRESETS:
-        raise AdvpipeError(f"unknown detector preset {name!r}; known: {', '.join(PRESETS)}")
+        raise UsageError(f"unknown detector preset {name!r}; known: {', '.join(PRESETS)}")
     return PRESETS[name]

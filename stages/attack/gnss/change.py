@@ -16,7 +16,7 @@ from advpipe.pipeline.bag.topics import TF, V2X_STATIONS, RawMessage, VehicleTop
 from advpipe.pipeline.bag.types import serialise
 from advpipe.pipeline.bag.v2x import stations_of_message
 from advpipe.pipeline.bag.v2x_drive import V2xDrive
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.gnss.estimated_cams import EstimatedCams
 from advpipe.stages.attack.gnss.labels import FILE_NAME, write_labels
@@ -127,7 +127,7 @@ def spoof(reader: BagReader, attacks: Sequence[AttackSpec], seed: int) -> GnssCh
         stations = _stations(reader)
     for name, specs in others:
         if stations is None or name not in stations:
-            raise AdvpipeError(
+            raise UsageError(
                 f"{specs[0].type}: {reader.path} has no vehicle {name!r} with GPS or CAMs; those with GPS: "
                 f"{', '.join(known) or 'none'}"
             )
@@ -144,15 +144,15 @@ def spoof(reader: BagReader, attacks: Sequence[AttackSpec], seed: int) -> GnssCh
 def _victim(reader: BagReader, spec: AttackSpec, known: Sequence[str]) -> str:
     if spec.victim is not None:
         if f"/{spec.victim}{GNSS_FIX}" in reader.topics and spec.victim not in known:
-            raise AdvpipeError(
+            raise UsageError(
                 f"{spec.type}: {reader.path} has fixes of {spec.victim}, but not its estimate and where that "
                 "started; record it again"
             )
         return spec.victim
     if not known:
-        raise AdvpipeError(f"{spec.type}: {reader.path} has no vehicle with GPS (no topic …{GNSS_FIX})")
+        raise UsageError(f"{spec.type}: {reader.path} has no vehicle with GPS (no topic …{GNSS_FIX})")
     if (usual := usual_victim(known)) is None:
-        raise AdvpipeError(f"{spec.type}: name a victim; {', '.join(known)} have GPS")
+        raise UsageError(f"{spec.type}: name a victim; {', '.join(known)} have GPS")
     return usual
 
 
@@ -169,7 +169,7 @@ def _stations(reader: BagReader) -> set[str]:
 def _refuse_filterless(specs: Sequence[AttackSpec], victim: str) -> None:
     for spec in specs:
         if spec.type == "gnss-drift-aware":
-            raise AdvpipeError(
+            raise UsageError(
                 f"{spec.type}: {victim} has no filter in the bag to be aware of; use gnss-drift, or strike "
                 "an instrumented vehicle"
             )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.stages.attack.bounds import number, one_of
 from advpipe.stages.attack.gnss.base import Sight, Spoofer, any_direction
 
@@ -33,7 +33,7 @@ class Relocate:
         number("gnss-relocate", "least_m", self.least_m, 10.0, 1e6)
         number("gnss-relocate", "most_m", self.most_m, 10.0, 1e6)
         if self.least_m > self.most_m:
-            raise AdvpipeError(f"gnss-relocate: least_m {self.least_m:g} is above most_m {self.most_m:g}")
+            raise UsageError(f"gnss-relocate: least_m {self.least_m:g} is above most_m {self.most_m:g}")
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
         """Draws how far away, and where to."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.estimate import Innovation
 from advpipe.pipeline.scenario.acting import Acting, acting_on_fixes
@@ -50,7 +50,7 @@ class Strikes:
         self._genuine: list[Genuine] = []
         for one, other in combinations(specs, 2):
             if one.schedule.overlaps(other.schedule):
-                raise AdvpipeError(
+                raise UsageError(
                     f"{one.type} and {other.type} both spoof {victim} at the same time; give them schedules "
                     "(from_s, to_s) that do not overlap"
                 )

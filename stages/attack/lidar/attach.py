@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from advpipe.pipeline.bag.cloud import Cloud, xyz, xyzi
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.stages.attack.lidar.attach_game import AttachGame
 from advpipe.stages.attack.lidar.attach_paper import salient_copies
@@ -104,18 +104,18 @@ class Attach:
         intensity: bool = False,
     ) -> None:
         if not 0 < eps_m <= MAX_EPS_M:
-            raise AdvpipeError(f"attach: eps_m is {eps_m}, but must lie above 0 and up to {MAX_EPS_M:g}")
+            raise UsageError(f"attach: eps_m is {eps_m}, but must lie above 0 and up to {MAX_EPS_M:g}")
         for name, number in (("points", points), ("rounds", rounds)):
             if not (number >= 1 and float(number).is_integer()):
-                raise AdvpipeError(f"attach: {name} is {number}, but must be a whole number from 1 up")
+                raise UsageError(f"attach: {name} is {number}, but must be a whole number from 1 up")
         if points > MAX_POINTS:
-            raise AdvpipeError(f"attach: points is {points}, but must be {MAX_POINTS} at most")
+            raise UsageError(f"attach: points is {points}, but must be {MAX_POINTS} at most")
         if recipe not in RECIPES:
-            raise AdvpipeError(f"attach: unknown recipe {recipe!r}; known: {', '.join(RECIPES)}")
+            raise UsageError(f"attach: unknown recipe {recipe!r}; known: {', '.join(RECIPES)}")
         if not (math.isfinite(weight) and weight >= 0):
-            raise AdvpipeError(f"attach: weight is {weight}, but must be a number from 0 up")
+            raise UsageError(f"attach: weight is {weight}, but must be a number from 0 up")
         if not decay_m > 0:
-            raise AdvpipeError(f"attach: decay_m is {decay_m}, but must be above 0")
+            raise UsageError(f"attach: decay_m is {decay_m}, but must be above 0")
         self.eps_m, self.points, self.recipe, self.rounds = float(eps_m), int(points), recipe, int(rounds)
         self.weight, self.decay_m = float(weight), float(decay_m)
         self.constraints = Constraints.of(

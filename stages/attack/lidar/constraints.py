@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.geometry.boxes import Boxes, points_in_boxes
 from advpipe.stages.attack.lidar.ghost import Ghost
 
@@ -79,13 +79,13 @@ class Constraints:
     def __post_init__(self) -> None:
         near_m, limit = self.near_objects_m, self.max_points
         if near_m is not None and not (math.isfinite(near_m) and near_m >= 0):
-            raise AdvpipeError(f"near_objects_m is {near_m}, but must be a distance from 0 up")
+            raise UsageError(f"near_objects_m is {near_m}, but must be a distance from 0 up")
         if limit is not None and not (limit >= 1 and float(limit).is_integer()):
-            raise AdvpipeError(f"max_points is {limit}, but must be a whole number from 1 up")
+            raise UsageError(f"max_points is {limit}, but must be a whole number from 1 up")
         if self.goal not in GOALS:
-            raise AdvpipeError(f"goal is {self.goal!r}; known: {', '.join(GOALS)}")
+            raise UsageError(f"goal is {self.goal!r}; known: {', '.join(GOALS)}")
         if self.ghost and (self.objects or self.goal == "hide"):
-            raise AdvpipeError("to hide objects and to make a ghost are two attacks; give one of them")
+            raise UsageError("to hide objects and to make a ghost are two attacks; give one of them")
 
     @staticmethod
     def of(options: Mapping[str, Any]) -> Constraints:
@@ -93,7 +93,7 @@ class Constraints:
         text (objects also as a list). Raises AdvpipeError for a name that is none."""
         known = [option.name for option in fields(Constraints)]
         if unknown := [name for name in options if name not in known]:
-            raise AdvpipeError(f"unknown constraint {unknown[0]!r}; known: {', '.join(known)}")
+            raise UsageError(f"unknown constraint {unknown[0]!r}; known: {', '.join(known)}")
         values = dict(options)
         if isinstance(values.get("ghost"), str):
             values["ghost"] = Ghost.parse(values["ghost"])
@@ -107,7 +107,7 @@ class Constraints:
         for option in fields(self):
             if getattr(self, option.name) != option.default and option.name not in APPLIES[attack]:
                 takes = ", ".join(APPLIES[attack])
-                raise AdvpipeError(f"{attack}: {option.name} means nothing here; it takes {takes}")
+                raise UsageError(f"{attack}: {option.name} means nothing here; it takes {takes}")
 
     def attacked(self, boxes: Boxes, points: Float32) -> Boxes:
         """The boxes that the attack is about: all, those of `objects`, or the ghost in the cloud (N, 3).

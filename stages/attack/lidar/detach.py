@@ -10,7 +10,7 @@ import numpy as np
 from advpipe.pipeline.bag.cloud import Cloud, xyz, xyzi
 from advpipe.pipeline.baselines import remove_random_points
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.stages.attack.lidar.base import NO_GRADIENT, LidarResult, PointLabels, told, unchanged
 from advpipe.stages.attack.lidar.climb import climb, looks
@@ -61,13 +61,11 @@ class Detach:
         max_points: int | None = None,
     ) -> None:
         if not 0 < ratio < 1:
-            raise AdvpipeError(
-                f"detach: ratio is {ratio}, but must lie between 0 and 1, such as 0.01 for 1 %"
-            )
+            raise UsageError(f"detach: ratio is {ratio}, but must lie between 0 and 1, such as 0.01 for 1 %")
         if recipe not in RECIPES:
-            raise AdvpipeError(f"detach: unknown recipe {recipe!r}; known: {', '.join(RECIPES)}")
+            raise UsageError(f"detach: unknown recipe {recipe!r}; known: {', '.join(RECIPES)}")
         if not (rounds >= 1 and float(rounds).is_integer()):
-            raise AdvpipeError(f"detach: rounds is {rounds}, but must be a whole number from 1 up")
+            raise UsageError(f"detach: rounds is {rounds}, but must be a whole number from 1 up")
         self.ratio, self.recipe, self.rounds = float(ratio), recipe, int(rounds)
         self.constraints = Constraints(
             near_objects_m=near_objects_m, goal=goal, objects=objects, max_points=max_points

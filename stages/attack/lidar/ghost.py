@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.detector.protocol import Detector
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
 
 SIZES_M = {
@@ -35,10 +35,10 @@ class Ghost:
 
     def __post_init__(self) -> None:
         if self.name not in CLASSES:
-            raise AdvpipeError(f"ghost: unknown class {self.name!r}; known: {', '.join(CLASSES)}")
+            raise UsageError(f"ghost: unknown class {self.name!r}; known: {', '.join(CLASSES)}")
         for place in fields(self)[1:]:
             if not math.isfinite(getattr(self, place.name)):
-                raise AdvpipeError(f"ghost: {place.name} is {getattr(self, place.name)}, but must be finite")
+                raise UsageError(f"ghost: {place.name} is {getattr(self, place.name)}, but must be finite")
 
     @staticmethod
     def parse(text: str) -> Ghost:
@@ -49,16 +49,16 @@ class Ghost:
                 raise ValueError
             return Ghost(name, *map(float, numbers))
         except ValueError:
-            raise AdvpipeError(f"ghost is {text!r}, but must read CLASS:X:Y or CLASS:X:Y:YAW") from None
+            raise UsageError(f"ghost is {text!r}, but must read CLASS:X:Y or CLASS:X:Y:YAW") from None
 
     def check(self, detector: Detector) -> None:
         """Raises AdvpipeError if the detector does not find its class, or does not look at its place."""
         if self.name not in detector.classes:
             known = ", ".join(detector.classes)
-            raise AdvpipeError(f"ghost: the detector finds no {self.name}; it finds {known}")
+            raise UsageError(f"ghost: the detector finds no {self.name}; it finds {known}")
         seen = detector.range_m
         if not seen.contains_centres(np.array([[self.x_m, self.y_m]])).all():
-            raise AdvpipeError(
+            raise UsageError(
                 f"ghost: ({self.x_m:g}, {self.y_m:g}) m lies outside of the detector's range, "
                 f"x {seen.x_min_m:g} to {seen.x_max_m:g} m and y {seen.y_min_m:g} to {seen.y_max_m:g} m "
                 "from the LiDAR"

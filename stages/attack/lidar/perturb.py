@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from advpipe.pipeline.bag.cloud import Cloud, xyz, xyzi
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.stages.attack.lidar.base import NO_GRADIENT, LidarResult, PointLabels, told, unchanged
 from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
@@ -81,13 +81,13 @@ class Perturb:
         intensity: bool = False,
     ) -> None:
         if not (0 < eps_cm <= MAX_EPS_CM or (eps_cm == 0 and intensity)):
-            raise AdvpipeError(f"perturb: eps_cm is {eps_cm}, but must lie above 0 and up to {MAX_EPS_CM:g}")
+            raise UsageError(f"perturb: eps_cm is {eps_cm}, but must lie above 0 and up to {MAX_EPS_CM:g}")
         if recipe not in RECIPES:
-            raise AdvpipeError(f"perturb: unknown recipe {recipe!r}; known: {', '.join(RECIPES)}")
+            raise UsageError(f"perturb: unknown recipe {recipe!r}; known: {', '.join(RECIPES)}")
         if not (steps >= 0 and float(steps).is_integer()):
-            raise AdvpipeError(f"perturb: steps is {steps}, but must be a whole number from 0 up")
+            raise UsageError(f"perturb: steps is {steps}, but must be a whole number from 0 up")
         if not (math.isfinite(weight) and weight >= 0):
-            raise AdvpipeError(f"perturb: weight is {weight}, but must be a number from 0 up")
+            raise UsageError(f"perturb: weight is {weight}, but must be a number from 0 up")
         self.eps_m, self.recipe, self.weight = float(eps_cm) / 100, recipe, float(weight)
         self.steps = int(steps) or RECIPES[recipe]
         self.tactics = TACTICS.get(recipe, TACTICS["best"])

@@ -29,7 +29,7 @@ from advpipe.pipeline.bag.v2x import (
 from advpipe.pipeline.bag.v2x_attackers import Cast
 from advpipe.pipeline.bag.v2x_drive import V2xDrive, V2xStep
 from advpipe.pipeline.bag.v2x_statistics import statistics_message
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.scenario.acting import acting_on_messages
 from advpipe.pipeline.scenario.attacks import AttackSpec
@@ -61,14 +61,14 @@ def forge(
     """
     drive = V2xDrive(reader)
     if dcc_reacts and drive.v2x.cam.dcc == "none":
-        raise AdvpipeError(
+        raise UsageError(
             f"{reader.path} was recorded without congestion control (v2x.cam.dcc is none): none can react; "
             "leave out dcc_reacts"
         )
     sent = reader.messages(V2X_SENT.name) if V2X_SENT.name in reader.topics else iter(())
     last = max((int(message.number) for _, message in sent), default=None)
     if last is None:
-        raise AdvpipeError(f"{reader.path} has no CAMs: nothing to forge; record more of the drive")
+        raise UsageError(f"{reader.path} has no CAMs: nothing to forge; record more of the drive")
     recording, cast = recording_of(reader), Cast(drive, str(reader.path), seed)
     origin = drive.origin
     geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
@@ -100,7 +100,7 @@ def forge(
 def _build(spec: AttackSpec, context: AttackContext) -> V2xAttack:
     attack: V2xAttack = find_attack(spec.type)(context, **resolved_parameters(spec))
     if attack.needs_traffic and spec.attackers is not None and spec.attackers.roadside_unit is not None:
-        raise AdvpipeError(
+        raise UsageError(
             f"{spec.type} changes what a vehicle sends, and a roadside unit sends nothing of its own; name "
             "vehicles as attackers"
         )

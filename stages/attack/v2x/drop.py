@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from advpipe.pipeline.bag.v2x_drive import V2xStep
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.stages.attack.bounds import number
 from advpipe.stages.attack.v2x.cams import told
@@ -36,7 +36,7 @@ class Drop(V2xAttack):
         self._near_m = None if near_m is None else number(name, "near_m", near_m, 0)
         self._braking_mps2 = None if braking_mps2 is None else number(name, "braking_mps2", braking_mps2, 0)
         if near_m is not None and context.victim is None:
-            raise AdvpipeError(f"{name}: near_m is a distance to the victim; name one")
+            raise UsageError(f"{name}: near_m is a distance to the victim; name one")
         self._rngs: dict[int, np.random.Generator] = {}
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:

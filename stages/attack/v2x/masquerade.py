@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from advpipe.pipeline.bag.v2x_drive import V2xStep
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.stages.attack.bounds import number, one_of
 from advpipe.stages.attack.v2x.cams import retold
@@ -38,7 +38,7 @@ class Masquerade(V2xAttack):
         super().__init__(context)
         self._identity = one_of(context.name, "identity", identity, IDENTITIES)
         if identity == "victim" and context.victim is None:
-            raise AdvpipeError(f"{context.name}: identity is 'victim', but there is none; name one")
+            raise UsageError(f"{context.name}: identity is 'victim', but there is none; name one")
         self._range_m = number(context.name, "range_m", range_m, 0)
         self._ahead_ns = round(number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
         self._masks: dict[int, int] = {}

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from advpipe.pipeline.bag.v2x_drive import V2xStep
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.scenario.mixes import MIXES, WORD, drawn, settings_of, words_of
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.stages.attack.registry import ATTACKS, find_attack
@@ -26,7 +26,7 @@ class Mix(V2xAttack):
         for word in words:
             if word not in ATTACKS or not word.startswith("cam-") or word == WORD:
                 known = ", ".join(one for one in ATTACKS if one.startswith("cam-") and one != WORD)
-                raise AdvpipeError(
+                raise UsageError(
                     f"{context.name}: {word!r} is no attack to mix; known: {', '.join(MIXES)}, {known}"
                 )
         drawn_by = drawn(attacks, context.attackers, context.seed, context.seed_name)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from advpipe.pipeline.bag.v2x_drive import V2xStep
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.stages.attack.bounds import number, span
 from advpipe.stages.attack.v2x.draws import Draws
@@ -26,7 +26,7 @@ class _Playground:
     def __init__(self, attack: str, corners_m: Sequence[float | None] = ()) -> None:
         given = [corner for corner in corners_m if corner is not None]
         if given and len(given) < 4:
-            raise AdvpipeError(f"{attack}: give all of x_min_m, x_max_m, y_min_m and y_max_m, or none")
+            raise UsageError(f"{attack}: give all of x_min_m, x_max_m, y_min_m and y_max_m, or none")
         self._x_m = self._y_m = 0.0, 0.0
         self._is_known = bool(given)
         if given:
@@ -62,7 +62,7 @@ class PositionConstant(Misplacement):
     ) -> None:
         super().__init__(context, rebuild_path=rebuild_path)
         if (x_m is None) != (y_m is None):
-            raise AdvpipeError(f"{context.name}: give both x_m and y_m, or none")
+            raise UsageError(f"{context.name}: give both x_m and y_m, or none")
         self._place_m = None if x_m is None or y_m is None else (x_m, y_m)
         if self._place_m is not None:
             for name, value in zip(("x_m", "y_m"), self._place_m, strict=True):

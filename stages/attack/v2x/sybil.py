@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from advpipe.pipeline.bag.v2x_drive import V2xStep
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.stages.attack.bounds import number, one_of, whole
@@ -46,7 +46,7 @@ class SybilGrid(PhantomAttack):
         name = context.name
         self._around_victim = one_of(name, "around", around, AROUND) == "victim"
         if self._around_victim and context.victim is None:
-            raise AdvpipeError(f"{name}: around is 'victim', but there is none; name one")
+            raise UsageError(f"{name}: around is 'victim', but there is none; name one")
         self._jitter_m = number(name, "jitter_m", jitter_m, 0)
         grids = len(context.attackers) if self._around_victim else 1
         cells = grid_cells(

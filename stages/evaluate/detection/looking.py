@@ -16,7 +16,7 @@ from advpipe.pipeline.defences.registry import parse_defences
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.geometry.boxes import count_points
 from advpipe.pipeline.jobs import map_jobs
 from advpipe.pipeline.metrics.chamfer import chamfer_distance
@@ -89,7 +89,7 @@ class Looking:
         ]
         for each in comparisons:
             if not each.frames:
-                raise AdvpipeError(f"{each.bag} holds none of the frames {self.frames}; choose others")
+                raise UsageError(f"{each.bag} holds none of the frames {self.frames}; choose others")
         return comparisons
 
     def _tries(self, about: Mapping[str, str]) -> int:

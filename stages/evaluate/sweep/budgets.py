@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 
 
 @dataclass(frozen=True)
@@ -96,11 +96,11 @@ def choose_budgets(table: str, names: Sequence[str] = ()) -> tuple[Budget, ...]:
     Raises AdvpipeError for an unknown table or name, with the known ones.
     """
     if table not in TABLES:
-        raise AdvpipeError(f"unknown table {table!r}; known: {', '.join(TABLES)}")
+        raise UsageError(f"unknown table {table!r}; known: {', '.join(TABLES)}")
     known = {budget.name: budget for budget in TABLES[table]}
     for name in names:
         if name not in known:
-            raise AdvpipeError(f"unknown cell {name!r}; known: {', '.join(known)}")
+            raise UsageError(f"unknown cell {name!r}; known: {', '.join(known)}")
     return tuple(budget for name, budget in known.items() if not names or name in names)
 
 

@@ -11,7 +11,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.code import code_sha256
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.versions import installed
 from advpipe.stages.evaluate.provenance import SCORING
 from advpipe.stages.evaluate.sweep.cell import Cell, Settings
@@ -39,13 +39,13 @@ def sweep_settings(
     have, and an unknown detector or device.
     """
     if BagReader(clean).provenance.get("kind") == "attack":
-        raise AdvpipeError(f"{clean} is an adversarial bag; give the clean bag that it was made from")
+        raise UsageError(f"{clean} is an adversarial bag; give the clean bag that it was made from")
     count = count_frames(clean, lidar_topic)
     step = max(1, -(-count // usual_frames))
     chosen = FrameSlice(step=step) if frames is None else FrameSlice.parse(frames)
     chosen.indices(count)
     if not has_ground_truth(clean, lidar_topic):
-        raise AdvpipeError(f"{clean} has no ground truth; give the clean bag that holds it")
+        raise UsageError(f"{clean} has no ground truth; give the clean bag that holds it")
     load_detector(detector, device)
     settings = Settings(
         clean_sha256=parent_sha256(clean),
@@ -74,11 +74,11 @@ def refuse_other_work(cell: Cell, clean: Path, detector: str, device: str = CPU)
         ("detector", detector_sha256(detector), cell.settings.detector_sha256),
     ):
         if mine != theirs:
-            raise AdvpipeError(
+            raise UsageError(
                 f"{cell.name} was made with another {what} (SHA-256 {theirs[:12]}…, not {mine[:12]}…); "
                 "it cannot be checked with this one"
             )
     if device.partition(":")[0] != cell.settings.device:
-        raise AdvpipeError(
+        raise UsageError(
             f"{cell.name} was made on another device; check it with --device {cell.settings.device}"
         )

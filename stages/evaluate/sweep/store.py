@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, UsageError
 from advpipe.stages.evaluate.sweep.budgets import TABLES
 from advpipe.stages.evaluate.sweep.cell import Cell, Settings
 
@@ -50,10 +50,10 @@ class Store:
         folder that is no sweep's, and for cells of other settings.
         """
         if self.folder.exists() and not self.folder.is_dir():
-            raise AdvpipeError(f"{self.folder} is no folder; choose another --out")
+            raise UsageError(f"{self.folder} is no folder; choose another --out")
         strangers = [path.name for path in self.folder.iterdir()] if self.folder.is_dir() else []
         if strangers and not (self.folder / CELLS).is_dir():
-            raise AdvpipeError(
+            raise UsageError(
                 f"{self.folder} holds {min(strangers)} but no {CELLS}/, so it is no sweep; "
                 "choose another --out"
             )
@@ -62,7 +62,7 @@ class Store:
                 continue
             if not overwrite:
                 key, theirs, ours = difference
-                raise AdvpipeError(
+                raise UsageError(
                     f"{self.folder} holds {cell.name} of another sweep ({key} {theirs}, not {ours}); give "
                     "another --out, or pass --overwrite to remove what does not fit"
                 )

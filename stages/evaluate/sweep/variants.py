@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.stages.evaluate.sweep.cell import Cell
 
 HIDE = "hide"
@@ -21,14 +21,12 @@ def split_recipe(word: str) -> tuple[str, tuple[str, ...]]:
     recipe, *variants = word.split("+")
     for variant in variants:
         if variant not in VARIANTS:
-            raise AdvpipeError(
-                f"unknown variant {variant!r} of recipe {recipe}; known: {', '.join(VARIANTS)}"
-            )
+            raise UsageError(f"unknown variant {variant!r} of recipe {recipe}; known: {', '.join(VARIANTS)}")
     spelling = "+".join([recipe, *(variant for variant in VARIANTS if variant in variants)])
     if word != spelling:
-        raise AdvpipeError(f"recipe {word} is spelt {spelling}")
+        raise UsageError(f"recipe {word} is spelt {spelling}")
     if len([variant for variant in variants if variant in STEPS]) > 1:
-        raise AdvpipeError(f"recipe {word} asks for two numbers of steps; take one of {', '.join(STEPS)}")
+        raise UsageError(f"recipe {word} asks for two numbers of steps; take one of {', '.join(STEPS)}")
     return recipe, tuple(variants)
 
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.v2x import RadioPlace
 from advpipe.pipeline.bag.v2x_drive import V2xDrive
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.misbehaviour.claim import Claim, claims_of_cams
 from advpipe.pipeline.partial import FolderKind, staged_folder
@@ -94,7 +94,7 @@ def export_veremi(bag: Path, out: Path, *, form: str = "extension", overwrite: b
     Raises AdvpipeError for a bag without V2X, an unknown form and an `out` that exists.
     """
     if form not in ATTACKER_TYPES:
-        raise AdvpipeError(f"no form of VeReMi is named {form}; known: {', '.join(ATTACKER_TYPES)}")
+        raise UsageError(f"no form of VeReMi is named {form}; known: {', '.join(ATTACKER_TYPES)}")
     drive = V2xDrive(BagReader(bag))
     labels = [label for label in read_labels(bag) if label.action != NOT_SENT]
     numbers = attack_numbers(sorted({label.word for label in labels}), form)

@@ -12,7 +12,7 @@ from advpipe.pipeline.cli.attack import _attackers, _parameters, attack
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack import run as stage
-from advpipe.stages.attack.run import AttackRequest
+from advpipe.stages.attack.run import AttackRequest, AttackSummary
 
 
 def test_parameters_are_read_as_yaml() -> None:
@@ -46,7 +46,12 @@ def bag(tmp_path: Path) -> Path:
 def requested(bag: Path, monkeypatch: pytest.MonkeyPatch, **options: object) -> AttackSpec:
     """What the command asks of the stage, which does not go to work."""
     seen: list[AttackRequest] = []
-    monkeypatch.setattr(stage, "attack", lambda clean, out, request, **_: seen.append(request))
+
+    def note(clean: Path, out: Path, request: AttackRequest, **_: object) -> AttackSummary:
+        seen.append(request)
+        return AttackSummary(out)
+
+    monkeypatch.setattr(stage, "attack", note)
     attack(bag, **options)  # type: ignore[arg-type]
     (spec,) = seen[0].attacks
     return spec

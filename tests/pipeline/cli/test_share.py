@@ -49,7 +49,7 @@ def test_mistakes_cost_one_line(dataset: Path) -> None:
         (["unpack", "none.tar"], "none.tar does not exist, nor none.tar.000"),
     ):
         result = CliRunner().invoke(app, words)
-        assert result.exit_code == 1
+        assert result.exit_code == 2
         assert message in result.stderr
         assert len(result.stderr.splitlines()) == 1
         assert not Path("x").exists()

@@ -238,7 +238,7 @@ def test_the_command_refuses_before_it_reads(tmp_path, checkpoint):
         ([str(tmp_path / "none"), "--out", str(tmp_path / "x.safetensors")], "no OpenPCDet checkpoint at"),
     ]:
         done = CliRunner().invoke(app, ["import-weights", *words])
-        assert done.exit_code == 1
+        assert done.exit_code == 2
         assert message in done.output
     assert out.read_bytes() == b"mine"
     assert not (tmp_path / "x.safetensors").exists()

@@ -133,13 +133,13 @@ def test_a_clean_drive_has_no_attackers(smoke: Path, tmp_path: Path) -> None:
     truth = lines(tmp_path / "out" / "trace" / "traceGroundTruthJSON-0.json")
     assert {line["attackerType"] for line in truth} == {0}
     again = CliRunner().invoke(app, ["export", str(smoke), "--out", str(tmp_path / "out")])
-    assert again.exit_code == 1
+    assert again.exit_code == 2
     assert "exists" in again.output
 
 
 def test_what_is_refused(smoke: Path, tmp_path: Path) -> None:
     unknown = CliRunner().invoke(app, ["export", str(smoke), "--format", "csv"])
-    assert unknown.exit_code == 1
+    assert unknown.exit_code == 2
     assert "unknown format 'csv'; known: veremi, veremi-2018" in unknown.output
     with pytest.raises(AdvpipeError, match="no form of VeReMi is named csv"):
         export_veremi(smoke, tmp_path / "out", form="csv")
