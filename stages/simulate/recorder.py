@@ -24,7 +24,7 @@ from advpipe.pipeline.bag.v2x import (
     sent_message,
     stations_message,
 )
-from advpipe.pipeline.bag.v2x_drive import footprints_text
+from advpipe.pipeline.bag.footprints import footprints_text
 from advpipe.pipeline.bag.v2x_statistics import statistics_message
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.scenario.load import scenario_tree
