@@ -43,7 +43,7 @@ def test_it_is_the_record_too() -> None:
 
 DEEP = "[" * 5000 + "]" * 5000
 WRONG = {
-    "looks": ("many", "0", "-1", "2.5", "null", str(MOST_LOOKS + 1), "", "true", '"3"'),
+    "looks": ("many", "0", "-1", "2.5", str(MOST_LOOKS + 1), "", "true", '"3"'),
     "parameters": ("{", "7", '"ratio"', DEEP, '{"a": NaN}', '{"a": 1, "a": 2}', '{"a": "\\ud800"}'),
     "attacks": (
         "[",
