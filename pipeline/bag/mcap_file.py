@@ -45,6 +45,9 @@ _TYPE_NAME = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*){1,3}", re.ASCII)
 SCHEMA_LIMIT_BYTES = 1 << 18
 """The longest definition of a type that is read: that of a CAM has 28 kB."""
 
+LONGEST_TOPIC = 255
+"""As ROS 2's middleware has it."""
+
 _SCHEMA_ENCODINGS = ("ros2msg", "ros2idl")
 DAMAGE = (
     McapError,
@@ -280,6 +283,10 @@ def check_ends(path: Path) -> None:
 
 def ros2_topic(path: Path, channel: Channel, schema: Schema) -> Topic:
     """What a channel says; AdvpipeError where it is none of a ROS 2 recording."""
+    if len(channel.topic) > LONGEST_TOPIC or "\0" in channel.topic:
+        raise AdvpipeError(
+            f"{path}: {channel.topic[:40]!r}... is no name of a topic, in {len(channel.topic)} characters"
+        )
     if channel.message_encoding != "cdr":
         raise UsageError(
             f"{path}: {channel.topic} is encoded as {channel.message_encoding!r}; "

@@ -14,11 +14,13 @@ from rosbags.typesys.store import Typestore
 from advpipe.pipeline.bag.cloud import StampedCloud, cloud_from_cdr
 from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.mcap_file import McapFile, in_time_order
+from advpipe.pipeline.bag.message_bounds import absurdity
 from advpipe.pipeline.bag.object_count import has_more_objects
 from advpipe.pipeline.bag.provenance import RECORD_NAME, unseal
+from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.topics import RawMessage, TopicInfo
 from advpipe.pipeline.bag.types import missing_field, schema_text, types_from, typestore
-from advpipe.pipeline.errors import AdvpipeError, UsageError
+from advpipe.pipeline.errors import AdvpipeError, UsageError, one_line
 
 OBJECTS_LIMIT = 1 << 23
 """The most Python objects that a message may become: some 0.8 GB. A transform is 17, in 80 bytes."""
@@ -39,12 +41,12 @@ class BagReader:
         self._stores: dict[tuple[str, str], Typestore | AdvpipeError] = {}
 
     @cached_property
-    def provenance(self) -> dict[str, str]:
+    def provenance(self) -> Provenance:
         """The `advpipe` record (see `provenance.py`); empty for another tool's bag."""
         for file in self._files:
             if RECORD_NAME in file.metadata:
                 return unseal(file.metadata[RECORD_NAME], file.path)
-        return {}
+        return Provenance({})
 
     @cached_property
     def topics(self) -> dict[str, TopicInfo]:
@@ -87,7 +89,20 @@ class BagReader:
         return np.sort(np.concatenate([file.log_times_ns(topic) for file in self._files]), kind="stable")
 
     def decode(self, raw: RawMessage) -> Any:
-        """The message as a dataclass with the fields of its type as the bag defines it."""
+        """The message as a dataclass with the fields of its type as the bag defines it.
+
+        Raises AdvpipeError for a damaged one, and for values that nobody can compute with
+        (`message_bounds`).
+        """
+        message = self.decode_as_it_is(raw)
+        if problem := absurdity(raw.topic.name, raw.topic.type, message):
+            raise AdvpipeError(
+                one_line(f"{self.path}: a message of {raw.topic.name} at {raw.log_time_ns} ns {problem}")
+            )
+        return message
+
+    def decode_as_it_is(self, raw: RawMessage) -> Any:
+        """The same, whatever its values are."""
         try:
             store = self._store_for(raw)
             if len(raw.cdr) > _SMALL_BYTES and has_more_objects(

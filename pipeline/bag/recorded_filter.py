@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pydantic import ValidationError
-
+from advpipe.pipeline.bag.latched import FilterInfo, read_scenario_info
 from advpipe.pipeline.bag.localisation import read_initial_pose
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import SCENARIO_INFO, VehicleTopics
-from advpipe.pipeline.errors import AdvpipeError, UsageError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.localisation.estimator import Estimator
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.scenario.map import Origin
@@ -43,18 +41,8 @@ def read_filter(reader: BagReader) -> RecordedFilter:
     """Raises AdvpipeError for a bag that does not hold its scenario."""
     if SCENARIO_INFO.name not in reader.topics:
         raise UsageError(f"{reader.path} has no {SCENARIO_INFO.name}: nobody knows what its filters assume")
-    try:
-        text = next(message for _, message in reader.messages(SCENARIO_INFO.name)).data
-        scenario = json.loads(text)
-        return RecordedFilter(
-            Sensors.model_validate(scenario["sensors"]),
-            Origin.model_validate(scenario["map"]["origin"]),
-            Simulation.model_validate(scenario["simulation"]),
-        )
-    except (StopIteration, ValidationError, LookupError, TypeError, ValueError):
-        raise AdvpipeError(
-            f"{reader.path}: {SCENARIO_INFO.name} holds no scenario of this version; record it again"
-        ) from None
+    info = read_scenario_info(reader, FilterInfo)
+    return RecordedFilter(info.sensors, info.map.origin, info.simulation)
 
 
 def vehicles_with_filter(reader: BagReader) -> list[str]:

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import yaml
+from pydantic import Field, TypeAdapter
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import ReaderError
 from rosbags.rosbag2.metadata import parse_qos
+
+from advpipe.pipeline.bag import plain_yaml
+from advpipe.pipeline.bag.document import Count, Document, Word
+from advpipe.pipeline.errors import one_line
 
 _FOREVER = QosTime(9223372036, 854775807)
 
@@ -184,6 +190,28 @@ class RawMessage:
     schema_encoding: str = "ros2msg"
 
 
+class _Time(Document):
+    sec: Count
+    nsec: Count
+
+
+class _Profile(Document):
+    """As rosbag2 writes one; enumerations by number or name."""
+
+    history: Count | Word
+    depth: Count
+    reliability: Count | Word
+    durability: Count | Word
+    deadline: _Time
+    lifespan: _Time
+    liveliness: Count | Word
+    liveliness_lease_duration: _Time
+    avoid_ros_namespace_conventions: bool
+
+
+_PROFILES = TypeAdapter(Annotated[list[_Profile], Field(max_length=1000)] | None)
+
+
 def qos_to_yaml(profiles: tuple[Qos, ...]) -> str:
     """The profiles on one line, enumerations as numbers: what every rosbag2 since Foxy reads."""
     plain = [
@@ -209,6 +237,7 @@ def qos_from_yaml(text: str) -> tuple[Qos, ...]:
     Raises ValueError for a text that is none.
     """
     try:
-        return tuple(parse_qos(text))
-    except (ReaderError, LookupError, TypeError, AttributeError) as error:
-        raise ValueError(f"offered_qos_profiles: {error}") from None
+        profiles = _PROFILES.validate_python(plain_yaml.load(text)) or ()
+        return tuple(parse_qos([profile.model_dump() for profile in profiles]))  # type: ignore[misc]
+    except (yaml.YAMLError, ValueError, ReaderError, LookupError, TypeError, AttributeError) as error:
+        raise ValueError(f"offered_qos_profiles: {one_line(error)[:200]}") from None

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
-import shapely
-from pydantic import ValidationError
-
+from advpipe.pipeline.bag.footprints import footprints_of_text
+from advpipe.pipeline.bag.latched import V2xInfo, latched_text, read_scenario_info
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import SCENARIO_INFO, V2X_BUILDINGS, V2X_SENT, V2X_STATIONS
+from advpipe.pipeline.bag.topics import (
+    SCENARIO_INFO,
+    V2X_BUILDINGS,
+    V2X_SENT,
+    V2X_STATIONS,
+    RawMessage,
+)
 from advpipe.pipeline.bag.v2x import RadioPlace, sent_of_message, stations_of, stations_of_message
 from advpipe.pipeline.errors import AdvpipeError, UsageError
 from advpipe.pipeline.localisation.geodesy import Geodesy
-from advpipe.pipeline.scenario.map import Origin
-from advpipe.pipeline.scenario.v2x import V2x
 from advpipe.pipeline.v2x.air import Air, Heard, Sent
 from advpipe.pipeline.v2x.codec import CamTree
 from advpipe.pipeline.v2x.radio.buildings import Buildings
@@ -50,22 +52,10 @@ class V2xDrive:
             if topic.name not in reader.topics:
                 raise UsageError(f"{reader.path} has no {topic.name}: no V2X to send again")
         self._reader = reader
-        try:
-            scenario = json.loads(self._text(SCENARIO_INFO.name))
-            self.v2x = V2x.model_validate(scenario["v2x"])
-            self.origin = Origin.model_validate(scenario["map"]["origin"])
-            self.seed = int(scenario["simulation"]["seed"])
-            names = set(scenario["vehicles"])
-        except (ValidationError, LookupError, TypeError, ValueError):
-            raise AdvpipeError(
-                f"{reader.path}: {SCENARIO_INFO.name} holds no scenario of this version; record it again"
-            ) from None
-        self.stations: dict[int, str] = {
-            station.station_id: station.vehicle
-            for _, message in reader.messages(V2X_STATIONS.name)
-            for station in message.stations
-        }
-        self.listeners = {number: name for number, name in self.stations.items() if name in names}
+        info: V2xInfo = read_scenario_info(reader, V2xInfo)
+        self.v2x, self.origin, self.seed = info.v2x, info.map.origin, info.simulation.seed
+        self.stations = _stations(reader)
+        self.listeners = {number: name for number, name in self.stations.items() if name in info.vehicles}
 
     def air(self, decoder: Callable[[bytes], CamTree] | None = None) -> Air:
         """The medium and the maps as they were when the drive began. decoder: see `Air`."""
@@ -73,19 +63,29 @@ class V2xDrive:
         return Air(self.v2x, self.seed, geodesy, self.listeners, self._buildings(), decoder)
 
     def steps(self) -> Iterator[V2xStep]:
-        """All steps of the drive, in order."""
+        """All steps of the drive, in order.
+
+        Raises AdvpipeError for a message that no station of its step can have sent, and for two of a number.
+        """
         begin_ns: int | None = None
         radios: tuple[RadioPlace, ...] = ()
         sent: list[Sent] = []
+        numbers: set[int] = set()
         for raw in self._reader.raw_messages([V2X_STATIONS.name, V2X_SENT.name]):
             message = self._reader.decode(raw)
             if raw.topic.name == V2X_SENT.name:
                 sent.append(sent_of_message(message))
+                if sent[-1].number in numbers:
+                    raise self._wrong(raw, f"has the number {sent[-1].number}, as one before it")
+                numbers.add(sent[-1].number)
                 continue
             if begin_ns is not None:
+                if raw.log_time_ns <= begin_ns:
+                    raise self._wrong(raw, "is not later than the one before it")
                 due = [one for one in sent if one.request_ns < raw.log_time_ns]
+                self._check(due, begin_ns, radios)
                 yield V2xStep(begin_ns, raw.log_time_ns, radios, tuple(due))
-                sent = sent[len(due) :]
+                sent = [one for one in sent if one.request_ns >= raw.log_time_ns]
             begin_ns, radios = raw.log_time_ns, stations_of_message(message)
         if begin_ns is not None:
             yield V2xStep(begin_ns, None, radios, ())
@@ -100,17 +100,41 @@ class V2xDrive:
     def _buildings(self) -> Buildings | None:
         if V2X_BUILDINGS.name not in self._reader.topics:
             return None
-        return Buildings(footprints_of_text(self._text(V2X_BUILDINGS.name)))
+        where = f"{self._reader.path}: {V2X_BUILDINGS.name} holds no footprints"
+        return Buildings(footprints_of_text(latched_text(self._reader, V2X_BUILDINGS.name), where))
 
-    def _text(self, topic: str) -> str:
-        return str(next(message for _, message in self._reader.messages(topic)).data)
+    def _check(self, sent: Sequence[Sent], begin_ns: int, radios: Sequence[RadioPlace]) -> None:
+        present = {radio.station_id for radio in radios}
+        for one in sent:
+            where = f"{self._reader.path}: message {one.number} of {V2X_SENT.name}"
+            if one.station_id not in present:
+                raise AdvpipeError(
+                    f"{where} is sent by station {one.station_id}, which {V2X_STATIONS.name} has nowhere on "
+                    f"the road at {begin_ns} ns; record it again"
+                )
+            if one.request_ns < begin_ns:
+                raise AdvpipeError(
+                    f"{where} is stamped {one.request_ns} ns, before its step began at {begin_ns} ns; record "
+                    "it again"
+                )
+
+    def _wrong(self, raw: RawMessage, what: str) -> AdvpipeError:
+        return AdvpipeError(
+            f"{self._reader.path}: the message of {raw.topic.name} at {raw.log_time_ns} ns {what}; record it "
+            "again"
+        )
 
 
-def footprints_text(footprints: Sequence[shapely.Polygon]) -> str:
-    """Footprints as a GeoJSON MultiPolygon in metres on the map; every coordinate to the bit."""
-    return str(shapely.to_geojson(shapely.MultiPolygon(list(footprints))))
-
-
-def footprints_of_text(text: str) -> list[shapely.Polygon]:
-    """The footprints in such a text."""
-    return list(shapely.from_geojson(text).geoms)
+def _stations(reader: BagReader) -> dict[int, str]:
+    """Names of all stations of a drive, by number. Raises AdvpipeError where one has two of either."""
+    names: dict[int, str] = {}
+    ids: dict[str, int] = {}
+    for time_ns, message in reader.messages(V2X_STATIONS.name):
+        for station in message.stations:
+            number, name = station.station_id, station.vehicle
+            if names.setdefault(number, name) != name or ids.setdefault(name, number) != number:
+                raise AdvpipeError(
+                    f"{reader.path}: {V2X_STATIONS.name} at {time_ns} ns has the station {number} as "
+                    f"{name!r}, earlier {names[number]!r} as {ids.get(name, number)}; record it again"
+                )
+    return names

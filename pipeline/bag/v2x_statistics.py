@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from advpipe.pipeline.bag import messages
+from advpipe.pipeline.bag.latched import read_latched
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import V2X_STATISTICS
 from advpipe.pipeline.bag.types import serialise
 from advpipe.pipeline.bag.v2x import StampedCdr
-from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.v2x.statistics import Statistics
 
 
@@ -24,10 +24,8 @@ def read_statistics(reader: BagReader) -> Statistics | None:
     """
     if V2X_STATISTICS.name not in reader.topics:
         return None
-    texts = [str(message.data) for _, message in reader.messages(V2X_STATISTICS.name)]
-    try:
-        return Statistics.from_json(texts[-1]) if texts else None
-    except ValueError:
-        raise AdvpipeError(
-            f"{reader.path}: {V2X_STATISTICS.name} holds no statistics of this version; record it again"
-        ) from None
+    if not reader.topics[V2X_STATISTICS.name].count:
+        return None
+    where = f"{reader.path}: {V2X_STATISTICS.name} holds no statistics of this version"
+    statistics: Statistics = read_latched(reader, V2X_STATISTICS.name, Statistics, where)
+    return statistics

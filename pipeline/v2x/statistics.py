@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import Field
 
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.v2x.radio.load import ChannelLoad
@@ -19,6 +20,14 @@ BIN_M = 50.0
 BINS = 30
 INTERVAL_BIN_S = 0.05
 INTERVAL_BINS = 24
+
+
+_MOST_VALUES = 1_000_000
+_Count = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
+_Bins = Annotated[tuple[_Count, ...], Field(min_length=1, max_length=1000)]
+_Quantity = Annotated[float, Field(strict=True, ge=0, le=1e9, allow_inf_nan=False)]
+_Share = Annotated[float, Field(strict=True, ge=0, le=1.001, allow_inf_nan=False)]
+_OutcomeName = Annotated[str, Field(max_length=50)]
 
 
 def delivery_by_distance(
@@ -42,19 +51,28 @@ class Statistics:
     busy ratio over stations.
     """
 
-    pairs: tuple[int, ...]
-    received: tuple[int, ...]
-    outcomes: dict[str, int]
-    delay_mean_s: float
-    delay_max_s: float
-    stations: int
-    cams: int
-    dropped: int
-    rates_hz: tuple[float, ...]
-    intervals: tuple[int, ...]
-    busy_ns: tuple[int, ...]
-    busy_mean: tuple[float, ...]
-    busy_max: tuple[float, ...]
+    pairs: _Bins
+    received: _Bins
+    outcomes: dict[_OutcomeName, _Count]
+    delay_mean_s: _Quantity
+    delay_max_s: _Quantity
+    stations: _Count
+    cams: _Count
+    dropped: _Count
+    rates_hz: Annotated[tuple[_Quantity, ...], Field(max_length=_MOST_VALUES)]
+    intervals: _Bins
+    busy_ns: Annotated[tuple[_Count, ...], Field(max_length=_MOST_VALUES)]
+    busy_mean: Annotated[tuple[_Share, ...], Field(max_length=_MOST_VALUES)]
+    busy_max: Annotated[tuple[_Share, ...], Field(max_length=_MOST_VALUES)]
+
+    def __post_init__(self) -> None:
+        """Raises ValueError for columns that are no table: a recording may say anything."""
+        if len(self.pairs) != len(self.received) or any(map(int.__gt__, self.received, self.pairs)):
+            raise ValueError("more was received than sent")
+        if not len(self.busy_ns) == len(self.busy_mean) == len(self.busy_max):
+            raise ValueError("busy_ns, busy_mean and busy_max are of different lengths")
+        if list(self.rates_hz) != sorted(self.rates_hz):
+            raise ValueError("rates_hz do not ascend")
 
     @property
     def delivery_ratio(self) -> Float64:
@@ -89,18 +107,6 @@ class Statistics:
 
     def to_json(self) -> str:
         return json.dumps(asdict(self))
-
-    @classmethod
-    def from_json(cls, text: str) -> Statistics:
-        """Raises ValueError for a text that is none."""
-        try:
-            tree: dict[str, Any] = json.loads(text)
-            values: dict[str, Any] = {
-                name: tuple(value) if isinstance(value, list) else value for name, value in tree.items()
-            }
-            return cls(**values)
-        except (TypeError, AttributeError) as error:
-            raise ValueError(f"no statistics of V2X: {error}") from None
 
 
 @dataclass

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from functools import cached_property
 from typing import Any
 
+from advpipe.pipeline.bag.message_bounds import absurdity
 from advpipe.pipeline.bag.topics import RawMessage
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.verify.result import Result
@@ -42,12 +43,17 @@ class Seen:
 
     @cached_property
     def message(self) -> Any:
-        """The message; None for one that is damaged, of which `error` tells."""
+        """The message; None for one that is damaged, or absurd in a bag of advpipe's; `error` says why."""
+        raw, reader = self.raw, self.bag.reader
         try:
-            return self.bag.reader.decode(self.raw)
+            message = reader.decode_as_it_is(raw)
         except AdvpipeError:
-            self.error = f"the message at {self.raw.log_time_ns} ns is no {self.raw.topic.type}"
+            self.error = f"the message at {raw.log_time_ns} ns is no {raw.topic.type}"
             return None
+        if self.bag.provenance and (problem := absurdity(raw.topic.name, raw.topic.type, message)):
+            self.error = f"the message at {raw.log_time_ns} ns {problem}"
+            return None
+        return message
 
     @property
     def header(self) -> Any:

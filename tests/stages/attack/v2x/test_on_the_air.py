@@ -10,6 +10,7 @@ from collections import Counter
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from pydantic import TypeAdapter
 from v2x_lane import context, edited, lane
 
 from advpipe.pipeline.bag.reader import BagReader
@@ -63,7 +64,7 @@ def sent_again(reader, folder, **keys):
         elif message.topic.name == "/ego/ldm":
             maps.append(reader.decode(message))
         elif message.topic.name == V2X_STATISTICS.name:
-            statistics = Statistics.from_json(reader.decode(message).data)
+            statistics = TypeAdapter(Statistics).validate_json(reader.decode(message).data)
     change.write_labels(folder)
     return received, maps, statistics, pq.read_table(folder / "v2x_labels.parquet").to_pylist()
 
@@ -71,7 +72,7 @@ def sent_again(reader, folder, **keys):
 def clean(reader):
     received = Counter(message.header.station_id.value for _, message in reader.messages("/ego/v2x/rx/cam"))
     ((_, message),) = reader.messages(V2X_STATISTICS.name)
-    return received, Statistics.from_json(message.data)
+    return received, TypeAdapter(Statistics).validate_json(message.data)
 
 
 def test_a_flood_fills_the_channel(reader, beside_ego, tmp_path):

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import pytest
+from pydantic import TypeAdapter
 
 from advpipe.pipeline.bag.ldm import ldm_snapshot_cdr
 from advpipe.pipeline.bag.reader import BagReader
@@ -74,7 +75,7 @@ def test_the_same_receptions_maps_and_statistics(drive: Record, settings: tuple[
         assert all(maps[listener, raw.log_time_ns] == raw.cdr for raw in recorded)
     assert bool(received) == ("v2x.penetration=0" not in settings)
     ((_, message),) = reader.messages(V2X_STATISTICS.name)
-    assert Statistics.from_json(message.data) == statistics
+    assert TypeAdapter(Statistics).validate_json(message.data) == statistics
 
 
 def test_buildings_are_in_the_way(drive: Record) -> None:
@@ -102,7 +103,7 @@ def test_every_message_meets_its_fate(drive: Record, settings: tuple[str, ...]) 
     """Also those that are still waiting, or on the air, when the recording ends."""
     reader = drive(*settings)
     ((_, message),) = reader.messages(V2X_STATISTICS.name)
-    statistics = Statistics.from_json(message.data)
+    statistics = TypeAdapter(Statistics).validate_json(message.data)
     assert statistics.cams + statistics.dropped == reader.topics[V2X_SENT.name].count
     numbers = [message.number for _, message in reader.messages(V2X_SENT.name)]
     assert numbers == list(range(len(numbers)))

@@ -1,0 +1,67 @@
+"""Documents that a bag holds in a latched message of text: the scenario, V2X statistics, footprints."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from advpipe.pipeline.bag.document import LONGEST_TEXT, Count, Document, read_json
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.topics import SCENARIO_INFO
+from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.scenario.base import Name
+from advpipe.pipeline.scenario.map import Origin
+from advpipe.pipeline.scenario.sensors import Sensors
+from advpipe.pipeline.scenario.simulation import Simulation
+from advpipe.pipeline.scenario.v2x import V2x
+
+
+class _Map(Document):
+    origin: Origin
+
+
+class _Chance(Document):
+    seed: Count
+
+
+class FilterInfo(Document):
+    """What filters assume: the part of the scenario that they need to run again."""
+
+    sensors: Sensors
+    map: _Map
+    simulation: Simulation
+
+
+class V2xInfo(Document):
+    """What radio and maps depend on. vehicles: the instrumented ones, by name."""
+
+    v2x: V2x
+    map: _Map
+    simulation: _Chance
+    vehicles: dict[Name, object]
+
+
+def read_scenario_info(reader: BagReader, part: Any) -> Any:
+    """A part of the scenario of a drive, such as `FilterInfo`.
+
+    Raises AdvpipeError for a bag whose scenario is none of this version.
+    """
+    where = f"{reader.path}: {SCENARIO_INFO.name} holds no scenario of this version"
+    return read_latched(reader, SCENARIO_INFO.name, part, where)
+
+
+def read_latched(
+    reader: BagReader, topic: str, kind: Any, where: str, limit_bytes: int = LONGEST_TEXT
+) -> Any:
+    """The document in the last message of a topic of texts; raises AdvpipeError where there is none."""
+    text = latched_text(reader, topic)
+    return read_json(text, kind, where, "record it again", limit_bytes)
+
+
+def latched_text(reader: BagReader, topic: str) -> str:
+    """The last message of a topic of texts; raises AdvpipeError where there is none."""
+    text: str | None = None
+    for _, message in reader.messages(topic):
+        text = message.data
+    if text is None:
+        raise AdvpipeError(f"{reader.path}: {topic} holds no message; record it again")
+    return text
