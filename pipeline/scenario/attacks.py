@@ -20,7 +20,8 @@ from pydantic_core import CoreSchema, core_schema
 
 from advpipe.pipeline.bag.frame_slice import FrameSlice
 from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.scenario.base import NotNegative, Positive, Probability, Section
+from advpipe.pipeline.scenario.base import NotNegative, Section, Switch, Word
+from advpipe.pipeline.scenario.bounds import DriveTimeS, HeightM, PlaceM, ShareOfSome
 
 NS_PER_S = 1_000_000_000
 Family = Literal["gnss", "cam", "lidar"]
@@ -51,11 +52,11 @@ class Schedule(Section):
     """
 
     from_s: NotNegative = Field(0.0, le=1e6)
-    to_s: Positive | None = Field(None, le=1e6, description="excluded; the end of the recording if left out")
+    to_s: DriveTimeS | None = Field(None, description="excluded; the end of the recording if left out")
     kind: Literal["continuous", "periodic", "random"] = "continuous"
-    period_s: Positive | None = Field(None, le=1e6, description="of a periodic schedule")
-    on_s: Positive | None = Field(None, le=1e6, description="of each period of a periodic schedule")
-    probability: Probability | None = Field(None, gt=0, description="of a random schedule")
+    period_s: DriveTimeS | None = Field(None, description="of a periodic schedule")
+    on_s: DriveTimeS | None = Field(None, description="of each period of a periodic schedule")
+    probability: ShareOfSome | None = Field(None, description="of a random schedule")
 
     @model_validator(mode="after")
     def _combinations(self) -> Schedule:
@@ -91,16 +92,16 @@ class Schedule(Section):
 class RoadsideUnit(Section):
     """A station of the attacker's beside the road, at a place in the map's frame."""
 
-    x_m: float = Field(ge=-1e5, le=1e5)
-    y_m: float = Field(ge=-1e5, le=1e5)
-    z_m: float = Field(3.0, ge=-1e4, le=1e4, description="of its antenna, as high as the map has it")
+    x_m: PlaceM
+    y_m: PlaceM
+    z_m: HeightM = Field(3.0, description="of its antenna, as high as the map has it")
 
 
 class Attackers(Section):
     """Who sends the lies: exactly one of the three."""
 
-    vehicles: tuple[str, ...] = Field((), description="their ids in /v2x/stations")
-    share: Probability | None = Field(None, gt=0, description="of all stations, drawn from the seed")
+    vehicles: tuple[Word, ...] = Field((), max_length=10_000, description="their ids in /v2x/stations")
+    share: ShareOfSome | None = Field(None, description="of all stations, drawn from the seed")
     roadside_unit: RoadsideUnit | None = None
 
     @model_validator(mode="after")
@@ -119,22 +120,24 @@ class AttackSpec(Section):
     """
 
     type: str = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_.:-]*$", max_length=200)
-    recipe: str | None = Field(None, description="of a LiDAR attack; its best if left out")
+    recipe: Word | None = Field(None, description="of a LiDAR attack; its best if left out")
     parameters: dict[str, Value] = Field({}, description="of this attack, by name")
     schedule: Schedule = Schedule()
     attackers: Attackers | None = Field(None, description="of an attack by V2X messages")
-    victim: str | None = Field(
+    victim: Word | None = Field(
         None, description="an instrumented vehicle whose GPS or LiDAR is attacked, or to whom CAMs lie"
     )
-    seed_name: str = Field("", description="draws differ between attacks of different names")
-    dcc_reacts: bool = Field(
+    seed_name: Word = Field("", description="draws differ between attacks of different names")
+    dcc_reacts: Switch = Field(
         False,
         description="whether other stations' congestion control answers to the load of forged messages: it "
         "then holds back what comes too early; as it is off, they send what they sent",
     )
-    lidar: str | None = Field(None, description="topic of the attacked clouds, among several")
-    frames: str = Field("::", description="which clouds its bag holds, start:stop:step; of a LiDAR attack")
-    detector: str = Field("small", description="that a LiDAR attack fools, as after --detector")
+    lidar: Word | None = Field(None, description="topic of the attacked clouds, among several")
+    frames: Word = Field("::", description="which clouds its bag holds, start:stop:step; of a LiDAR attack")
+    detector: str = Field(
+        "small", max_length=4096, description="that a LiDAR attack fools, as after --detector"
+    )
 
     @field_validator("type", mode="before")
     @classmethod

@@ -6,7 +6,8 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from advpipe.pipeline.scenario.base import File, NotNegative, Positive, Probability, Section
+from advpipe.pipeline.scenario.base import File, NotNegative, Positive, Probability, Section, Word
+from advpipe.pipeline.scenario.bounds import HeightM, MeshScale, PlaceM, YawRad
 
 
 class Weather(Section):
@@ -36,12 +37,12 @@ class UserObject(Section):
     """A mesh of the user's that stands somewhere in the map's frame."""
 
     mesh: File = Field(description="path of an .obj, .ply, .stl, .glb or .off file")
-    material: str = "concrete"
-    scale: Positive = Field(1.0, le=1000, description="metres for each unit of the mesh")
-    x_m: float = 0.0
-    y_m: float = 0.0
-    z_m: float = Field(0.0, description="above the ground at that place")
-    yaw_rad: float = 0.0
+    material: Word = "concrete"
+    scale: MeshScale = Field(1.0, description="metres for each unit of the mesh")
+    x_m: PlaceM = 0.0
+    y_m: PlaceM = 0.0
+    z_m: HeightM = Field(0.0, description="above the ground at that place")
+    yaw_rad: YawRad = 0.0
 
 
 class Environment(Section):
@@ -52,5 +53,5 @@ class Environment(Section):
     poles_per_km: NotNegative = Field(30.0, le=500, description="lamp posts and signs per kilometre of kerb")
     clutter_per_km: NotNegative = Field(12.0, le=500, description="hedges, containers, cabinets")
     barriers: Probability = Field(0.3, description="share of the road edges with a guard rail or wall")
-    objects: tuple[UserObject, ...] = Field((), description="meshes of the user's")
+    objects: tuple[UserObject, ...] = Field((), max_length=10_000, description="meshes of the user's")
     weather: Weather = Weather()
