@@ -15,6 +15,7 @@ from advpipe.pipeline.detector.device import CPU, open_device
 from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import CLASSES
+from advpipe.pipeline.shown import shown
 
 if TYPE_CHECKING:
     import torch
@@ -39,7 +40,7 @@ def load_detector(name_or_path: str, device: str = CPU) -> Detector:
         return _load_class(module, attribute, place)
     known = ", ".join(SHIPPED)
     raise AdvpipeError(
-        f"unknown detector {name_or_path!r}; known: {known}, a path to FILE.safetensors, or module:Class"
+        f"unknown detector {shown(name_or_path)}; known: {known}, a path to FILE.safetensors, or module:Class"
     )
 
 

@@ -42,7 +42,7 @@ class IsFile:
         return {**handler(schema), "format": "path"}
 
 
-File = Annotated[str, Field(max_length=4096), IsFile()]
+File = Annotated[str, Field(min_length=1, max_length=4096), IsFile()]
 """A path; the resolved scenario in a data set names only the file."""
 
 
@@ -64,17 +64,19 @@ class Section(BaseModel):
         if not isinstance(keys, dict):
             return keys
         kinds = _number_kinds(cls)
-        return {key: _written(value, kinds[key]) if key in kinds else value for key, value in keys.items()}
+        written = {key: written_number(keys[key], kinds[key]) for key in keys.keys() & kinds.keys()}
+        return {key: written.get(key, value) for key, value in keys.items()}
 
 
 @cache
 def _number_kinds(section: type[Section]) -> dict[str, type]:
     """By key, float or int, for the keys that hold numbers alone."""
-    kinds = {name: {*_leaves(field.annotation)} for name, field in section.model_fields.items()}
+    kinds = {name: {*leaves(field.annotation)} for name, field in section.model_fields.items()}
     return {name: kind.pop() for name, kind in kinds.items() if kind in ({float}, {int})}
 
 
-def _leaves(annotation: Any) -> Iterator[Any]:
+def leaves(annotation: Any) -> Iterator[Any]:
+    """The types of the values that an annotation lets in, those in lists and mappings too, None left out."""
     parts = typing.get_args(annotation)
     if typing.get_origin(annotation) is Annotated:
         parts = parts[:1]
@@ -83,14 +85,15 @@ def _leaves(annotation: Any) -> Iterator[Any]:
     if not parts and annotation not in (type(None), ...):
         yield annotation
     for part in parts:
-        yield from _leaves(part)
+        yield from leaves(part)
 
 
-def _written(value: Any, kind: type) -> Any:
+def written_number(value: Any, kind: type) -> Any:
+    """The value, its words that stand for numbers as numbers; kind: int makes 80 of 80.0."""
     if isinstance(value, (list, tuple)):
-        return type(value)(_written(item, kind) for item in value)
+        return type(value)(written_number(item, kind) for item in value)
     if isinstance(value, dict):
-        return {key: _written(item, kind) for key, item in value.items()}
+        return {key: written_number(item, kind) for key, item in value.items()}
     number = number_of_word(value)
     if kind is int and isinstance(number, float) and number.is_integer():
         return int(number)

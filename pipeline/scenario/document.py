@@ -24,7 +24,7 @@ MOST_CHARACTERS = LIMIT_BYTES
 """Of all texts, counted likewise: aliases make no text longer than a file may be without them."""
 
 LONGEST_NUMBER = 100
-"""Characters of a number: PyYAML takes the square of their count to read `1:1:1...`, a number to base 60."""
+"""Characters of a number; the largest that any key takes has 19 digits."""
 
 _YAML = "tag:yaml.org,2002:"
 _PLAIN = {f"{_YAML}{name}" for name in ("str", "int", "float", "bool", "null", "timestamp")}
@@ -189,6 +189,8 @@ class _Plain(yaml.SafeLoader):
             raise DocumentError(f"the tag {shown(node.tag)} is not read here; leave it out", _line(node))
         if found := _UNPRINTED.search(node.value):
             raise DocumentError(_unprinted(found[0]), _line(node))
+        if node.tag in _NUMBERS and ":" in node.value and not node.style:
+            return node.value  # YAML 1.1 counts in sixties: to it 1:30 is 90, to everybody else a word
         if node.tag in _NUMBERS and len(node.value) > LONGEST_NUMBER:
             raise DocumentError(f"a number of {len(node.value)} characters is too long", _line(node))
         try:

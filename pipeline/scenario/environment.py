@@ -9,6 +9,9 @@ from pydantic import Field, model_validator
 from advpipe.pipeline.scenario.base import File, NotNegative, Positive, Probability, Section, Word
 from advpipe.pipeline.scenario.bounds import HeightM, MeshScale, PlaceM, YawRad
 
+LEAST_RATE_MM_PER_H = 0.01
+"""Of rain and snow: less is not measured, and calls for clear weather."""
+
 
 class Weather(Section):
     """Rain and snow by their rate, fog by the distance that one sees; it lasts for the whole drive.
@@ -22,8 +25,8 @@ class Weather(Section):
 
     @model_validator(mode="after")
     def _strength(self) -> Weather:
-        if self.kind in ("rain", "snow") and not self.rate_mm_per_h:
-            raise ValueError(f"{self.kind} needs its rate_mm_per_h")
+        if self.kind in ("rain", "snow") and self.rate_mm_per_h < LEAST_RATE_MM_PER_H:
+            raise ValueError(f"{self.kind} needs its rate_mm_per_h, of at least {LEAST_RATE_MM_PER_H:g}")
         if self.kind == "fog" and self.visibility_m > 1000:
             raise ValueError("fog needs its visibility_m, of at most 1000")
         if self.kind in ("clear", "fog") and self.rate_mm_per_h:

@@ -12,6 +12,7 @@ from advpipe.pipeline.scenario.environment import Environment
 from advpipe.pipeline.scenario.map import Map
 from advpipe.pipeline.scenario.sensors import Sensors
 from advpipe.pipeline.scenario.simulation import Simulation
+from advpipe.pipeline.scenario.size import check_size
 from advpipe.pipeline.scenario.traffic import (
     BODIES,
     PEOPLE,
@@ -101,6 +102,11 @@ class Scenario(Section):
         for name, vehicle in self.vehicles.items():
             if vehicle.driver == "trajectory" and self.trajectories is None:
                 raise ValueError(f"vehicles.{name}.driver is trajectory, but there is no trajectories.file")
+        return self
+
+    @model_validator(mode="after")
+    def _size(self) -> Scenario:
+        check_size(self)
         return self
 
     @model_validator(mode="after")
