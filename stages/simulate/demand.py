@@ -20,7 +20,7 @@ _EXPONENTIAL = re.compile(r"exp\(([^)]*)\)")
 
 
 def check_demand(roots: Iterable[ElementTree.Element], where: str, end_s: float) -> None:
-    """Raises AdvpipeError where too many vehicles are written or depart. end_s: of the drive, in files' time."""
+    """Raises AdvpipeError where too many vehicles are written, or depart by the drive's end."""
     written, departing = 0, 0.0
     for root in roots:
         for found in root.iter():

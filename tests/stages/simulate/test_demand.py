@@ -45,9 +45,7 @@ def test_an_interval_gives_the_times() -> None:
     )
     interval = root[0]
     assert departures(interval[0], interval, END_S) == 1e9
-    with pytest.raises(
-        AdvpipeError, match="a: 1,000,000,000 vehicles would depart during the drive; at most"
-    ):
+    with pytest.raises(AdvpipeError, match="a: 1,000,000,000 vehicles would depart during the drive"):
         check_demand([root], "a", END_S)
 
 

@@ -148,7 +148,7 @@ def test_files_that_routes_include_count_and_are_checked(
     tmp_path: Path, road: Callable[..., Path], drive: Driver
 ) -> None:
     (tmp_path / "more.rou.xml").write_text(ROUTES.replace('"three"', '"four"'))
-    text = '<routes><include href="more.rou.xml"/><trip id="three" from="ab" to="bc" depart="6"/></routes>'
+    text = '<routes><include href="more.rou.xml"/><trip id="three" from="bc" to="bc" depart="1"/></routes>'
     state = drive(scenario(tmp_path, road(600), text), 1)[-1]
     assert {"one", "two", "three", "four"} <= set(state)
     (tmp_path / "more.rou.xml").write_text('<routes><flow id="f" end="9" number="1e9" from="ab"/></routes>')
@@ -182,9 +182,7 @@ def test_more_vehicles_than_there_is_room_for(
     tmp_path: Path, road: Callable[..., Path], drive: Driver
 ) -> None:
     settings = [f"map.sumo_net={road(200)}", "traffic.vehicles=5000"]
-    with pytest.raises(
-        AdvpipeError, match=r"traffic\.vehicles is 5000; bumper to bumper, .* km of lanes hold"
-    ):
+    with pytest.raises(AdvpipeError, match=r"traffic\.vehicles is 5000; bumper to bumper, .* km of"):
         drive(load_scenario("smoke", settings), 1)
 
 
