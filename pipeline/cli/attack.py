@@ -123,32 +123,26 @@ def _mean(values: Sequence[float]) -> float | None:
 
 def _parameters(options: dict[str, Any], settings: list[str]) -> dict[str, Any]:
     """Those given as options, and the values of `name=value`, each read as YAML."""
-    import yaml
-
     from advpipe.pipeline.errors import UsageError
+    from advpipe.pipeline.scenario.document import DocumentError, read_document
+    from advpipe.pipeline.shown import shown
 
     found = dict(options)
     for setting in settings:
         word, equals, text = setting.partition("=")
         name = word.strip().replace("-", "_")
         if not equals or not name:
-            raise UsageError(f"--set {setting!r}: write name=value, such as rounds=20")
+            raise UsageError(f"--set {shown(setting)}: write name=value, such as rounds=20")
         if name in found:
-            raise UsageError(f"--set {setting!r}: {name} is {found[name]} already; leave one of them out")
+            raise UsageError(
+                f"--set {shown(setting)}: {shown(name)} is {shown(found[name])} already; "
+                "leave one of them out"
+            )
         try:
-            found[name] = _number_of(yaml.safe_load(text))
-        except (yaml.YAMLError, ValueError) as error:
-            problem = getattr(error, "problem", None) or "it is not YAML"
-            raise UsageError(f"--set {setting!r}: the value cannot be read: {problem}") from None
+            found[name] = read_document(text).tree
+        except DocumentError as error:
+            raise UsageError(f"--set {shown(setting)}: the value cannot be read: {error}") from None
     return found
-
-
-def _number_of(value: Any) -> Any:
-    """The number that a word stands for, if any: YAML 1.1 takes 1e6 for a word, as it has no point."""
-    try:
-        return float(value) if isinstance(value, str) else value
-    except ValueError:
-        return value
 
 
 def _attackers(words: list[str]) -> dict[str, Any] | None:

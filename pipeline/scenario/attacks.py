@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, Literal
 
@@ -20,7 +19,9 @@ from pydantic_core import CoreSchema, core_schema
 
 from advpipe.pipeline.bag.frame_slice import FrameSlice
 from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.scenario.base import NotNegative, Positive, Probability, Section
+from advpipe.pipeline.scenario.base import NotNegative, Section, Switch, Word
+from advpipe.pipeline.scenario.bounds import DriveTimeS, HeightM, PlaceM, ShareOfSome
+from advpipe.pipeline.shown import cut, shown
 
 NS_PER_S = 1_000_000_000
 Family = Literal["gnss", "cam", "lidar"]
@@ -42,6 +43,12 @@ BagName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*
 Value = Any
 """A parameter of an attack: a number, a word, true, false, null, or a list of those."""
 
+LARGEST_NUMBER = 1e15
+"""Of any parameter: beyond it whole numbers and fractions lose their digits."""
+
+LONGEST_TEXT = 4096
+MOST_ITEMS, MOST_LEVELS = 10_000, 2
+
 
 class Schedule(Section):
     """When an attack is on. Times are seconds since the first message of the bag.
@@ -51,11 +58,11 @@ class Schedule(Section):
     """
 
     from_s: NotNegative = Field(0.0, le=1e6)
-    to_s: Positive | None = Field(None, le=1e6, description="excluded; the end of the recording if left out")
+    to_s: DriveTimeS | None = Field(None, description="excluded; the end of the recording if left out")
     kind: Literal["continuous", "periodic", "random"] = "continuous"
-    period_s: Positive | None = Field(None, le=1e6, description="of a periodic schedule")
-    on_s: Positive | None = Field(None, le=1e6, description="of each period of a periodic schedule")
-    probability: Probability | None = Field(None, gt=0, description="of a random schedule")
+    period_s: DriveTimeS | None = Field(None, description="of a periodic schedule")
+    on_s: DriveTimeS | None = Field(None, description="of each period of a periodic schedule")
+    probability: ShareOfSome | None = Field(None, description="of a random schedule")
 
     @model_validator(mode="after")
     def _combinations(self) -> Schedule:
@@ -91,16 +98,16 @@ class Schedule(Section):
 class RoadsideUnit(Section):
     """A station of the attacker's beside the road, at a place in the map's frame."""
 
-    x_m: float = Field(ge=-1e5, le=1e5)
-    y_m: float = Field(ge=-1e5, le=1e5)
-    z_m: float = Field(3.0, ge=-1e4, le=1e4, description="of its antenna, as high as the map has it")
+    x_m: PlaceM
+    y_m: PlaceM
+    z_m: HeightM = Field(3.0, description="of its antenna, as high as the map has it")
 
 
 class Attackers(Section):
     """Who sends the lies: exactly one of the three."""
 
-    vehicles: tuple[str, ...] = Field((), description="their ids in /v2x/stations")
-    share: Probability | None = Field(None, gt=0, description="of all stations, drawn from the seed")
+    vehicles: tuple[Word, ...] = Field((), max_length=10_000, description="their ids in /v2x/stations")
+    share: ShareOfSome | None = Field(None, description="of all stations, drawn from the seed")
     roadside_unit: RoadsideUnit | None = None
 
     @model_validator(mode="after")
@@ -119,22 +126,24 @@ class AttackSpec(Section):
     """
 
     type: str = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_.:-]*$", max_length=200)
-    recipe: str | None = Field(None, description="of a LiDAR attack; its best if left out")
-    parameters: dict[str, Value] = Field({}, description="of this attack, by name")
+    recipe: Word | None = Field(None, description="of a LiDAR attack; its best if left out")
+    parameters: dict[Word, Value] = Field({}, max_length=1000, description="of this attack, by name")
     schedule: Schedule = Schedule()
     attackers: Attackers | None = Field(None, description="of an attack by V2X messages")
-    victim: str | None = Field(
+    victim: Word | None = Field(
         None, description="an instrumented vehicle whose GPS or LiDAR is attacked, or to whom CAMs lie"
     )
-    seed_name: str = Field("", description="draws differ between attacks of different names")
-    dcc_reacts: bool = Field(
+    seed_name: Word = Field("", description="draws differ between attacks of different names")
+    dcc_reacts: Switch = Field(
         False,
         description="whether other stations' congestion control answers to the load of forged messages: it "
         "then holds back what comes too early; as it is off, they send what they sent",
     )
-    lidar: str | None = Field(None, description="topic of the attacked clouds, among several")
-    frames: str = Field("::", description="which clouds its bag holds, start:stop:step; of a LiDAR attack")
-    detector: str = Field("small", description="that a LiDAR attack fools, as after --detector")
+    lidar: Word | None = Field(None, description="topic of the attacked clouds, among several")
+    frames: Word = Field("::", description="which clouds its bag holds, start:stop:step; of a LiDAR attack")
+    detector: str = Field(
+        "small", max_length=4096, description="that a LiDAR attack fools, as after --detector"
+    )
 
     @field_validator("type", mode="before")
     @classmethod
@@ -151,7 +160,7 @@ class AttackSpec(Section):
     @field_validator("frames", mode="before")
     @classmethod
     def _quoted(cls, frames: Any) -> Any:
-        if isinstance(frames, int):  # YAML counts in sixties: to it 0:30 is 30
+        if isinstance(frames, int):  # other readers of YAML count in sixties: to them 0:30 is 30
             raise ValueError("is a number to YAML; write it in quotes, such as '0:30'")
         return frames
 
@@ -181,14 +190,19 @@ class AttackSpec(Section):
         return self
 
 
-def _plain_value(name: str, value: Value) -> Value:
+def _plain_value(name: str, value: Value, levels: int = 0) -> Value:
     """The value, lists as tuples; ValueError for a number without end, and for what is no plain value."""
     if isinstance(value, (list, tuple)):
-        return tuple(_plain_value(name, item) for item in value)
-    if isinstance(value, float) and not math.isfinite(value):
-        raise ValueError(f"{name} is {value}; it has to be finite")
+        if len(value) > MOST_ITEMS or levels > MOST_LEVELS:
+            raise ValueError(f"{cut(name)} holds more than {MOST_ITEMS} values, or lists in lists in lists")
+        return tuple(_plain_value(name, item, levels + 1) for item in value)
+    if isinstance(value, (int, float)) and not abs(value) <= LARGEST_NUMBER:
+        raise ValueError(f"{cut(name)} is {shown(value)}; it has to be finite, within {LARGEST_NUMBER:g}")
+    if isinstance(value, str) and len(value) > LONGEST_TEXT:
+        raise ValueError(f"{cut(name)} is a word of {len(value)} characters, over {LONGEST_TEXT}")
     if value is not None and not isinstance(value, (bool, int, float, str)):
-        raise ValueError(f"{name} is a {type(value).__name__}; give a number, a word or a list of them")
+        kind = type(value).__name__
+        raise ValueError(f"{cut(name)} is a {kind}; give a number, a word or a list of them")
     return value
 
 
@@ -223,9 +237,9 @@ def attack_spec(keys: Mapping[str, Any]) -> AttackSpec:
         return AttackSpec.model_validate(keys)
     except ValidationError as error:
         first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"])
-        message = first["msg"].removeprefix("Value error, ")
-        given = "" if isinstance(first["input"], dict) else f", not {first['input']!r}"
+        place = ".".join(cut(str(part)) for part in first["loc"])
+        message = cut(first["msg"].removeprefix("Value error, "), 1000)
+        given = "" if isinstance(first["input"], dict) else f", not {shown(first['input'])}"
         raise AdvpipeError(f"attack: {f'{place}: ' if place else ''}{message}{given}") from None
 
 

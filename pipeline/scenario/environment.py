@@ -6,7 +6,11 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from advpipe.pipeline.scenario.base import File, NotNegative, Positive, Probability, Section
+from advpipe.pipeline.scenario.base import File, NotNegative, Positive, Probability, Section, Word
+from advpipe.pipeline.scenario.bounds import HeightM, MeshScale, PlaceM, YawRad
+
+LEAST_RATE_MM_PER_H = 0.01
+"""Of rain and snow: less is not measured, and calls for clear weather."""
 
 
 class Weather(Section):
@@ -21,8 +25,8 @@ class Weather(Section):
 
     @model_validator(mode="after")
     def _strength(self) -> Weather:
-        if self.kind in ("rain", "snow") and not self.rate_mm_per_h:
-            raise ValueError(f"{self.kind} needs its rate_mm_per_h")
+        if self.kind in ("rain", "snow") and self.rate_mm_per_h < LEAST_RATE_MM_PER_H:
+            raise ValueError(f"{self.kind} needs its rate_mm_per_h, of at least {LEAST_RATE_MM_PER_H:g}")
         if self.kind == "fog" and self.visibility_m > 1000:
             raise ValueError("fog needs its visibility_m, of at most 1000")
         if self.kind in ("clear", "fog") and self.rate_mm_per_h:
@@ -36,12 +40,12 @@ class UserObject(Section):
     """A mesh of the user's that stands somewhere in the map's frame."""
 
     mesh: File = Field(description="path of an .obj, .ply, .stl, .glb or .off file")
-    material: str = "concrete"
-    scale: Positive = Field(1.0, le=1000, description="metres for each unit of the mesh")
-    x_m: float = 0.0
-    y_m: float = 0.0
-    z_m: float = Field(0.0, description="above the ground at that place")
-    yaw_rad: float = 0.0
+    material: Word = "concrete"
+    scale: MeshScale = Field(1.0, description="metres for each unit of the mesh")
+    x_m: PlaceM = 0.0
+    y_m: PlaceM = 0.0
+    z_m: HeightM = Field(0.0, description="above the ground at that place")
+    yaw_rad: YawRad = 0.0
 
 
 class Environment(Section):
@@ -52,5 +56,5 @@ class Environment(Section):
     poles_per_km: NotNegative = Field(30.0, le=500, description="lamp posts and signs per kilometre of kerb")
     clutter_per_km: NotNegative = Field(12.0, le=500, description="hedges, containers, cabinets")
     barriers: Probability = Field(0.3, description="share of the road edges with a guard rail or wall")
-    objects: tuple[UserObject, ...] = Field((), description="meshes of the user's")
+    objects: tuple[UserObject, ...] = Field((), max_length=10_000, description="meshes of the user's")
     weather: Weather = Weather()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import os
-import reprlib
 import typing
 from collections.abc import Sequence
 from importlib.resources import files
@@ -16,36 +15,10 @@ from pydantic import BaseModel, ValidationError
 
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.scenario.base import IsFile
+from advpipe.pipeline.scenario.document import LIMIT_BYTES, Document, DocumentError, read_document
 from advpipe.pipeline.scenario.map import MAP_SOURCES
 from advpipe.pipeline.scenario.models import Scenario
-
-MAX_FILE_BYTES = 4_000_000
-NOT_LOADED = (yaml.YAMLError, ValueError, RecursionError)
-"""What PyYAML raises on text that is no document of plain values."""
-
-
-class _Loader(yaml.SafeLoader):
-    """Plain values only; a key given twice and a value that does not exist are errors with a place."""
-
-    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
-        node = super().compose_mapping_node(anchor)
-        seen: set[str] = set()
-        for key, _ in node.value:
-            if isinstance(key, yaml.ScalarNode):
-                if key.value in seen:
-                    raise _at(key, f"{_shown(key.value)} is given twice")
-                seen.add(key.value)
-        return node
-
-    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
-        try:
-            return super().construct_object(node, deep)
-        except ValueError as error:  # the 30th of February, a number of 5000 digits
-            raise _at(node, str(error).partition(";")[0]) from None
-
-
-def _at(node: yaml.Node, problem: str) -> yaml.MarkedYAMLError:
-    return yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
+from advpipe.pipeline.shown import cut, shown
 
 
 def shipped_scenarios() -> dict[str, Path]:
@@ -66,13 +39,14 @@ def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> Scenario:
     working directory.
     """
     path = _find(name_or_path)
-    tree = _read(path)
+    document = _read(path)
+    tree: dict[str, Any] = document.tree
     _make_paths_absolute(tree, path.parent)
     overridden = [_apply(tree, override) for override in overrides]
     try:
         return Scenario.model_validate(tree)
     except ValidationError as error:
-        raise AdvpipeError(_explain(error, path, overridden)) from None
+        raise AdvpipeError(_explain(error, path, document, overridden)) from None
 
 
 def dump_scenario(scenario: Scenario) -> str:
@@ -105,32 +79,25 @@ def _find(name_or_path: str) -> Path:
         return path
     if os.path.isdir(path):
         raise AdvpipeError(f"{path} is a folder; give a scenario file")
-    hint = _nearest(name_or_path, list(shipped), otherwise="")
+    hint = _nearest(cut(name_or_path), list(shipped), otherwise="")
     raise AdvpipeError(
-        f"no scenario {_shown(name_or_path)}: neither a file nor one of {', '.join(shipped)}{hint}"
+        f"no scenario {shown(name_or_path)}: neither a file nor one of {', '.join(shipped)}{hint}"
     )
 
 
-def _read(path: Path) -> dict[str, Any]:
-    if path.stat().st_size > MAX_FILE_BYTES:
-        raise AdvpipeError(f"{path} is over {MAX_FILE_BYTES // 1_000_000} MB; that is no scenario file")
+def _read(path: Path) -> Document:
+    if path.stat().st_size > LIMIT_BYTES:
+        raise AdvpipeError(f"{path} is over {LIMIT_BYTES // 1_000_000} MB; that is no scenario file")
     try:
-        tree = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
+        document = read_document(path.read_text(encoding="utf-8"))
     except (UnicodeDecodeError, OSError) as error:
         raise AdvpipeError(f"{path} cannot be read as text: {error}") from None
-    except NOT_LOADED as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f" line {mark.line + 1}" if mark else ""
-        raise AdvpipeError(f"{path}{where}: {_problem(error)}") from None
-    if not isinstance(tree, dict):
+    except DocumentError as error:
+        where = f" line {error.line}" if error.line else ""
+        raise AdvpipeError(f"{path}{where}: {error}") from None
+    if not isinstance(document.tree, dict):
         raise AdvpipeError(f"{path} holds no scenario: expected `name:`, `map:`, ... at the top level")
-    return tree
-
-
-def _problem(error: Exception) -> str:
-    if isinstance(error, RecursionError):
-        return "is nested too deeply"
-    return getattr(error, "problem", None) or "not YAML"
+    return document
 
 
 def _files(tree: dict[str, Any]) -> list[tuple[dict[str, Any], str]]:
@@ -174,6 +141,10 @@ def _file_places(model: type[BaseModel]) -> list[tuple[str, ...]]:
 
 
 FILE_PLACES = _file_places(Scenario)
+MOST_KEYS = 12
+"""Of a place in `--set`; no key of a scenario lies so deep."""
+
+LONGEST_MESSAGE = 1000
 
 
 def _make_paths_absolute(tree: dict[str, Any], folder: Path) -> None:
@@ -191,17 +162,17 @@ def _apply(tree: dict[str, Any], override: str) -> tuple[str, ...]:
     """Sets one key, and returns its place."""
     place, equals, text = override.partition("=")
     keys = place.strip().split(".")
-    if not equals or not all(keys):
-        raise AdvpipeError(f"--set {_shown(override)}: write section.key=value")
+    if not equals or not all(keys) or len(keys) > MOST_KEYS:
+        raise AdvpipeError(f"--set {shown(override)}: write section.key=value")
     try:
-        value = yaml.load(text, Loader=_Loader)
-    except NOT_LOADED as error:
-        raise AdvpipeError(f"--set {_shown(override)}: the value is not YAML: {_problem(error)}") from None
+        value = read_document(text).tree
+    except DocumentError as error:
+        raise AdvpipeError(f"--set {shown(override)}: the value cannot be read: {error}") from None
     section = tree
     for key in keys[:-1]:
         section = section.setdefault(key, {})
         if not isinstance(section, dict):
-            raise AdvpipeError(f"--set {_shown(override)}: {key} is a value, not a section")
+            raise AdvpipeError(f"--set {shown(override)}: {cut(key)} is a value, not a section")
     if keys[:-1] == ["map"] and keys[-1] in MAP_SOURCES:
         for other in MAP_SOURCES:
             section.pop(other, None)
@@ -213,36 +184,28 @@ def _apply(tree: dict[str, Any], override: str) -> tuple[str, ...]:
     return tuple(keys)
 
 
-def _explain(error: ValidationError, path: Path, overridden: Sequence[tuple[str, ...]]) -> str:
+def _explain(
+    error: ValidationError, path: Path, document: Document, overridden: Sequence[tuple[str, ...]]
+) -> str:
     """The first problem in one line: file and line or `--set`, place, what is wrong, nearest key."""
     first = error.errors()[0]
     place = tuple(str(part) for part in first["loc"] if part != "[key]")
-    message = first["msg"].removeprefix("Value error, ")
+    message = cut(first["msg"].removeprefix("Value error, "), LONGEST_MESSAGE)
     if first["type"] == "extra_forbidden":
-        message = f"unknown key{_nearest(place[-1], _keys_at(place[:-1]))}"
+        message = f"unknown key{_nearest(cut(place[-1]), _keys_at(place[:-1]))}"
     elif first["type"] == "missing":
         message = "is missing"
     elif not isinstance(first["input"], dict):
-        message = f"{message}, not {_shown(first['input'])}"
-    where = ".".join(place) + ": " if place else ""
+        message = f"{message}, not {shown(first['input'])}"
+    where = ".".join(map(cut, place)) + ": " if place else ""
     if place and any(all(map(str.__eq__, keys, place)) for keys in overridden):
         where = f"--set {where}"
     else:
-        lines = _lines(path)
+        lines = document.lines()
         line = lines.get(place) or lines.get(tuple(part for part in place if not part.isdigit()))
         where = f"{path}: " + (f"{where[:-2]} (line {line}): " if line else where)
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
     return " ".join(f"{where}{message}{more}".split())
-
-
-def _shown(value: object) -> str:
-    """A value as it was written, cut where it is long."""
-    short = reprlib.Repr()
-    short.maxstring = short.maxother = 100
-    try:
-        return short.repr(value)
-    except ValueError:  # Python writes no number of more than 4300 digits
-        return "a number of thousands of digits"
 
 
 def _keys_at(place: tuple[str, ...]) -> list[str]:
@@ -264,22 +227,3 @@ def _nearest(word: str, known: list[str], otherwise: str | None = None) -> str:
     if close:
         return f"; did you mean {close[0]!r}?"
     return f"; known: {', '.join(known)}" if otherwise is None else otherwise
-
-
-def _lines(path: Path) -> dict[tuple[str, ...], int]:
-    """The line of the file that each key stands in; what an alias repeats counts once."""
-    found: dict[tuple[str, ...], int] = {}
-    visited: set[int] = set()
-
-    def visit(node: yaml.Node | None, place: tuple[str, ...]) -> None:
-        if isinstance(node, yaml.CollectionNode) and id(node) not in visited:
-            visited.add(id(node))
-            is_list = isinstance(node, yaml.SequenceNode)
-            for index, item in enumerate(node.value):
-                key, value = (item, item) if is_list else item
-                here = (*place, str(index) if is_list else str(key.value))
-                found[here] = key.start_mark.line + 1
-                visit(value, here)
-
-    visit(yaml.compose(path.read_text(encoding="utf-8"), Loader=_Loader), ())
-    return found

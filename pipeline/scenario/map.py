@@ -6,7 +6,8 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from advpipe.pipeline.scenario.base import File, Positive, Section
+from advpipe.pipeline.scenario.base import File, Number, Positive, Section, Whole
+from advpipe.pipeline.scenario.bounds import BlockM
 
 MAP_SOURCES = ("opendrive", "sumo_net", "generator")
 
@@ -14,24 +15,24 @@ MAP_SOURCES = ("opendrive", "sumo_net", "generator")
 class Origin(Section):
     """Where the map's origin lies on the Earth."""
 
-    latitude_deg: float = Field(48.1351, ge=-85, le=85)
-    longitude_deg: float = Field(11.5820, ge=-180, le=180)
-    altitude_m: float = Field(520.0, ge=-500, le=9000)
+    latitude_deg: Number = Field(48.1351, ge=-85, le=85)
+    longitude_deg: Number = Field(11.5820, ge=-180, le=180)
+    altitude_m: Number = Field(520.0, ge=-500, le=9000)
 
 
 class Generator(Section):
     """A network drawn by SUMO's netgenerate, from the scenario's seed."""
 
     kind: Literal["grid", "spider", "random"] = "grid"
-    size: int = Field(
+    size: Whole = Field(
         4,
         ge=2,
         le=40,
         description="junctions along a side of a grid; arms of a spider, with half as many rings; "
         "a random network has about its square of junctions",
     )
-    block_m: Positive = Field(160.0, le=2000, description="distance between junctions")
-    lanes: int = Field(2, ge=1, le=4, description="of each direction")
+    block_m: BlockM = Field(160.0, description="distance between junctions")
+    lanes: Whole = Field(2, ge=1, le=4, description="of each direction")
     speed_mps: Positive = Field(13.89, ge=1, le=70)
 
 

@@ -7,11 +7,12 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from advpipe.pipeline.scenario.attacks import Attacks
-from advpipe.pipeline.scenario.base import Name, Section
+from advpipe.pipeline.scenario.base import Name, Section, Switch
 from advpipe.pipeline.scenario.environment import Environment
 from advpipe.pipeline.scenario.map import Map
 from advpipe.pipeline.scenario.sensors import Sensors
 from advpipe.pipeline.scenario.simulation import Simulation
+from advpipe.pipeline.scenario.size import check_size
 from advpipe.pipeline.scenario.traffic import (
     BODIES,
     PEOPLE,
@@ -30,25 +31,31 @@ class Recording(Section):
     """What is written."""
 
     compression: Literal["none", "lz4", "zstd"] = "zstd"
-    markers: bool = Field(True, description="boxes as markers for RViz and Foxglove")
+    markers: Switch = Field(True, description="boxes as markers for RViz and Foxglove")
 
 
 class Scenario(Section):
     """One drive: the whole scenario file."""
 
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)
-    description: str = ""
+    description: str = Field("", max_length=100_000)
     simulation: Simulation = Simulation()
     map: Map
     traffic: Traffic = Traffic()
     trajectories: Trajectories | None = Field(None, description="vehicles that are moved from outside")
-    vehicles: Vehicles = Field({"ego": Vehicle()}, description="the instrumented vehicles by name")
-    bodies: dict[Name, UserBody] = Field({}, description="bodies of the user's, for `mix` and `vehicles`")
+    vehicles: Vehicles = Field(
+        {"ego": Vehicle()}, max_length=200, description="the instrumented vehicles by name"
+    )
+    bodies: dict[Name, UserBody] = Field(
+        {}, max_length=1000, description="bodies of the user's, for `mix` and `vehicles`"
+    )
     sensors: Sensors = Sensors()
     environment: Environment = Environment()
     v2x: V2x = V2x()
     recording: Recording = Recording()
-    attacks: Attacks = Field({}, description="bags that `advpipe run` makes of the drive, by name")
+    attacks: Attacks = Field(
+        {}, max_length=1000, description="bags that `advpipe run` makes of the drive, by name"
+    )
 
     @property
     def is_world_driven(self) -> bool:
@@ -95,6 +102,11 @@ class Scenario(Section):
         for name, vehicle in self.vehicles.items():
             if vehicle.driver == "trajectory" and self.trajectories is None:
                 raise ValueError(f"vehicles.{name}.driver is trajectory, but there is no trajectories.file")
+        return self
+
+    @model_validator(mode="after")
+    def _size(self) -> Scenario:
+        check_size(self)
         return self
 
     @model_validator(mode="after")

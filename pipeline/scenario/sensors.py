@@ -9,8 +9,33 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from advpipe.pipeline.scenario.base import Name, NotNegative, Positive, Probability, Section
+from advpipe.pipeline.scenario.base import (
+    Name,
+    NotNegative,
+    Number,
+    Probability,
+    Section,
+    Switch,
+    Whole,
+    Word,
+)
+from advpipe.pipeline.scenario.bounds import (
+    AccelerometerRangeMps2,
+    AttenuationPerM,
+    CorrelationTimeS,
+    FixRateHz,
+    GateProbability,
+    GyroscopeRangeRadps,
+    MountingHeightM,
+    MountingM,
+    RangeM,
+    SampleRateHz,
+    SlipStddevMps,
+    StartStddevDeg,
+    StartStddevM,
+)
 from advpipe.pipeline.scenario.lidar_presets import LIDAR_PRESETS
+from advpipe.pipeline.shown import cut, shown
 
 _FAN = ("channels", "upper_fov", "lower_fov")
 
@@ -24,43 +49,45 @@ MAX_RAYS = 2_000_000
 class LidarSensor(Section):
     """A rotating LiDAR; names and meanings as in CARLA's sensor.lidar.ray_cast."""
 
-    vehicle: str = "ego"
-    preset: str | None = Field(
+    vehicle: Word = "ego"
+    preset: Word | None = Field(
         None,
         description=f"a known sensor ({', '.join(LIDAR_PRESETS)}); every key given beside it wins over it",
     )
-    x_m: float = Field(0.0, description="mounting place before the vehicle's centre")
-    y_m: float = Field(0.0, description="mounting place to the left of the vehicle's centre")
-    z_m: Positive = Field(1.8, description="mounting height above the road")
-    roll_deg: float = Field(0.0, ge=-180, le=180)
-    pitch_deg: float = Field(0.0, ge=-90, le=90, description="positive looks down")
-    yaw_deg: float = Field(0.0, ge=-180, le=180)
-    channels: int = Field(64, ge=1, le=256)
-    range: Positive = Field(100.0, le=500, description="metres")
-    points_per_second: int = Field(
+    x_m: MountingM = Field(0.0, description="mounting place before the vehicle's centre")
+    y_m: MountingM = Field(0.0, description="mounting place to the left of the vehicle's centre")
+    z_m: MountingHeightM = Field(1.8, description="mounting height above the road")
+    roll_deg: Number = Field(0.0, ge=-180, le=180)
+    pitch_deg: Number = Field(0.0, ge=-90, le=90, description="positive looks down")
+    yaw_deg: Number = Field(0.0, ge=-180, le=180)
+    channels: Whole = Field(64, ge=1, le=256)
+    range: RangeM = Field(100.0, description="metres")
+    points_per_second: Whole = Field(
         1_152_000, ge=1, le=20_000_000, description="rays of all channels together"
     )
-    rotation_frequency: float = Field(
+    rotation_frequency: Number = Field(
         10.0, ge=0.1, le=1000, description="turns a second; one turn is one cloud"
     )
-    upper_fov: float = Field(2.0, ge=-90, le=90, description="degrees")
-    lower_fov: float = Field(-24.8, ge=-90, le=90, description="degrees")
-    vertical_angles_deg: tuple[Annotated[float, Field(ge=-90, le=90)], ...] | None = Field(
-        None, description="elevation of each channel from the lowest up; even between the fovs if left out"
+    upper_fov: Number = Field(2.0, ge=-90, le=90, description="degrees")
+    lower_fov: Number = Field(-24.8, ge=-90, le=90, description="degrees")
+    vertical_angles_deg: tuple[Annotated[Number, Field(ge=-90, le=90)], ...] | None = Field(
+        None,
+        max_length=256,
+        description="elevation of each channel from the lowest up; even between the fovs if left out",
     )
     range_reflectivity: Probability = Field(
         0.0,
         description="diffuse reflectivity that is seen nine times in ten at `range`, darker things less far; "
         "0 sees everything in range, as CARLA does",
     )
-    atmosphere_attenuation_rate: NotNegative = Field(
+    atmosphere_attenuation_rate: AttenuationPerM = Field(
         0.004, description="intensity lost, exp(-a d), per metre"
     )
     dropoff_general_rate: Probability = Field(0.02, description="share of points lost at random")
     dropoff_intensity_limit: Probability = Field(0.3, description="no intensity-based loss above it")
     dropoff_zero_intensity: Probability = Field(0.4, description="share of points lost at intensity zero")
     noise_stddev: NotNegative = Field(0.02, le=1.0, description="of the range, in metres")
-    motion_distortion: bool = Field(
+    motion_distortion: Switch = Field(
         False, description="rays leave one after the other, as the vehicle moves on"
     )
     coordinate_grid_m: NotNegative = Field(
@@ -76,10 +103,10 @@ class LidarSensor(Section):
         name, given = keys.get("preset"), dict(keys)
         if isinstance(name, str):
             if name not in LIDAR_PRESETS:
-                close = difflib.get_close_matches(name.lower(), LIDAR_PRESETS, n=1)
+                close = difflib.get_close_matches(cut(name.lower()), LIDAR_PRESETS, n=1)
                 hint = f"did you mean {close[0]!r}? " if close else ""
                 raise ValueError(
-                    f"preset {name!r} is no known sensor; {hint}known: {', '.join(LIDAR_PRESETS)}"
+                    f"preset {shown(name)} is no known sensor; {hint}known: {', '.join(LIDAR_PRESETS)}"
                 )
             if any(key in given for key in _FAN):  # another fan than the preset's: its angles do not fit
                 given.setdefault("vertical_angles_deg", None)
@@ -126,16 +153,14 @@ class LidarSensor(Section):
 class GnssSensor(Section):
     """A satellite receiver: white noise over a slowly wandering (Gauss-Markov) offset."""
 
-    rate_hz: Positive | None = Field(None, description="fixes a second; one in every step if left out")
+    rate_hz: FixRateHz | None = Field(None, description="fixes a second; one in every step if left out")
     white_stddev_m: NotNegative = Field(
         0.3, le=1000, description="of each horizontal axis; twice that in height"
     )
     drift_stddev_m: NotNegative = Field(
         1.0, le=1000, description="of each horizontal axis; twice that in height"
     )
-    drift_time_s: Positive = Field(
-        60.0, ge=0.001, le=1e6, description="correlation time of the wandering offset"
-    )
+    drift_time_s: CorrelationTimeS = Field(60.0, description="correlation time of the wandering offset")
 
     def steps_per_fix(self, step_s: float) -> int:
         """Steps from one fix to the next; ValueError where that is no whole number."""
@@ -153,19 +178,19 @@ class ImuSensor(Section):
     The densities are those of a BMI088, a MEMS part made for vehicles and robots.
     """
 
-    rate_hz: Positive = Field(100.0, le=10_000, description="samples a second")
+    rate_hz: SampleRateHz = Field(100.0, description="samples a second")
     accelerometer_noise_density: NotNegative = Field(
         1.9e-3, le=10, description="m/s^2 per square root of hertz"
     )
     gyroscope_noise_density: NotNegative = Field(2.4e-4, le=1, description="rad/s per square root of hertz")
     accelerometer_bias_stddev_mps2: NotNegative = Field(0.05, le=10, description="of each axis")
     gyroscope_bias_stddev_radps: NotNegative = Field(0.001, le=1, description="of each axis")
-    bias_time_s: Positive = Field(300.0, ge=0.001, le=1e6, description="correlation time of the biases")
-    accelerometer_range_mps2: Positive = Field(
-        235.0, ge=20, description="full scale, 24 g; beyond it, samples stay there"
+    bias_time_s: CorrelationTimeS = Field(300.0, description="correlation time of the biases")
+    accelerometer_range_mps2: AccelerometerRangeMps2 = Field(
+        235.0, description="full scale, 24 g; beyond it, samples stay there"
     )
-    gyroscope_range_radps: Positive = Field(
-        34.9, ge=1, description="full scale, 2000 degrees/s; beyond it, samples stay there"
+    gyroscope_range_radps: GyroscopeRangeRadps = Field(
+        34.9, description="full scale, 2000 degrees/s; beyond it, samples stay there"
     )
 
     def samples_per_step(self, step_s: float) -> int:
@@ -193,23 +218,23 @@ class WheelOdometrySensor(Section):
 class LocalisationFilter(Section):
     """What the on-board filter assumes beside the models of its sensors."""
 
-    start_position_stddev_m: Positive = Field(
-        5.0, le=1000, description="of the pose that it starts from, each axis"
+    start_position_stddev_m: StartStddevM = Field(
+        5.0, description="of the pose that it starts from, each axis"
     )
-    start_heading_stddev_deg: Positive = Field(5.0, le=30)
-    start_tilt_stddev_deg: Positive = Field(2.0, le=30, description="of roll and of pitch")
-    slip_stddev_mps: Positive = Field(0.1, le=100, description="of the speed sideways and upwards")
+    start_heading_stddev_deg: StartStddevDeg = 5.0
+    start_tilt_stddev_deg: StartStddevDeg = Field(2.0, description="of roll and of pitch")
+    slip_stddev_mps: SlipStddevMps = Field(0.1, description="of the speed sideways and upwards")
     slip_lever_m: NotNegative = Field(1.5, le=100, description="what a turn of 1 rad/s adds to it, in m/s")
-    slip_time_s: Positive = Field(0.5, ge=0.001, le=1e6, description="for how long such a slide lasts")
-    gate_probability: Probability | None = Field(
-        None, lt=1, description="drop fixes whose innovation is beyond this chi-square quantile, like 0.999"
+    slip_time_s: CorrelationTimeS = Field(0.5, description="for how long such a slide lasts")
+    gate_probability: GateProbability | None = Field(
+        None, description="drop fixes whose innovation is beyond this chi-square quantile, like 0.999"
     )
 
 
 class Sensors(Section):
     """What the instrumented vehicles carry: LiDARs by name, and on each vehicle all the rest."""
 
-    lidars: dict[Name, LidarSensor] = Field({"lidar": LidarSensor()}, description="by name")
+    lidars: dict[Name, LidarSensor] = Field({"lidar": LidarSensor()}, max_length=100, description="by name")
     gnss: GnssSensor = GnssSensor()
     imu: ImuSensor = ImuSensor()
     wheel_odometry: WheelOdometrySensor = WheelOdometrySensor()

@@ -6,15 +6,16 @@ from datetime import datetime, timezone
 
 from pydantic import Field, model_validator
 
-from advpipe.pipeline.scenario.base import NotNegative, Positive, Section
+from advpipe.pipeline.scenario.base import NotNegative, Section, Whole
+from advpipe.pipeline.scenario.bounds import DriveTimeS
 
 
 class Simulation(Section):
     """Clock and chance."""
 
-    seed: int = Field(1, ge=0, lt=2**63, description="every random draw of the drive derives from it")
-    duration_s: Positive = Field(20.0, le=1e6, description="recorded time")
-    step_s: Positive = Field(
+    seed: Whole = Field(1, ge=0, lt=2**63, description="every random draw of the drive derives from it")
+    duration_s: DriveTimeS = Field(20.0, description="recorded time")
+    step_s: DriveTimeS = Field(
         0.1, le=1.0, description="step of the V2X clock, which traffic and sensors follow"
     )
     warmup_s: NotNegative = Field(15.0, le=86_400, description="simulated before the recording starts")

@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from advpipe.pipeline.scenario.base import File, Name, NotNegative, Positive, Section
+from advpipe.pipeline.scenario.base import File, Name, NotNegative, Section, Whole, Word
+from advpipe.pipeline.scenario.bounds import AccelerationMps2, MeshScale, SpeedMps
 
 BODIES = (
     "sedan",
@@ -36,17 +37,17 @@ class UserBody(Section):
     label: Literal["car", "truck", "cyclist", "pedestrian"] = Field(
         "car", description="class in the ground truth"
     )
-    material: str = Field("paint_silver", description="of the whole mesh")
-    scale: Positive = Field(1.0, le=1000, description="metres for each unit of the mesh")
-    max_speed_mps: Positive = Field(50.0, le=100)
-    acceleration_mps2: Positive = Field(2.6, le=10)
+    material: Word = Field("paint_silver", description="of the whole mesh")
+    scale: MeshScale = Field(1.0, description="metres for each unit of the mesh")
+    max_speed_mps: SpeedMps = 50.0
+    acceleration_mps2: AccelerationMps2 = 2.6
 
 
 class Traffic(Section):
     """Who is on the road besides the instrumented vehicles; SUMO drives them."""
 
-    vehicles: int = Field(80, ge=0, le=5000, description="kept on the network all the time")
-    mix: dict[str, Annotated[float, Field(ge=0, le=1e6)]] = Field(
+    vehicles: Whole = Field(80, ge=0, le=5000, description="kept on the network all the time")
+    mix: dict[Word, Annotated[NotNegative, Field(le=1e6)]] = Field(
         {
             "sedan": 0.22,
             "hatchback": 0.18,
@@ -64,7 +65,7 @@ class Traffic(Section):
         },
         description="share of each body; normalised to one",
     )
-    pedestrians: int = Field(40, ge=0, le=5000, description="people on foot beside the roads")
+    pedestrians: Whole = Field(40, ge=0, le=5000, description="people on foot beside the roads")
     parked_per_km: NotNegative = Field(15.0, le=150, description="parked cars per kilometre of kerb")
     routes: File | None = Field(
         None,
@@ -100,12 +101,12 @@ class Vehicle(Section):
     bicycle model that follows its route with a controller of its own.
     """
 
-    body: str = "sedan"
+    body: Word = "sedan"
     driver: Literal["traffic", "trajectory", "controller"] = "traffic"
-    route: tuple[str, ...] | None = Field(
-        None, description="edges of the network in order; drawn from the seed if left out"
+    route: tuple[Word, ...] | None = Field(
+        None, max_length=10_000, description="edges of the network in order; drawn from the seed if left out"
     )
-    speed_mps: Positive | None = Field(
+    speed_mps: SpeedMps | None = Field(
         None, le=70, description="speed wished for where the road allows it; that of the road if left out"
     )
 

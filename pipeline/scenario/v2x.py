@@ -6,7 +6,8 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from advpipe.pipeline.scenario.base import NotNegative, Positive, Probability, Section
+from advpipe.pipeline.scenario.base import NotNegative, Number, Positive, Probability, Section, Switch, Whole
+from advpipe.pipeline.scenario.bounds import AirDelayS, AntennaM, BitrateMbps, KeptS, SnapshotRateHz
 
 CHANNEL_BITRATES_MBPS = (3.0, 4.5, 6.0, 9.0, 12.0, 18.0, 24.0, 27.0)
 """Of OFDM in a channel of 10 MHz (IEEE 802.11-2016, table 17-4); in proportion for other widths."""
@@ -26,25 +27,27 @@ class Radio(Section):
     vehicles at 5.9 GHz.
     """
 
-    transmit_power_dbm: float = Field(23.0, ge=-30, le=44, description="with the antenna's gain")
-    frequency_hz: float = Field(5.9e9, ge=0.7e9, le=6e9)
+    transmit_power_dbm: Number = Field(23.0, ge=-30, le=44, description="with the antenna's gain")
+    frequency_hz: Number = Field(5.9e9, ge=0.7e9, le=6e9)
     bandwidth_mhz: Literal[5, 10, 20] = 10
-    bitrate_mbps: Positive = Field(6.0, description="one of OFDM's, like 3, 6 or 12 in a channel of 10 MHz")
-    noise_dbm: float = Field(-98.0, ge=-130, le=-40, description="thermal noise and the receiver's own")
-    sensitivity_dbm: float = Field(-95.0, ge=-130, le=-30, description="weaker messages are not noticed")
-    carrier_sense_dbm: float = Field(
+    bitrate_mbps: BitrateMbps = Field(
+        6.0, description="one of OFDM's, like 3, 6 or 12 in a channel of 10 MHz"
+    )
+    noise_dbm: Number = Field(-98.0, ge=-130, le=-40, description="thermal noise and the receiver's own")
+    sensitivity_dbm: Number = Field(-95.0, ge=-130, le=-30, description="weaker messages are not noticed")
+    carrier_sense_dbm: Number = Field(
         -85.0, ge=-130, le=-30, description="stronger signals make the channel busy"
     )
-    snir_threshold_db: float = Field(
+    snir_threshold_db: Number = Field(
         0.0, ge=-20, le=60, description="lost below this ratio to noise and interference"
     )
-    capture_threshold_db: float = Field(
+    capture_threshold_db: Number = Field(
         6.0, ge=0, le=60, description="that a later message needs over the one being received"
     )
     path_loss: Literal["free_space", "dual_slope"] = "dual_slope"
-    near_exponent: float = Field(2.0, ge=1, le=8, description="dual slope: up to the critical distance")
-    far_exponent: float = Field(4.0, ge=1, le=8, description="dual slope: beyond the critical distance")
-    critical_distance_m: float = Field(100.0, ge=1, le=1e4)
+    near_exponent: Number = Field(2.0, ge=1, le=8, description="dual slope: up to the critical distance")
+    far_exponent: Number = Field(4.0, ge=1, le=8, description="dual slope: beyond the critical distance")
+    critical_distance_m: Number = Field(100.0, ge=1, le=1e4)
     shadowing: Shadowing | None = Field(Shadowing(), description="null for none")
     fading: Literal["none", "nakagami"] = "nakagami"
     building_loss: Literal["none", "obstacles"] = Field(
@@ -52,18 +55,18 @@ class Radio(Section):
     )
     wall_loss_db: NotNegative = Field(9.0, le=100, description="for each wall crossed")
     inside_loss_db_per_m: NotNegative = Field(0.4, le=100, description="for each metre inside")
-    interference: bool = Field(True, description="messages on the air at once disturb each other")
-    overhead_bytes: int = Field(
+    interference: Switch = Field(True, description="messages on the air at once disturb each other")
+    overhead_bytes: Whole = Field(
         82, ge=0, le=2000, description="of BTP, GeoNetworking, LLC and MAC around each CAM, without security"
     )
     processing_delay_min_s: NotNegative = Field(
         0.0, le=1.0, description="in the receiver, besides channel access, air time and propagation"
     )
     processing_delay_max_s: NotNegative = Field(0.0, le=1.0)
-    queue_delay_max_s: Positive = Field(
-        1.0, le=60, description="a message that waits longer for the channel is dropped"
+    queue_delay_max_s: AirDelayS = Field(
+        1.0, description="a message that waits longer for the channel is dropped"
     )
-    antenna_height_m: Positive = Field(1.5, le=50, description="above the ground")
+    antenna_height_m: AntennaM = Field(1.5, description="above the ground")
 
     @model_validator(mode="after")
     def _combinations(self) -> Radio:
@@ -92,7 +95,7 @@ class CamRules(Section):
     low_frequency_interval_s: NotNegative = Field(
         0.5, le=60, description="between CAMs with the low-frequency container"
     )
-    path_points: int = Field(23, ge=0, le=23, description="of the path history")
+    path_points: Whole = Field(23, ge=0, le=23, description="of the path history")
     dcc: Literal["none", "reactive"] = Field(
         "reactive", description="decentralised congestion control (TS 102 687) stretches the interval"
     )
@@ -120,9 +123,9 @@ class SelfKnowledge(Section):
 class LdmRules(Section):
     """The Local Dynamic Map of each instrumented vehicle."""
 
-    expiry_s: Positive = Field(1.1, le=60, description="a CAM is kept until so long after its generation")
-    rate_hz: Positive | None = Field(
-        None, le=1000, description="at which it is recorded; every simulation.step_s if left out"
+    expiry_s: KeptS = Field(1.1, description="a CAM is kept until so long after its generation")
+    rate_hz: SnapshotRateHz | None = Field(
+        None, description="at which it is recorded; every simulation.step_s if left out"
     )
     keep: Literal["newest", "latest"] = Field(
         "newest",
@@ -133,7 +136,7 @@ class LdmRules(Section):
 class V2x(Section):
     """Vehicle-to-everything messages: ETSI's CAMs over ITS-G5."""
 
-    enabled: bool = True
+    enabled: Switch = True
     penetration: Probability = Field(
         0.5, description="share of the vehicles that send; instrumented ones always do"
     )

@@ -11,10 +11,27 @@ from pydantic import TypeAdapter, ValidationError
 from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.own_code import mistakes_told, own_words
 from advpipe.pipeline.scenario.attacks import AttackSpec, Value
+from advpipe.pipeline.scenario.base import leaves, written_number
+from advpipe.pipeline.shown import shown
 from advpipe.stages.attack.lidar.base import LidarAttack
 from advpipe.stages.attack.registry import find_attack
 
 REQUIRED = inspect.Parameter.empty
+
+MOST_BY_UNIT: dict[str, float] = {
+    "m": 1e6,  # farther than any map
+    "cm": 1e4,
+    "s": 1e6,  # longer than any drive
+    "mps": 1e4,
+    "mps2": 1e3,
+    "hz": 1e5,  # more than any radio sends
+    "deg": 1e4,
+    "degps": 1e5,
+}
+"""The largest magnitude of a parameter, by the unit that its name ends in."""
+
+MOST_WITHOUT_UNIT = 1e6
+"""Of counts, shares, factors and weights: a million rounds for each cloud would take days."""
 
 
 def known_parameters(word: str) -> dict[str, Any]:
@@ -31,7 +48,7 @@ def resolved_parameters(spec: AttackSpec) -> dict[str, Any]:
     for name in spec.parameters:
         if name not in known:
             choice = f"known: {', '.join(known)}" if known else "it has none"
-            raise UsageError(f"{spec.type}: unknown parameter {name!r}; {choice}")
+            raise UsageError(f"{spec.type}: unknown parameter {shown(name)}; {choice}")
     for name, default in known.items():
         if default is REQUIRED and name not in spec.parameters:
             raise UsageError(f"{spec.type}: {name} is missing; pass --set {name}=VALUE")
@@ -44,7 +61,7 @@ def resolved_recipe(spec: AttackSpec) -> str:
     """The attack's recipe: its best one if none is named, "" for an attack that has none."""
     recipe = _keywords(spec.type).get("recipe")
     if recipe is None and spec.recipe is not None:
-        raise UsageError(f"{spec.type} has no recipes; leave out {spec.recipe!r}")
+        raise UsageError(f"{spec.type} has no recipes; leave out {shown(spec.recipe)}")
     if spec.recipe == "":
         raise UsageError(f"{spec.type}: the recipe is empty; name one, or leave it out")
     if recipe is None:
@@ -119,15 +136,41 @@ def _constructors(found: Callable[..., Any]) -> Iterator[Callable[..., Any]]:
 def _checked(attack: str, name: str, value: Value, types: Mapping[str, Any]) -> Any:
     if value in ((), ""):
         raise UsageError(f"{attack}: {name} is empty; give it a value, or leave it out")
+    kinds = set(leaves(types[name])) if name in types else set()
+    if str not in kinds:
+        value = written_number(value, int if kinds == {int} else float)
     if name not in types:
         return value
     if types[name] == tuple[str, ...]:
         value = _words(value)
     try:
-        return TypeAdapter(types[name]).validate_python(value, strict=not isinstance(value, tuple))
+        if isinstance(value, tuple):
+            _refuse_other_kinds(value, kinds)
+        found = TypeAdapter(types[name]).validate_python(value, strict=not isinstance(value, tuple))
+        _refuse_beyond(attack, name, found)
     except ValidationError as error:
         problem = error.errors()[0]["msg"].removeprefix("Value error, ")
-        raise UsageError(f"{attack}: {name} is {value!r}: {problem}") from None
+        raise UsageError(f"{attack}: {name} is {shown(value)}: {problem}") from None
+    except ValueError as error:
+        raise UsageError(f"{attack}: {name} is {shown(value)}: {error}") from None
+    return found
+
+
+def _refuse_other_kinds(value: Value, kinds: set[Any]) -> None:
+    """ValueError for true, or a word, among numbers: pydantic makes numbers of them within lists."""
+    if isinstance(value, tuple):
+        for item in value:
+            _refuse_other_kinds(item, kinds)
+    elif kinds <= {int, float} and isinstance(value, (bool, str)):
+        raise ValueError(f"{shown(value)} is no number")
+
+
+def _refuse_beyond(attack: str, name: str, value: Any) -> None:
+    """ValueError for a number that its unit forbids; a user's own attack bounds its own."""
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    most = MOST_BY_UNIT.get(name.rpartition("_")[2], MOST_WITHOUT_UNIT)
+    if is_number and ":" not in attack and not abs(value) <= most:
+        raise ValueError(f"it may be {most:g} at most")
 
 
 def _words(value: Value) -> tuple[Value, ...]:

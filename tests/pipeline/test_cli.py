@@ -47,7 +47,10 @@ def test_every_command_explains_itself(command: str) -> None:
 MISTAKES = {
     "unknown scenario": (["simulate", "boulevrd"], "did you mean 'boulevard'"),
     "unknown key": (["simulate", "smoke", "--set", "simulation.seeds=1"], "did you mean 'seed'"),
-    "negative duration": (["simulate", "smoke", "--set", "simulation.duration_s=-1"], "greater than 0"),
+    "negative duration": (
+        ["simulate", "smoke", "--set", "simulation.duration_s=-1"],
+        "greater than or equal to 0.001",
+    ),
     "missing map": (
         ["simulate", "town06"],
         "map.opendrive: Town06.xodr does not exist; give its path with --set map.opendrive=FILE",

@@ -20,9 +20,9 @@ from advpipe.pipeline.bag.topics import (
     RawMessage,
     VehicleTopics,
 )
+from advpipe.pipeline.bounded_parquet import rows
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.verify.subject import Bag
-from advpipe.stages.verify.tables import rows
 
 POINT_LABELS, FRAMES = "labels.parquet", "frames.parquet"
 MESSAGE_LABELS, FIX_LABELS = "v2x_labels.parquet", "gnss_labels.parquet"
@@ -75,7 +75,8 @@ class Attacked:
         if "lidar_topics" in self.bag.provenance:
             found = list(self.bag.provenance.said.lidar_topics)
         else:
-            found = [topic for topic, _ in groupby(row["topic"] for row in rows(self.table(FRAMES)))]
+            told = rows(self.table(FRAMES), ["topic"])
+            found = [topic for topic, _ in groupby(row["topic"] for row in told)]
         first = next(one for one in self.attacks if _family(one.type) == "lidar")
         leading = first.lidar or VehicleTopics(first.victim or "ego").lidar_points.name
         return tuple(sorted(dict.fromkeys(found), key=lambda name: name != leading))

@@ -68,7 +68,7 @@ def test_spans_that_meet_at_a_moment_do_not_overlap() -> None:
         ({"kind": "periodic", "period_s": 1}, "a periodic schedule needs its on_s"),
         ({"kind": "periodic", "period_s": 1, "on_s": 2}, "on_s 2 is longer than period_s 1"),
         ({"kind": "random"}, "a random schedule needs its probability"),
-        ({"kind": "random", "probability": 0}, "greater than 0"),
+        ({"kind": "random", "probability": 0}, r"equal to 0\.000001"),
         ({"probability": 0.5}, "probability is given, but kind is continuous; make it random"),
         ({"period_s": 3}, "period_s is given, but kind is continuous; make it periodic"),
     ],

@@ -77,7 +77,7 @@ def test_every_section_is_described_and_closed() -> None:
 def test_paths_are_marked_and_defaults_told() -> None:
     definitions = scenario_schema()["$defs"]
     opendrive = definitions["Map"]["properties"]["opendrive"]
-    assert {"type": "string", "format": "path"} in opendrive["anyOf"]
+    assert {"type": "string", "format": "path", "minLength": 1, "maxLength": 4096} in opendrive["anyOf"]
     assert opendrive["description"] == "path of an OpenDRIVE .xodr file"
     assert definitions["UserBody"]["properties"]["mesh"]["format"] == "path"
     assert definitions["Simulation"]["properties"]["duration_s"]["default"] == 20.0

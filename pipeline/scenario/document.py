@@ -1,0 +1,215 @@
+"""A scenario's YAML: plain values, aliases written out within bounds, and the line of each key."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import yaml
+
+from advpipe.pipeline.shown import cut, shown
+
+if TYPE_CHECKING:
+    from yaml import SafeLoader as _Fastest
+else:
+    _Fastest = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+LIMIT_BYTES = 4_000_000
+MOST_LEVELS = 50
+MOST_NODES = 100_000
+"""Keys, values and lists, those that aliases repeat counted each time: some 50 MB as Python's own values."""
+
+MOST_CHARACTERS = LIMIT_BYTES
+"""Of all texts, counted likewise: aliases make no text longer than a file may be without them."""
+
+LONGEST_NUMBER = 100
+"""Characters of a number; the largest that any key takes has 19 digits."""
+
+_YAML = "tag:yaml.org,2002:"
+_PLAIN = {f"{_YAML}{name}" for name in ("str", "int", "float", "bool", "null", "timestamp")}
+_NUMBERS = (f"{_YAML}int", f"{_YAML}float")
+_MERGE = f"{_YAML}merge"
+
+_UNPRINTED = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\ud800-\udfff]")
+"""What names no file and a terminal obeys: controls but tab and newline, and surrogates."""
+
+_BAD_VALUES = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
+"""What PyYAML raises, beside its own errors, on a value that is not of its tag: `!!bool x`."""
+
+
+class DocumentError(ValueError):
+    """Why a text is no document of plain values. line: counted from 1, None where no line is to blame."""
+
+    def __init__(self, problem: str, line: int | None = None) -> None:
+        super().__init__(problem)
+        self.line = line
+
+
+@dataclass(frozen=True)
+class Document:
+    """The values of a text, and where they stand; nothing in `tree` is shared, so that it may be changed."""
+
+    tree: Any
+    _root: yaml.Node | None
+
+    def lines(self) -> dict[tuple[str, ...], int]:
+        """The line of the text that each key stands in; what an alias repeats counts once."""
+        found: dict[tuple[str, ...], int] = {}
+        visited: set[int] = set()
+
+        def visit(node: yaml.Node | None, place: tuple[str, ...]) -> None:
+            if isinstance(node, yaml.CollectionNode) and id(node) not in visited:
+                visited.add(id(node))
+                is_list = isinstance(node, yaml.SequenceNode)
+                for index, item in enumerate(node.value):
+                    key, value = (item, item) if is_list else item
+                    here = (*place, str(index) if is_list else str(key.value))
+                    found[here] = _line(key)
+                    visit(value, here)
+
+        visit(self._root, ())
+        return found
+
+
+def read_document(text: str) -> Document:
+    """The document in a text.
+
+    Raises DocumentError for a text that is no YAML or too large with its aliases written out, a tag that is
+    not of plain values, a key given twice, a value that does not exist, and a character that cannot be shown.
+    """
+    if len(text) > LIMIT_BYTES:
+        raise DocumentError(f"{len(text)} characters are too many; at most {LIMIT_BYTES} are read")
+    if found := (yaml.reader.Reader.NON_PRINTABLE.search(text) or _UNPRINTED.search(text)):
+        raise DocumentError(_unprinted(found[0]), text.count("\n", 0, found.start()) + 1)
+    try:
+        _check_events(text)
+        root = yaml.compose(text, Loader=_Fastest)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        problem = getattr(error, "problem", None) or "it cannot be read"
+        last = text.count("\n") + 1
+        raise DocumentError(
+            f"not YAML: {cut(str(problem))}", min(mark.line + 1, last) if mark else None
+        ) from None
+    if root is None:
+        return Document(None, None)
+    _Sizes().add(root)
+    return Document(_Plain("").value_of(root), root)
+
+
+def _check_events(text: str) -> None:
+    """Bounds what is about to be composed, before it takes memory: how much, and how deep."""
+    count = level = 0
+    for event in yaml.parse(text, Loader=_Fastest):
+        line = event.start_mark.line + 1
+        count += isinstance(event, yaml.NodeEvent)
+        level += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if level > MOST_LEVELS:
+            raise DocumentError(f"is nested too deeply: more than {MOST_LEVELS} levels", line)
+        if count > MOST_NODES:
+            raise DocumentError(f"holds more than {MOST_NODES} keys and values", line)
+
+
+class _Sizes:
+    """How many nodes and characters a node stands for once its aliases are written out."""
+
+    def __init__(self) -> None:
+        self._of: dict[int, tuple[int, int, int] | None] = {}
+
+    def add(self, node: yaml.Node) -> tuple[int, int, int]:
+        """Nodes, characters and levels; DocumentError beyond the bounds, and for a node that holds itself."""
+        if id(node) in self._of:
+            known = self._of[id(node)]
+            if known is None:
+                raise DocumentError("an alias stands for a value that holds the alias itself", _line(node))
+            return known
+        self._of[id(node)] = None
+        nodes, characters, levels = 1, 0, 1
+        if isinstance(node, yaml.ScalarNode):
+            characters = len(node.value)
+        for part in _parts(node):
+            own = self.add(part)
+            nodes, characters = nodes + own[0], characters + own[1]
+            levels = max(levels, own[2] + 1)
+        for count, most, what in (
+            (nodes, MOST_NODES, "keys and values"),
+            (characters, MOST_CHARACTERS, "characters"),
+            (levels, MOST_LEVELS + 1, "levels"),
+        ):
+            if count > most:
+                raise DocumentError(
+                    f"holds more than {most} {what} once its aliases are written out", _line(node)
+                )
+        self._of[id(node)] = nodes, characters, levels
+        return nodes, characters, levels
+
+
+class _Plain(yaml.SafeLoader):
+    """Makes values of nodes, each anew."""
+
+    def value_of(self, node: yaml.Node) -> Any:
+        if isinstance(node, yaml.ScalarNode):
+            return self._scalar(node)
+        kind = "map" if isinstance(node, yaml.MappingNode) else "seq"
+        if node.tag != f"{_YAML}{kind}":
+            raise DocumentError(f"the tag {shown(node.tag)} is not read here; leave it out", _line(node))
+        if isinstance(node, yaml.MappingNode):
+            return self._mapping(node)
+        return [self.value_of(item) for item in node.value]
+
+    def _mapping(self, node: yaml.MappingNode) -> dict[str, Any]:
+        own: dict[str, Any] = {}
+        merged: dict[str, Any] = {}
+        for key_node, value_node in node.value:
+            if key_node.tag == _MERGE:
+                merged = {**self._merged(value_node), **merged}
+                continue
+            key = self._scalar(key_node) if isinstance(key_node, yaml.ScalarNode) else None
+            if not isinstance(key, str):
+                what = (
+                    shown(key_node.value) if isinstance(key_node, yaml.ScalarNode) else "a list or a mapping"
+                )
+                raise DocumentError(f"{what} is no name of a key; put a name in quotes", _line(key_node))
+            if key in own:
+                raise DocumentError(f"{shown(key)} is given twice", _line(key_node))
+            own[key] = self.value_of(value_node)
+        return {**merged, **own}
+
+    def _merged(self, node: yaml.Node) -> dict[str, Any]:
+        """What `<<` brings: one mapping, or several, of which the first wins."""
+        parts = node.value if isinstance(node, yaml.SequenceNode) else [node]
+        values = [self.value_of(part) for part in parts]
+        if not all(isinstance(value, dict) for value in values):
+            raise DocumentError("<< takes a mapping, or a list of mappings", _line(node))
+        return {key: value for part in reversed(values) for key, value in part.items()}
+
+    def _scalar(self, node: yaml.ScalarNode) -> Any:
+        if node.tag not in _PLAIN:
+            raise DocumentError(f"the tag {shown(node.tag)} is not read here; leave it out", _line(node))
+        if found := _UNPRINTED.search(node.value):
+            raise DocumentError(_unprinted(found[0]), _line(node))
+        if node.tag in _NUMBERS and ":" in node.value and not node.style:
+            return node.value  # YAML 1.1 counts in sixties: to it 1:30 is 90, to everybody else a word
+        if node.tag in _NUMBERS and len(node.value) > LONGEST_NUMBER:
+            raise DocumentError(f"a number of {len(node.value)} characters is too long", _line(node))
+        try:
+            return self.construct_object(node)
+        except (yaml.YAMLError, *_BAD_VALUES) as error:
+            kind = node.tag.removeprefix(_YAML)
+            reason = f" ({cut(str(error))})" if isinstance(error, ValueError) else ""
+            raise DocumentError(f"{shown(node.value)} is no {kind}{reason}", _line(node)) from None
+
+
+def _parts(node: yaml.Node) -> list[yaml.Node]:
+    if isinstance(node, yaml.SequenceNode):
+        return list(node.value)
+    return [part for pair in node.value for part in pair] if isinstance(node, yaml.MappingNode) else []
+
+
+def _line(node: yaml.Node) -> int:
+    return int(node.start_mark.line) + 1
+
+
+def _unprinted(character: str) -> str:
+    return f"holds the character U+{ord(character):04X}, which cannot be shown; leave it out"
