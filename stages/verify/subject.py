@@ -14,6 +14,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.dataset import checksums
 from advpipe.pipeline.dataset.layout import Layout, read_layout
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.leftover_names import has_leftover_name
 from advpipe.stages.verify.scan import FileScan, scan
 from advpipe.stages.verify.walk import Walk
 
@@ -126,10 +127,9 @@ def find_subject(path: Path) -> Subject:
     path = Path(path)
     if not path.exists():
         raise AdvpipeError(f"{path} does not exist; give a data set, a bag, an .mcap file or an archive")
-    if _is_unfinished(path):
+    if has_leftover_name(path.resolve().name):
         raise AdvpipeError(
-            f"{path} is what an unfinished job left; run the job to its end, or save it with "
-            "`advpipe recover`"
+            f"{path} is what an unfinished run left; finish that, or see `advpipe clean {path}`"
         )
     has_clean, has_sums = (path / CLEAN_NAME).is_dir(), (path / checksums.FILE).is_file()
     if has_clean or (has_sums and not (path / METADATA_NAME).is_file()):
@@ -167,8 +167,3 @@ def _dataset(path: Path) -> Subject:
         subject.bags = [Bag(bag, subject.place(bag), subject) for bag in layout.bags]
         subject.candidates = subject.bags
     return subject
-
-
-def _is_unfinished(path: Path) -> bool:
-    name = path.resolve().name
-    return name.startswith(".") and (".partial-" in name or name.endswith(".job"))

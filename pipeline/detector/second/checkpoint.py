@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from safetensors.torch import save
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import preset_named
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
+from advpipe.pipeline.whole_file import write_whole
 
 KIND = "advpipe-second-1"
 SHIPPED = {"small": Path(__file__).parent / "checkpoints" / "small.safetensors"}
@@ -41,10 +41,8 @@ def save_checkpoint(
         "provenance": dict(sorted(provenance.items())),
     }
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f".{path.name}.part")
     # A single metadata key: safetensors does not fix the order of several.
-    beside.write_bytes(save(tensors, metadata={"advpipe": json.dumps(about)}))
-    os.replace(beside, path)
+    write_whole(path, save(tensors, metadata={"advpipe": json.dumps(about)}))
 
 
 def load_checkpoint(path: Path, device: torch.device | None = None) -> Second:
