@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from advpipe.stages.attack.run import AttackRequest
     from advpipe.stages.evaluate.report.section import Picture
     from advpipe.stages.evaluate.sweep.budgets import Budget
-    from advpipe.stages.evaluate.sweep.cell import Cell, Settings
+    from advpipe.stages.evaluate.sweep.cell import Cell, Settings, Times
     from advpipe.stages.evaluate.sweep.store import Store
 
 USUAL_FRAMES = 100
@@ -99,12 +99,13 @@ def sweep(
             if store.load(recipe, budget.name) is not None:
                 print(f"{recipe}-{budget.name}: kept")
                 continue
-            store.save(cell := bench.run(budget, recipe, settings))
+            cell, times = bench.run(budget, recipe, settings)
+            store.save(cell, times)
             is_new[recipe] = True
             print(
                 f"{cell.name}: mAP ratio {number(cell.row['map_ratio_percent'], 2)} % (the paper: "
                 f"{budget.paper_map_ratio_percent:.2f} %), {len(cell.frames)} frames, "
-                f"attack {cell.attack_s:.0f} s, evaluation {cell.evaluate_s:.0f} s",
+                f"attack {times.attack_s:.0f} s, evaluation {times.evaluate_s:.0f} s",
                 flush=True,
             )
     done = store.cells()
@@ -173,13 +174,15 @@ class _Bench:
         with writing(bag):
             attack(self.clean, bag, request, overwrite=bag.exists(), workers=self.workers)
 
-    def run(self, budget: Budget, recipe: str, settings: Settings) -> Cell:
-        """A cell, from the attack to the figures."""
+    def run(self, budget: Budget, recipe: str, settings: Settings) -> tuple[Cell, Times]:
+        """A cell, from the attack to the figures, and what it took."""
+        from advpipe.stages.evaluate.sweep.cell import Times
         from advpipe.stages.evaluate.sweep.scored import scored_cell
 
         bag = self.out / "bags" / f"{recipe}-{budget.name}"
         begin_s = time.perf_counter()
         self.attack(budget, recipe, settings, bag)
+        attacked_s = time.perf_counter()
         cell = scored_cell(
             self.clean,
             bag,
@@ -187,13 +190,12 @@ class _Bench:
             recipe,
             settings,
             detector=self.detector,
-            attack_s=time.perf_counter() - begin_s,
             workers=self.workers,
             device=self.device,
         )
         if not self.keep_bags:
             self.tidy(bag)
-        return cell
+        return cell, Times(round(attacked_s - begin_s, 1), round(time.perf_counter() - attacked_s, 1))
 
     def tidy(self, folder: Path) -> None:
         shutil.rmtree(folder, ignore_errors=True)
@@ -220,7 +222,7 @@ def _check(bench: _Bench, store: Store, places: Sequence[tuple[str, Budget]], co
     for cell, budget in (stored[place] for place in sorted(drawn)):
         refuse_other_work(cell, bench.clean, bench.detector, bench.device)
         now = with_this_code(cell.settings)
-        found = differences(cell, again.run(budget, cell.recipe, now))
+        found = differences(cell, again.run(budget, cell.recipe, now)[0])
         same = "the same" if now == cell.settings else "the same, though other code of advpipe made it"
         print(f"{cell.name}: {'; '.join(found[:5]) or same}", flush=True)
         wrong += [cell.name] if found else []

@@ -56,7 +56,7 @@ def cell(
         "map_loose_ratio_percent": ratio + 30,
         "baseline_map_loose_ratio_percent": 97.0,
     }
-    return Cell(budget, recipe, SETTINGS, row, "c" * 64, (0, 2, 4), found, lost, draws, 100.0, 20.0)
+    return Cell(budget, recipe, SETTINGS, row, "c" * 64, (0, 2, 4), found, lost, draws)
 
 
 def test_a_line_has_the_figures_of_its_cell():
