@@ -248,3 +248,11 @@ def finish_moves(
             if is_dead and (leftover / MOVING_NAME).is_file():
                 move_items(leftover, target, outdated(leftover))
                 shutil.rmtree(leftover, ignore_errors=True)
+
+
+def remove_output(path: Path) -> None:
+    """Remove a folder, if it is there: after a kill it is whole or gone, never half a folder of that name."""
+    if path.exists():
+        partial = PartialFolder(path)
+        path.rename(partial.path / f".old.{path.name}")
+        partial.discard(is_finished=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -198,7 +197,9 @@ class _Bench:
         return cell, Times(round(attacked_s - begin_s, 1), round(time.perf_counter() - attacked_s, 1))
 
     def tidy(self, folder: Path) -> None:
-        shutil.rmtree(folder, ignore_errors=True)
+        from advpipe.pipeline.partial import remove_output
+
+        remove_output(folder)
         if folder.parent.is_dir() and not any(folder.parent.iterdir()):
             folder.parent.rmdir()
 
@@ -247,9 +248,11 @@ def _panels(bench: _Bench, store: Store, recipe: str, is_new: bool) -> list[Pict
         return []
     caption = f"Recipe {recipe}, frame {frame} of the clean bag: {RULE}. Truth in blue, predictions in red."
     path = store.panels(recipe)
-    if not is_new and path.is_file():
-        return [Picture(OVERVIEW, "", path.name, caption, path.read_bytes())]
     bags = [bench.out / "bags" / f"frame-{cell.name}" for cell in chosen]
+    if not is_new and path.is_file():
+        for bag in bags:  # of a run that was killed while it drew
+            bench.tidy(bag)
+        return [Picture(OVERVIEW, "", path.name, caption, path.read_bytes())]
     for cell, bag in zip(chosen, bags, strict=True):
         bench.attack(budget_named(cell.budget), recipe, replace(cell.settings, frames=str(frame)), bag)
     scenes = load_scenes(bench.clean, bags, bench.detector, frame, chosen, bench.device)

@@ -21,7 +21,7 @@ CELLS, TIMES = "cells", "times.json"
 
 @dataclass(frozen=True)
 class Store:
-    """The cells in `folder`/cells, `<recipe>-<budget>.json` each, and in times.json what each of them took."""
+    """The cells in `folder`/cells, `<recipe>-<budget>.json` each; in times.json, what each of them took."""
 
     folder: Path
 
@@ -40,10 +40,8 @@ class Store:
         """Keep a cell; a killed run leaves the whole of it or nothing."""
         path = self._path(cell.recipe, cell.budget)
         path.parent.mkdir(parents=True, exist_ok=True)
-        all_times = self.times() | {cell.name: times}
-        text = json.dumps(
-            {name: asdict(taken) for name, taken in all_times.items()}, indent=1, sort_keys=True
-        )
+        taken = {name: asdict(each) for name, each in (self.times() | {cell.name: times}).items()}
+        text = json.dumps(taken, indent=1, sort_keys=True)
         write_whole(self.folder / TIMES, f"{text}\n".encode())
         write_whole(path, cell.to_json().encode())
 
