@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -66,6 +67,21 @@ def is_held(file: Path) -> bool:
     except OSError:  # held, or unreadable: then nobody can say that its run is dead
         return True
     return False
+
+
+def remove_folder(folder: Path) -> None:
+    """Remove a folder with its lock last, so that a killed run leaves no folder that nobody recognises.
+
+    What cannot be removed stays.
+    """
+    with suppress(OSError):
+        for path in sorted(folder.iterdir()):
+            if path.is_dir() and not path.is_symlink():
+                shutil.rmtree(path, ignore_errors=True)
+            elif path.name != LOCK_NAME:
+                path.unlink(missing_ok=True)
+        (folder / LOCK_NAME).unlink(missing_ok=True)
+        folder.rmdir()
 
 
 @contextmanager

@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import os
 import re
-import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -14,7 +13,15 @@ from pathlib import Path
 from typing import IO
 
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, writing
-from advpipe.pipeline.lock import HAS_LOCKS, LOCK_NAME, is_held, lock_of_dead, one_at_a_time, take_lock
+from advpipe.pipeline.lock import (
+    HAS_LOCKS,
+    LOCK_NAME,
+    is_held,
+    lock_of_dead,
+    one_at_a_time,
+    remove_folder,
+    take_lock,
+)
 
 REPLACED_NAME = "replaced"
 """In a hidden folder: the former output, while the new one takes its name."""
@@ -77,7 +84,7 @@ def _lock(folder: Path) -> IO[bytes]:
         if lock is None:
             raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK), str(folder.parent))
     except OSError:
-        shutil.rmtree(folder, ignore_errors=True)
+        remove_folder(folder)
         raise
     return lock
 
@@ -124,7 +131,7 @@ class PartialFolder:
                     old.rename(self.final)
                 raise
             finally:
-                shutil.rmtree(old.parent, ignore_errors=True)
+                remove_folder(old.parent)
             self._remove_leftovers()
 
     def discard(self, is_finished: bool = False) -> None:
@@ -132,10 +139,10 @@ class PartialFolder:
 
         is_finished: what was in it found its place elsewhere.
         """
-        self._lock.close()
         if is_finished:
             self._remove_leftovers()
-        shutil.rmtree(self.path, ignore_errors=True)
+        remove_folder(self.path)
+        self._lock.close()
         self._remove_new_parents()
 
     def _remove_new_parents(self) -> None:
@@ -152,7 +159,7 @@ class PartialFolder:
                 if is_dead and kept:
                     kept -= 1
                 elif is_dead:
-                    shutil.rmtree(leftover, ignore_errors=True)
+                    remove_folder(leftover)
 
 
 @dataclass(frozen=True)
@@ -247,7 +254,7 @@ def finish_moves(
         with held(leftover) as is_dead:
             if is_dead and (leftover / MOVING_NAME).is_file():
                 move_items(leftover, target, outdated(leftover))
-                shutil.rmtree(leftover, ignore_errors=True)
+                remove_folder(leftover)
 
 
 def remove_output(path: Path) -> None:

@@ -27,6 +27,9 @@ MOST_LEVELS = 100
 
 ATTACK_NAME, CHECKSUMS_NAME = "attack.yaml", "SHA256SUMS"
 
+_WHOLE = ("metadata.yaml", "scenario.yaml", "report.json", "attacks.json", "key.json", CHECKSUMS_NAME)
+"""Files of whole outputs, which are without a lock for the instant before they get their names."""
+
 _SCRATCH = re.compile(rf"{PREFIX}[a-z0-9_]{{8}}")
 _FRAME = re.compile(r"[0-9]{6,}\.npz")
 
@@ -176,9 +179,11 @@ def _is(path: Path, is_type: Callable[[int], bool]) -> bool:
 
 
 def _is_our_folder(path: Path) -> bool:
-    """Whether it has a run's lock, or nothing yet: no other program's folder of such a name."""
+    """Whether it has a run's lock, or nothing yet, or is whole: no other program's folder of such a name."""
     try:
-        return _is(path, stat.S_ISDIR) and (_is(path / LOCK_NAME, stat.S_ISREG) or not any(path.iterdir()))
+        return _is(path, stat.S_ISDIR) and (
+            any(_is(path / name, stat.S_ISREG) for name in (LOCK_NAME, *_WHOLE)) or not any(path.iterdir())
+        )
     except OSError:
         return False
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import glob
 import hashlib
 import os
-import shutil
 import zipfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -15,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.lock import LOCK_NAME, lock_of_dead, one_at_a_time, take_lock
+from advpipe.pipeline.lock import LOCK_NAME, lock_of_dead, one_at_a_time, remove_folder, take_lock
 from advpipe.stages.attack.lidar.base import LidarResult, PointLabels
 
 _HASH_LENGTH = 12
@@ -101,7 +100,7 @@ def open_job(out: Path, request: str) -> Iterator[Job]:
             is_done = True
         finally:
             if is_done or not any(folder.glob("*.npz")):
-                shutil.rmtree(folder, ignore_errors=True)
+                remove_folder(folder)
                 _remove_empty(new_parents)
 
 
@@ -121,4 +120,4 @@ def _remove_leftovers(out: Path, own: Path) -> None:
     for folder in out.parent.glob(f".{glob.escape(out.name)}.{any_hash}.job"):
         if folder != own and (lock := lock_of_dead(folder / LOCK_NAME)):
             with lock:
-                shutil.rmtree(folder, ignore_errors=True)
+                remove_folder(folder)
