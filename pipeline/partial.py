@@ -2,23 +2,33 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
-import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, UsageError, writing
+from advpipe.pipeline.lock import (
+    HAS_LOCKS,
+    LOCK_NAME,
+    is_held,
+    lock_of_dead,
+    one_at_a_time,
+    remove_folder,
+    take_lock,
+)
 
-try:
-    import fcntl
-except ImportError:  # Windows: leftovers of killed runs stay until removed by hand
-    fcntl = None  # type: ignore[assignment]
+REPLACED_NAME = "replaced"
+"""In a hidden folder: the former output, while the new one takes its name."""
 
-_LOCK_NAME = ".lock"
+MOVING_NAME = ".moving"
+"""In a hidden folder: everything in it is whole, and a run was moving it to its final names."""
+
 _HIDDEN = re.compile(r"\.(.+)\.partial-[^.]+")
 
 
@@ -50,20 +60,33 @@ def _changed_ns(path: Path) -> int:
 @contextmanager
 def held(leftover: Path) -> Iterator[bool]:
     """Whether the run that filled it is dead; then no other run removes it within the block."""
-    if fcntl is None:
-        yield True
+    lock = lock_of_dead(leftover / LOCK_NAME)
+    if lock is None:  # another run's, or nobody's in a folder that only its owner may change
+        yield not is_held(leftover / LOCK_NAME)
         return
-    with (leftover / _LOCK_NAME).open("a") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            yield False
-        else:
-            yield True
+    with lock:
+        yield True
 
 
 def _prefix(final: Path) -> str:
     return f".{final.name}.partial-"
+
+
+def _make_hidden(final: Path) -> Path:
+    folder = Path(tempfile.mkdtemp(prefix=_prefix(final), dir=final.parent))
+    folder.chmod(0o755)  # mkdtemp's 0700 would hide the bag from everybody else
+    return folder
+
+
+def _lock(folder: Path) -> IO[bytes]:
+    try:
+        lock = take_lock(folder / LOCK_NAME)
+        if lock is None:
+            raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK), str(folder.parent))
+    except OSError:
+        remove_folder(folder)
+        raise
+    return lock
 
 
 class PartialFolder:
@@ -79,29 +102,27 @@ class PartialFolder:
         self._new_parents = [parent for parent in final.parents if not parent.exists()]
         try:
             final.parent.mkdir(parents=True, exist_ok=True)
-            with _one_at_a_time(final.parent):
+            with one_at_a_time(final.parent):
                 self._remove_leftovers(kept=1)
-                self.path = Path(tempfile.mkdtemp(prefix=_prefix(final), dir=final.parent))
-                self.path.chmod(0o755)  # mkdtemp's 0700 would hide the bag from everybody else
-                self._lock = (self.path / _LOCK_NAME).open("w")
-                if fcntl is not None:
-                    fcntl.flock(self._lock, fcntl.LOCK_EX)
+                self.path = _make_hidden(final)
+                self._lock = _lock(self.path)
         except OSError:
             self._remove_new_parents()
             raise
 
     def commit(self, may_replace: Callable[[Path], bool]) -> None:
         """Give the folder its final name; what lies there is replaced if `may_replace` says so."""
-        with _one_at_a_time(self.final.parent):
+        with one_at_a_time(self.final.parent):
             if self.final.exists() and not may_replace(self.final):
                 raise AdvpipeError(f"{self.final} appeared meanwhile, not overwriting")
-            (self.path / _LOCK_NAME).unlink(missing_ok=True)
+            (self.path / LOCK_NAME).unlink(missing_ok=True)
             self._lock.close()
             if not self.final.exists():
                 self.path.rename(self.final)
                 self._remove_leftovers()
                 return
-            old = Path(tempfile.mkdtemp(prefix=_prefix(self.final), dir=self.final.parent)) / "replaced"
+            old = _make_hidden(self.final) / REPLACED_NAME
+            (old.parent / LOCK_NAME).touch()
             try:
                 self.final.rename(old)
                 self.path.rename(self.final)
@@ -110,7 +131,7 @@ class PartialFolder:
                     old.rename(self.final)
                 raise
             finally:
-                shutil.rmtree(old.parent, ignore_errors=True)
+                remove_folder(old.parent)
             self._remove_leftovers()
 
     def discard(self, is_finished: bool = False) -> None:
@@ -118,10 +139,10 @@ class PartialFolder:
 
         is_finished: what was in it found its place elsewhere.
         """
-        self._lock.close()
         if is_finished:
             self._remove_leftovers()
-        shutil.rmtree(self.path, ignore_errors=True)
+        remove_folder(self.path)
+        self._lock.close()
         self._remove_new_parents()
 
     def _remove_new_parents(self) -> None:
@@ -131,14 +152,14 @@ class PartialFolder:
 
     def _remove_leftovers(self, kept: int = 0) -> None:
         """All of killed runs, but for the `kept` newest."""
-        if fcntl is None:
+        if not HAS_LOCKS:
             return
         for leftover in leftovers(self.final):
-            with suppress(OSError), held(leftover) as is_dead:  # not ours to remove, perhaps
+            with held(leftover) as is_dead:
                 if is_dead and kept:
                     kept -= 1
                 elif is_dead:
-                    shutil.rmtree(leftover, ignore_errors=True)
+                    remove_folder(leftover)
 
 
 @dataclass(frozen=True)
@@ -178,6 +199,7 @@ def staged_folder(final: Path, overwrite: bool, kind: FolderKind) -> Iterator[Pa
             raise UsageError(f"{final} is no folder, not replacing it; choose another name")
         kind.refuse_foreign(final)
 
+    finish_moves(final, final)
     refuse()
     partial = PartialFolder(final)
     try:
@@ -185,7 +207,7 @@ def staged_folder(final: Path, overwrite: bool, kind: FolderKind) -> Iterator[Pa
             yield partial.path
         refuse()  # again: it may have appeared meanwhile
         if final.is_dir():
-            _replace_items(partial.path, final)
+            move_items(partial.path, final)
             partial.discard(is_finished=True)
         else:
             partial.commit(may_replace=lambda _: False)
@@ -194,37 +216,50 @@ def staged_folder(final: Path, overwrite: bool, kind: FolderKind) -> Iterator[Pa
         raise
 
 
-def _replace_items(new: Path, final: Path) -> None:
-    """All items move, or none; the old ones stay in `new`, hidden, and go with it."""
-    places = [
-        (item, final / item.name, new / f".old.{item.name}")
-        for item in sorted(new.iterdir())
-        if not item.name.startswith(".")
-    ]
+def move_items(new: Path, target: Path, outdated: Sequence[Path] = ()) -> None:
+    """Move all visible items of a hidden folder to `target`: all of them, or none.
+
+    outdated: further paths that go. What was replaced stays in `new`, hidden, and goes with it. A killed run
+    leaves some items moved; `finish_moves` moves the rest.
+    """
+    items = sorted(item for item in new.iterdir() if not item.name.startswith("."))
+    places = [(item, target / item.name) for item in items]
+    gone = [*outdated, *(path for _, path in places if path.exists())]
+    (new / MOVING_NAME).touch()
     try:
-        for item, target, old in places:
-            if target.exists():
-                target.rename(old)
-            item.rename(target)
+        for path in gone:
+            path.rename(new / f".old.{path.name}")
+        for item, path in places:
+            item.rename(path)
     except BaseException:
-        for item, target, old in places:
+        for item, path in places:
             if not item.exists():
-                target.rename(item)
-            if old.exists():
-                old.rename(target)
+                path.rename(item)
+        for path in gone:
+            if (old := new / f".old.{path.name}").exists():
+                old.rename(path)
         raise
 
 
-@contextmanager
-def _one_at_a_time(parent: Path) -> Iterator[None]:
-    """Between two runs, making, naming and cleaning up folders under one parent never mix."""
-    if fcntl is None:
-        yield
+def finish_moves(
+    final: Path, target: Path, outdated: Callable[[Path], Sequence[Path]] = lambda _: ()
+) -> None:
+    """Finish what a run was killed in the middle of: moving the items of its output to `target`.
+
+    final: the name that it was run for. outdated: of its hidden folder, what else has to go.
+    """
+    if not HAS_LOCKS or not target.is_dir():
         return
-    descriptor = os.open(parent, os.O_RDONLY)
-    try:
-        with suppress(OSError):  # some network file systems lock no folders
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(descriptor)
+    for leftover in leftovers(final):
+        with held(leftover) as is_dead:
+            if is_dead and (leftover / MOVING_NAME).is_file():
+                move_items(leftover, target, outdated(leftover))
+                remove_folder(leftover)
+
+
+def remove_output(path: Path) -> None:
+    """Remove a folder, if it is there: after a kill it is whole or gone, never half a folder of that name."""
+    if path.exists():
+        partial = PartialFolder(path)
+        path.rename(partial.path / f".old.{path.name}")
+        partial.discard(is_finished=True)

@@ -9,6 +9,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.v2x_statistics import read_statistics
 from advpipe.pipeline.errors import OutputExistsError, UsageError, writing
 from advpipe.pipeline.v2x.plot import draw_statistics
+from advpipe.pipeline.whole_file import whole_file
 
 FORMATS = (".png", ".pdf", ".svg")
 DOTS_PER_INCH = 150
@@ -28,13 +29,9 @@ def draw_bag(bag: Path, out: Path, overwrite: bool = False) -> None:
     if statistics is None:
         raise UsageError(f"{reader.path} has no statistics of V2X; simulate a drive with v2x.enabled")
     figure = draw_statistics(statistics, reader.provenance.get("scenario_name", ""))
-    beside = out.with_name(f".{out.stem}.partial{out.suffix}")
-    try:
-        with writing(out):
-            figure.savefig(beside, dpi=DOTS_PER_INCH, metadata=_NO_DATE.get(out.suffix.lower()))
-            beside.replace(out)
-    finally:
-        beside.unlink(missing_ok=True)
+    form = out.suffix.lower()
+    with writing(out), whole_file(out) as beside:
+        figure.savefig(beside, format=form[1:], dpi=DOTS_PER_INCH, metadata=_NO_DATE.get(form))
 
 
 _NO_DATE = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}

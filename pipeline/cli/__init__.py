@@ -10,6 +10,7 @@ import typer
 
 from advpipe.pipeline.cli.attack import attack
 from advpipe.pipeline.cli.bags import inspect, plot, recover
+from advpipe.pipeline.cli.clean import clean
 from advpipe.pipeline.cli.evaluate import evaluate
 from advpipe.pipeline.cli.export import export
 from advpipe.pipeline.cli.one_line_errors import OneLineErrors
@@ -47,6 +48,7 @@ COMMANDS: dict[str, Callable[..., Answer]] = {
     "inspect": inspect,
     "plot": plot,
     "recover": recover,
+    "clean": clean,
     "verify": verify,
     "schema": schema,
 }

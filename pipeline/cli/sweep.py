@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     from advpipe.stages.attack.run import AttackRequest
     from advpipe.stages.evaluate.report.section import Picture
     from advpipe.stages.evaluate.sweep.budgets import Budget
-    from advpipe.stages.evaluate.sweep.cell import Cell, Settings
+    from advpipe.stages.evaluate.sweep.cell import Cell, Settings, Times
     from advpipe.stages.evaluate.sweep.store import Store
 
 USUAL_FRAMES = 100
@@ -114,12 +113,13 @@ def sweep(
             if store.load(recipe, budget.name) is not None:
                 say(f"{recipe}-{budget.name}: kept")
                 continue
-            store.save(cell := bench.run(budget, recipe, settings))
+            cell, times = bench.run(budget, recipe, settings)
+            store.save(cell, times)
             is_new[recipe] = True
             say(
                 f"{cell.name}: mAP ratio {number(cell.row['map_ratio_percent'], 2)} % (the paper: "
                 f"{budget.paper_map_ratio_percent:.2f} %), {len(cell.frames)} frames, "
-                f"attack {cell.attack_s:.0f} s, evaluation {cell.evaluate_s:.0f} s"
+                f"attack {times.attack_s:.0f} s, evaluation {times.evaluate_s:.0f} s"
             )
     done = store.cells()
     shown = recipes_of(done, asked)
@@ -192,13 +192,15 @@ class _Bench:
         with writing(bag):
             attack(self.clean, bag, request, overwrite=bag.exists(), workers=self.workers)
 
-    def run(self, budget: Budget, recipe: str, settings: Settings) -> Cell:
-        """A cell, from the attack to the figures."""
+    def run(self, budget: Budget, recipe: str, settings: Settings) -> tuple[Cell, Times]:
+        """A cell, from the attack to the figures, and what it took."""
+        from advpipe.stages.evaluate.sweep.cell import Times
         from advpipe.stages.evaluate.sweep.scored import scored_cell
 
         bag = self.out / "bags" / f"{recipe}-{budget.name}"
         begin_s = time.perf_counter()
         self.attack(budget, recipe, settings, bag)
+        attacked_s = time.perf_counter()
         cell = scored_cell(
             self.clean,
             bag,
@@ -206,16 +208,17 @@ class _Bench:
             recipe,
             settings,
             detector=self.detector,
-            attack_s=time.perf_counter() - begin_s,
             workers=self.workers,
             device=self.device,
         )
         if not self.keep_bags:
             self.tidy(bag)
-        return cell
+        return cell, Times(round(attacked_s - begin_s, 1), round(time.perf_counter() - attacked_s, 1))
 
     def tidy(self, folder: Path) -> None:
-        shutil.rmtree(folder, ignore_errors=True)
+        from advpipe.pipeline.partial import remove_output
+
+        remove_output(folder)
         if folder.parent.is_dir() and not any(folder.parent.iterdir()):
             folder.parent.rmdir()
 
@@ -243,7 +246,7 @@ def _check(
     for cell, budget in (stored[place] for place in sorted(drawn)):
         refuse_other_work(cell, bench.clean, bench.detector, bench.device)
         now = with_this_code(cell.settings)
-        found = differences(cell, again.run(budget, cell.recipe, now))
+        found = differences(cell, again.run(budget, cell.recipe, now)[0])
         same = "the same" if now == cell.settings else "the same, though other code of advpipe made it"
         say(f"{cell.name}: {'; '.join(found[:5]) or same}")
         checked.append(cell.name)
@@ -270,9 +273,11 @@ def _panels(bench: _Bench, store: Store, recipe: str, is_new: bool) -> list[Pict
         return []
     caption = f"Recipe {recipe}, frame {frame} of the clean bag: {RULE}. Truth in blue, predictions in red."
     path = store.panels(recipe)
-    if not is_new and path.is_file():
-        return [Picture(OVERVIEW, "", path.name, caption, path.read_bytes())]
     bags = [bench.out / "bags" / f"frame-{cell.name}" for cell in chosen]
+    if not is_new and path.is_file():
+        for bag in bags:  # of a run that was killed while it drew
+            bench.tidy(bag)
+        return [Picture(OVERVIEW, "", path.name, caption, path.read_bytes())]
     for cell, bag in zip(chosen, bags, strict=True):
         bench.attack(budget_named(cell.budget), recipe, replace(cell.settings, frames=str(frame)), bag)
     scenes = load_scenes(bench.clean, bags, bench.detector, frame, chosen, bench.device)

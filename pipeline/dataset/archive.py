@@ -18,7 +18,7 @@ from advpipe.pipeline.dataset import checksums, layout, signature, tar_header
 from advpipe.pipeline.dataset.parts import PartsReader, PartsWriter, existing_parts, sums_path, whole_name
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, UsageError, writing
 from advpipe.pipeline.hashing import copy
-from advpipe.pipeline.partial import PartialFolder
+from advpipe.pipeline.partial import PartialFolder, finish_moves, move_items
 from advpipe.pipeline.progress import track
 
 
@@ -62,26 +62,36 @@ def pack(
     try:
         with writing(archive):
             _write(files, sums, PartsWriter(partial.path / archive.name, split_size_bytes), archive.stem)
-            made = sorted(path for path in partial.path.iterdir() if not path.name.startswith("."))
-            for path in old:
-                path.unlink()
-            for path in made:
-                path.rename(archive.with_name(path.name))
+            made = sorted(path.name for path in partial.path.iterdir() if not path.name.startswith("."))
+            move_items(partial.path, archive.parent, [path for path in old if path.name not in made])
         partial.discard(is_finished=True)
     except BaseException:
         partial.discard()
         raise
-    return [archive.with_name(path.name) for path in made]
+    return [archive.with_name(name) for name in made]
 
 
 def refuse_existing(archive: Path, overwrite: bool) -> list[Path]:
-    """Raises AdvpipeError for an output that exists, unless it may be replaced; returns what there is."""
+    """Raises AdvpipeError for an output that exists, unless it may be replaced; returns what there is.
+
+    Where a run was killed while it named an archive's files, the rest of them is named first.
+    """
+    finish_moves(archive, archive.parent, lambda made: _outdated(archive, made))
     old = [path for path in (archive, *existing_parts(archive), sums_path(archive)) if path.exists()]
     if old and not overwrite:
         raise OutputExistsError(old[0])
     if folders := [path for path in old if not path.is_file()]:
         raise UsageError(f"{folders[0]} is no file, not replacing it; choose another name")
     return old
+
+
+def _outdated(archive: Path, made: Path) -> list[Path]:
+    """The files of an earlier archive that a new one, still in the folder `made`, does not replace."""
+    sums = made / sums_path(archive).name  # named last
+    if not sums.is_file():
+        return []
+    names = {sums.name, *checksums.parse(checksums.read_bytes(sums), sums)}
+    return [path for path in (archive, *existing_parts(archive)) if path.exists() and path.name not in names]
 
 
 def _write(files: Mapping[str, Path], sums: Mapping[str, str], out: PartsWriter, top: str) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from advpipe.pipeline.dataset import checksums
-from advpipe.pipeline.dataset.layout import is_dataset
+from advpipe.pipeline.dataset.layout import is_dataset, read_layout
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, UsageError, writing
 from advpipe.pipeline.hashing import copy
 from advpipe.pipeline.partial import PartialFolder
@@ -50,7 +50,11 @@ def refuse_folder(folder: Path, *, overwrite: bool) -> None:
             f"{folder} is no shared data set (it has no {checksums.FILE}), not replacing it; choose another "
             "name"
         )
-    if own := sorted(set(checksums.listed(folder)) - checksums.read(folder).keys()):
+    found = read_layout(folder)
+    found.refuse_running()
+    strangers = set(checksums.listed(folder)) - checksums.read(folder).keys()
+    own = sorted(name for name in strangers if not any(left.holds(folder / name) for left in found.leftovers))
+    if own:
         raise UsageError(
             f"{folder} also holds {own[0]}, which `share` did not make, not replacing it; choose another name"
         )

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from advpipe.pipeline.bag.files import METADATA_NAME
 from advpipe.pipeline.bag.locate import CLEAN_NAME, adversarial_bags
+from advpipe.pipeline.dataset.leftovers import Leftover, find_leftovers
 from advpipe.pipeline.errors import AdvpipeError, UsageError
 
 SCENARIO_NAME = "scenario.yaml"
@@ -29,7 +29,7 @@ class Layout:
     """A data set; every path lies in `folder`.
 
     attacks: the adversarial bags by name. reports: the folders with a report.json. scenario, card: None
-    where there is none. unfinished: what killed or running jobs left, in which nothing is whole.
+    where there is none. leftovers: of killed runs, and what living ones write; no part of the data set.
     """
 
     folder: Path
@@ -38,19 +38,18 @@ class Layout:
     reports: tuple[Path, ...]
     scenario: Path | None
     card: Path | None
-    unfinished: tuple[Path, ...]
+    leftovers: tuple[Leftover, ...]
 
     @property
     def bags(self) -> tuple[Path, ...]:
         """The clean bag and all adversarial ones."""
         return (self.clean, *self.attacks)
 
-    def refuse_unfinished(self) -> None:
-        """Raises AdvpipeError where a job has not ended."""
-        if self.unfinished:
-            raise AdvpipeError(
-                f"{self.unfinished[0]}: a job has not ended; run it to its end, or remove what it left"
-            )
+    def refuse_running(self) -> None:
+        """Raises AdvpipeError where a living run is at work in the data set."""
+        for leftover in self.leftovers:
+            if leftover.is_running:
+                raise AdvpipeError(f"{leftover.path} is locked by a run; wait until it ends, or stop it")
 
 
 def read_layout(folder: Path) -> Layout:
@@ -68,10 +67,10 @@ def read_layout(folder: Path) -> Layout:
         folder,
         folder / CLEAN_NAME,
         tuple(adversarial_bags(folder)),
-        tuple(sorted(path.parent for path in reports.glob(f"*/{REPORT_NAME}"))),
+        tuple(sorted(path.parent for path in reports.glob(f"[!.]*/{REPORT_NAME}"))),
         _if_file(folder / SCENARIO_NAME),
         _if_file(folder / CARD_NAME),
-        tuple(sorted(_unfinished(folder))),
+        tuple(find_leftovers(folder, too_deep=refuse_deep)),
     )
 
 
@@ -128,20 +127,3 @@ def is_hidden(name: str) -> bool:
 
 def _if_file(path: Path) -> Path | None:
     return path if path.is_file() else None
-
-
-def _unfinished(folder: Path, level: int = 0) -> Iterator[Path]:
-    """What lies in folders that cannot be read, others tell."""
-    refuse_deep(level, folder)
-    with suppress(PermissionError), os.scandir(folder) as entries:
-        for entry in entries:
-            if _is_unfinished(entry.name):
-                yield folder / entry.name
-            if entry.is_dir(follow_symlinks=False):
-                yield from _unfinished(folder / entry.name, level + 1)
-
-
-def _is_unfinished(name: str) -> bool:
-    """Names of `partial.py` and of the attack stage's jobs."""
-    is_hidden = name.startswith(".") and (name.endswith(".job") or ".partial-" in name)
-    return is_hidden or name.endswith(".partial")

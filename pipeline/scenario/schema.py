@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
 from advpipe.pipeline.errors import OutputExistsError, writing
 from advpipe.pipeline.scenario.models import Scenario
+from advpipe.pipeline.whole_file import write_whole
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -41,11 +41,5 @@ def write_schema(path: Path, overwrite: bool = False) -> None:
     """Writes the file whole or not at all; one that exists is refused unless `overwrite`."""
     if path.exists() and not overwrite:
         raise OutputExistsError(path)
-    beside = path.with_name(f".{path.name}.partial")
-    try:
-        with writing(path):
-            beside.write_text(schema_json() + "\n", encoding="utf-8")
-        os.replace(beside, path)
-    except BaseException:
-        beside.unlink(missing_ok=True)
-        raise
+    with writing(path):
+        write_whole(path, f"{schema_json()}\n".encode())

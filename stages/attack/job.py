@@ -5,25 +5,20 @@ from __future__ import annotations
 import glob
 import hashlib
 import os
-import shutil
 import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.lock import LOCK_NAME, lock_of_dead, one_at_a_time, remove_folder, take_lock
 from advpipe.stages.attack.lidar.base import LidarResult, PointLabels
 
-try:
-    import fcntl
-except ImportError:  # Windows: two runs at once are not told apart, and leftovers stay
-    fcntl = None  # type: ignore[assignment]
-
 _HASH_LENGTH = 12
+_PARTIAL = ".partial"
 
 
 @dataclass(frozen=True)
@@ -52,18 +47,23 @@ class Job:
     def store(self, index: int, result: LidarResult) -> None:
         """Keep the result of a frame; a killed run leaves the whole of it or nothing."""
         file, labels = self._file(index), result.labels
-        partial = file.with_suffix(".partial")
-        with partial.open("wb") as stream:
-            np.savez(
-                stream,
-                cloud=result.cloud,
-                point=labels.point,
-                action=labels.action,
-                displacement_m=labels.displacement_m,
-                loss=np.array([result.loss_before, result.loss_after]),
-                note=np.array(result.note),
-            )
-        os.replace(partial, file)
+        # A worker of a killed run may still be at the same frame.
+        partial = file.with_suffix(f".{os.getpid()}{_PARTIAL}")
+        try:
+            with partial.open("wb") as stream:
+                np.savez(
+                    stream,
+                    cloud=result.cloud,
+                    point=labels.point,
+                    action=labels.action,
+                    displacement_m=labels.displacement_m,
+                    loss=np.array([result.loss_before, result.loss_after]),
+                    note=np.array(result.note),
+                )
+            os.replace(partial, file)
+        except BaseException:
+            partial.unlink(missing_ok=True)
+            raise
 
     def _file(self, index: int) -> Path:
         return self.folder / f"{index:06d}.npz"
@@ -74,40 +74,50 @@ def open_job(out: Path, request: str) -> Iterator[Job]:
     """The job of a request, in the hidden folder `.<name>.<hash of the request>.job` beside an output.
 
     request: everything that decides a frame's result, as text. The folder is this run's alone while the
-    block lasts, and goes when it ends without an error; what dead runs of other requests for the same
-    output left goes at once. Raises AdvpipeError while another run of the same request is alive.
+    block lasts. It goes when the block ends, unless that is with an error and there are finished frames to
+    go on from; what dead runs of other requests for the same output left goes at once. Raises AdvpipeError
+    while another run of the same request is alive.
     """
     digest = hashlib.sha256(request.encode()).hexdigest()[:_HASH_LENGTH]
     folder = out.parent / f".{out.name}.{digest}.job"
-    _remove_leftovers(out, folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    lock = _lock(folder)
+    new_parents = [parent for parent in out.parents if not parent.exists()]
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with one_at_a_time(out.parent):
+        _remove_leftovers(out, folder)
+        folder.mkdir(exist_ok=True)
+        try:
+            lock = take_lock(folder / LOCK_NAME)
+        except OSError:
+            _remove_empty([folder, *new_parents])
+            raise
     if lock is None:
-        raise AdvpipeError(f"{out}: another run is at it; wait until it ends, or choose another output")
+        raise AdvpipeError(f"{out} is locked by another run; wait until it ends, or choose another output")
+    is_done = False
     with lock:
-        yield Job(folder)
-        shutil.rmtree(folder, ignore_errors=True)
+        _remove(folder.glob(f"*{_PARTIAL}"))
+        try:
+            yield Job(folder)
+            is_done = True
+        finally:
+            if is_done or not any(folder.glob("*.npz")):
+                remove_folder(folder)
+                _remove_empty(new_parents)
+
+
+def _remove(files: Iterable[Path]) -> None:
+    for file in files:
+        file.unlink(missing_ok=True)
+
+
+def _remove_empty(folders: Iterable[Path]) -> None:
+    with suppress(OSError):  # the first one that holds something
+        for folder in folders:
+            folder.rmdir()
 
 
 def _remove_leftovers(out: Path, own: Path) -> None:
     any_hash = "?" * _HASH_LENGTH
     for folder in out.parent.glob(f".{glob.escape(out.name)}.{any_hash}.job"):
-        if fcntl is not None and folder != own and (lock := _lock(folder)):
+        if folder != own and (lock := lock_of_dead(folder / LOCK_NAME)):
             with lock:
-                shutil.rmtree(folder, ignore_errors=True)
-
-
-def _lock(folder: Path) -> IO[str] | None:
-    """The lock of a folder, held until it is closed or its process dies; None if another run holds it."""
-    try:
-        lock = (folder / ".lock").open("w")
-    except OSError:  # removed meanwhile, or not ours
-        return None
-    try:
-        if fcntl is not None:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        (folder / ".lock").stat()  # gone with the run that held it until now
-    except OSError:
-        lock.close()
-        return None
-    return lock
+                remove_folder(folder)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from advpipe.pipeline.dataset.layout import Layout, read_layout
 from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.hashing import sha256_of
 from advpipe.pipeline.progress import track
+from advpipe.pipeline.scratch import scratch_folder
 from advpipe.stages.share import names
 from advpipe.stages.share.additions import write_additions
 from advpipe.stages.share.chain import check_chain
@@ -43,13 +43,14 @@ def share(dataset: Path, out: Path, options: ShareOptions = NOTHING_SAID) -> Sha
 
     Beside the bags, reports and scenario, which are taken as they are, lie a card (README.md), pictures,
     a layout for Foxglove and one for RViz, what checkers of bags need to check these, and SHA256SUMS,
-    signed where `options.sign` names a key. The data set itself is not touched. Hidden files stay behind.
+    signed where `options.sign` names a key. The data set itself is not touched. Hidden files, such as those
+    that killed runs left, stay behind.
 
-    Raises AdvpipeError for what is no data set, a job in it that has not ended, an adversarial bag of
+    Raises AdvpipeError for what is no data set, one that a run is writing into, an adversarial bag of
     another parent, a damaged bag, a key that does not fit, and an output that exists.
     """
     found = read_layout(dataset)
-    found.refuse_unfinished()
+    found.refuse_running()
     _refuse_outputs(found, out, options)
     if options.sign is not None:
         signature.load_private_key(options.sign)
@@ -62,8 +63,7 @@ def share(dataset: Path, out: Path, options: ShareOptions = NOTHING_SAID) -> Sha
         raise UsageError(f"{found.clean} holds no messages")
     remarks = (*unchecked, *remarks_on(found, bags, options))
     name = out.stem if _is_archive(out) else out.resolve().name
-    with tempfile.TemporaryDirectory() as scratch:
-        made = Path(scratch)
+    with scratch_folder() as made:
         write_additions(made, name, found, bags, sums, sha256_of_bags, options, remarks)
         sums |= {added: sha256_of(made / added) for added in layout.files(made)}
         _write_sums(made, sums, options)
@@ -74,7 +74,12 @@ def share(dataset: Path, out: Path, options: ShareOptions = NOTHING_SAID) -> Sha
         else:
             lay_out(files, out, overwrite=options.overwrite)
             outputs = (out,)
-    return ShareSummary(outputs, len(files), size_bytes, remarks)
+    left = [
+        f"{leftover.path.relative_to(dataset)} was left by a killed run and is not shared; "
+        "`advpipe clean` tells what it is good for"
+        for leftover in found.leftovers
+    ]
+    return ShareSummary(outputs, len(files), size_bytes, (*remarks, *left))
 
 
 def _is_archive(out: Path) -> bool:

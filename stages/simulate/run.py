@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from advpipe.pipeline.garbage import settled
 from advpipe.pipeline.partial import FolderKind, staged_folder
 from advpipe.pipeline.progress import track
 from advpipe.pipeline.scenario import Scenario, dump_scenario
+from advpipe.pipeline.scratch import scratch_folder
 from advpipe.pipeline.seeding import named_generator
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.instrumented import Instrumented, Snapshot
@@ -51,13 +51,13 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
     """
     clock, text = scenario.simulation, dump_scenario(scenario)
     clouds, points, seen = 0, 0, set[str]()
-    with staged_folder(out, overwrite, DATA_SET) as folder, tempfile.TemporaryDirectory() as scratch:
+    with staged_folder(out, overwrite, DATA_SET) as folder, scratch_folder() as scratch:
         (folder / "scenario.yaml").write_text(text, encoding="utf-8")
         with wrong_use():  # nothing but what the scenario names has been read so far
-            network = load_network(scenario.map, Path(scratch), clock.seed)
+            network = load_network(scenario.map, scratch, clock.seed)
             variants = draw_variants(named_generator(clock.seed, "bodies"), scenario.bodies)
             world = World(scenario, network, variants)
-            prepared = Traffic(scenario, network, variants, Path(scratch))
+            prepared = Traffic(scenario, network, variants, scratch)
         vehicles = [Instrumented(scenario, name) for name in sorted(scenario.vehicles)]
         provenance = clean_provenance(scenario.name, text, clock.seed, network.map_sha256)
         with (

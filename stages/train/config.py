@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.second.presets import preset_named
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS
+
+MOST_SEED = 2**63 - 1
+"""PyTorch's generators take no more."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +85,10 @@ class TrainConfig:
         for name in ("batch_size", "checkpoint_every", "epochs", "learning_rate"):
             if not getattr(self, name) > 0:
                 raise AdvpipeError(f"{name} is {getattr(self, name)}; it has to be above 0")
+        if not isfinite(self.learning_rate):
+            raise AdvpipeError(f"learning_rate is {self.learning_rate}; it has to be finite")
+        if not 0 <= self.seed <= MOST_SEED:
+            raise AdvpipeError(f"seed is {self.seed:.6g}; it has to be in 0 to 2^63 - 1")
         if self.steps is not None and self.steps < 1:
             raise AdvpipeError(f"steps is {self.steps}; it has to be at least 1")
         if not 0 <= self.warmup < 1:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from advpipe.pipeline.detector.device import device_record
-from advpipe.pipeline.errors import OutputExistsError, UsageError
+from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, UsageError
+from advpipe.pipeline.leftover_names import has_leftover_name
+from advpipe.pipeline.lock import LOCK_NAME, lock_of_dead, take_lock
+from advpipe.pipeline.whole_file import write_whole
 from advpipe.stages.train.config import TrainConfig
 
 
@@ -53,14 +56,49 @@ class RunFolder:
     def frames(self) -> Path:
         return self.path / "frames"
 
+    @contextmanager
+    def locked(self, overwrite: bool) -> Iterator[None]:
+        """The folder, made if need be, is this run's alone within the block.
+
+        Where the block ends with an error before a state was saved, there is nothing to go on from: all that
+        the run made goes. Raises AdvpipeError where no run may start or go on, see `refuse`, and while
+        another run is at work there.
+        """
+        self._tidy_finished()
+        self.refuse(overwrite)
+        new_folders = [folder for folder in (self.path, *self.path.parents) if not folder.exists()]
+        self.path.mkdir(parents=True, exist_ok=True)
+        lock_file = self.path / LOCK_NAME
+        lock = None
+        try:
+            lock = take_lock(lock_file)
+            if lock is None:
+                raise AdvpipeError(
+                    f"{self.path} is locked by another run; wait until it ends, or choose another folder"
+                )
+            self.refuse(overwrite)  # again: that run may have finished meanwhile
+            yield
+        except BaseException:
+            if lock is not None and not self.checkpoint.exists() and not self.state.exists():
+                self._discard()
+            raise
+        finally:
+            if lock is not None:
+                lock_file.unlink(missing_ok=True)
+                lock.close()
+            with suppress(OSError):  # the first one that holds something
+                for folder in new_folders:
+                    folder.rmdir()
+
     def refuse(self, overwrite: bool) -> None:
         """Raises AdvpipeError where no run may start or go on, whatever it is to learn from."""
         if self.path.exists() and not self.path.is_dir():
             raise UsageError(f"{self.path} is a file; name a folder for the training run")
-        if self.path.exists() and not self._is_run() and any(self.path.iterdir()):
-            raise UsageError(f"{self.path} is not empty and holds no training run; choose another folder")
+        if self.path.exists() and not self._is_run() and (foreign := self._foreign()):
+            raise UsageError(
+                f"{self.path} is not empty ({foreign}) and holds no training run; choose another folder"
+            )
         if self.checkpoint.exists() and not overwrite:
-            self.tidy()  # a kill may have come in between
             raise OutputExistsError(self.checkpoint)
 
     def open(self, config: TrainConfig, origin: Mapping[str, str], overwrite: bool) -> None:
@@ -76,15 +114,12 @@ class RunFolder:
         if overwrite:
             for file in (self.checkpoint, self.latest, self.state, self.log, self.validations, self.picture):
                 file.unlink(missing_ok=True)
-        elif self.config.is_file() and self.config.read_text(encoding="utf-8") != wanted:
+        elif self.state.is_file() and self.config.read_text(encoding="utf-8") != wanted:
             raise UsageError(
                 f"{self.path} holds an unfinished run with another configuration or other bags; "
                 "pass --overwrite to start anew, or choose another folder"
             )
-        self.path.mkdir(parents=True, exist_ok=True)
-        beside = self.path / f".{self.config.name}.part"
-        beside.write_text(wanted, encoding="utf-8")
-        os.replace(beside, self.config)
+        write_whole(self.config, wanted.encode())
 
     def _is_run(self) -> bool:
         """Whether the folder's config.json is one of ours; others use that name too."""
@@ -93,6 +128,27 @@ class RunFolder:
         except (OSError, ValueError):
             return False
         return isinstance(about, dict) and about.keys() >= {"bags", "preset", "origin"}
+
+    def _foreign(self) -> str | None:
+        """Something in the folder that no killed run left there."""
+        names = (path.name for path in sorted(self.path.iterdir()))
+        return next((name for name in names if name != LOCK_NAME and not has_leftover_name(name)), None)
+
+    def _discard(self) -> None:
+        """Remove all that a run made."""
+        self.tidy()
+        for file in (self.config, self.log, self.validations, self.picture):
+            file.unlink(missing_ok=True)
+
+    def _tidy_finished(self) -> None:
+        """A run may have been killed when all was done but this."""
+        is_untidy = any(path.exists() for path in (self.state, self.latest, self.frames))
+        if not self.checkpoint.exists() or not is_untidy:
+            return
+        if lock := lock_of_dead(self.path / LOCK_NAME):
+            with lock:
+                self.tidy()
+                (self.path / LOCK_NAME).unlink(missing_ok=True)
 
     def tidy(self) -> None:
         """Remove what only an unfinished run needs."""

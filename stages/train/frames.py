@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.bag.cloud import Cloud, xyzi
-from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.geometry.boxes import Boxes, points_in_boxes
+from advpipe.pipeline.partial import PartialFolder
 
 Points = npt.NDArray[np.float32]
 
@@ -57,41 +56,14 @@ class FrameStore:
         key_file = folder / "key.json"
         if key_file.is_file() and key_file.read_text() == key_text:
             return cls(folder)
-        beside = folder.with_name(f".{folder.name}.part")
-        shutil.rmtree(beside, ignore_errors=True)
-        beside.mkdir(parents=True)
-        boxes, labels, counts, frame_points, frame_boxes = [], [], [], [0], [0]
-        with (
-            (beside / "points.bin").open("wb") as points_file,
-            (beside / "objects.bin").open("wb") as objects,
-        ):
-            for frame in frames:
-                points = xyzi(frame.cloud)
-                near = np.hypot(points[:, 0], points[:, 1]) < radius_m
-                points = points[near & np.isfinite(points).all(1)]
-                inside = points_in_boxes(points, frame.boxes.geometry)
-                points_file.write(points.tobytes())
-                for rows in inside:
-                    objects.write(points[rows].tobytes())
-                boxes.append(frame.boxes.geometry)
-                labels.append(frame.boxes.labels)
-                counts += [len(rows) for rows in inside]
-                frame_points.append(frame_points[-1] + len(points))
-                frame_boxes.append(frame_boxes[-1] + len(frame.boxes))
-        if not boxes or not frame_points[-1]:
-            shutil.rmtree(beside)
-            raise UsageError("the bags hold no labelled clouds to train on")
-        np.savez(
-            beside / "index.npz",
-            boxes=np.concatenate(boxes),
-            labels=np.concatenate(labels),
-            counts=np.array(counts, dtype=np.int64),
-            frame_points=frame_points,
-            frame_boxes=frame_boxes,
-        )
-        (beside / "key.json").write_text(key_text)
-        shutil.rmtree(folder, ignore_errors=True)
-        beside.rename(folder)
+        partial = PartialFolder(folder)
+        try:
+            _store(frames, partial.path, radius_m)
+            (partial.path / "key.json").write_text(key_text)
+            partial.commit(may_replace=lambda _: True)
+        except BaseException:
+            partial.discard()
+            raise
         return cls(folder)
 
     @cached_property
@@ -134,3 +106,35 @@ class FrameStore:
     def _read(self, name: str, first: int, last: int) -> Points:
         count = 4 * int(last - first)
         return np.fromfile(self.folder / name, np.float32, count, offset=16 * int(first)).reshape(-1, 4)
+
+
+def _store(frames: Iterable[LabelledCloud], folder: Path, radius_m: float) -> None:
+    """Write the files of a `FrameStore` into an empty folder."""
+    boxes, labels, counts, frame_points, frame_boxes = [], [], [], [0], [0]
+    with (
+        (folder / "points.bin").open("wb") as points_file,
+        (folder / "objects.bin").open("wb") as objects,
+    ):
+        for frame in frames:
+            points = xyzi(frame.cloud)
+            near = np.hypot(points[:, 0], points[:, 1]) < radius_m
+            points = points[near & np.isfinite(points).all(1)]
+            inside = points_in_boxes(points, frame.boxes.geometry)
+            points_file.write(points.tobytes())
+            for rows in inside:
+                objects.write(points[rows].tobytes())
+            boxes.append(frame.boxes.geometry)
+            labels.append(frame.boxes.labels)
+            counts += [len(rows) for rows in inside]
+            frame_points.append(frame_points[-1] + len(points))
+            frame_boxes.append(frame_boxes[-1] + len(frame.boxes))
+    if not boxes or not frame_points[-1]:
+        raise AdvpipeError("the bags hold no labelled clouds to train on")
+    np.savez(
+        folder / "index.npz",
+        boxes=np.concatenate(boxes),
+        labels=np.concatenate(labels),
+        counts=np.array(counts, dtype=np.int64),
+        frame_points=frame_points,
+        frame_boxes=frame_boxes,
+    )

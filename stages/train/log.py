@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import csv
-import os
 from pathlib import Path
 
 import numpy as np
 
 from advpipe.pipeline.geometry.boxes import CLASSES
+from advpipe.pipeline.whole_file import whole_file
 
 LOSSES = ("loss", "score_loss", "box_loss", "direction_loss", "quality_loss")
 STEPS = ("step", "learning_rate", *LOSSES, "gradient_norm")
@@ -27,11 +27,9 @@ class Log:
         if path.is_file() and first_step:
             with path.open(newline="") as file:
                 rows = [row for row in list(csv.reader(file))[1:] if len(row) == len(columns)]
-        beside = path.with_name(f".{path.name}.part")
-        with beside.open("w", newline="") as file:
+        with whole_file(path) as beside, beside.open("w", newline="") as file:
             kept = (row for row in rows if int(row[0]) < first_step)
             csv.writer(file, lineterminator="\n").writerows([columns, *kept])
-        os.replace(beside, path)
         self.path = path
         self._file = path.open("a", newline="")
         self._writer = csv.writer(self._file, lineterminator="\n")
@@ -68,4 +66,5 @@ def plot_training(steps: Path, validations: Path, picture: Path) -> None:
         one.grid(alpha=0.3)
         one.legend()
     (below or [axes])[-1].set_xlabel("step")
-    FigureCanvasAgg(figure).print_png(picture)  # type: ignore[no-untyped-call]
+    with whole_file(picture) as beside:
+        FigureCanvasAgg(figure).print_png(beside)  # type: ignore[no-untyped-call]

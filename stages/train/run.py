@@ -21,7 +21,7 @@ from advpipe.pipeline.detector.registry import detector_sha256
 from advpipe.pipeline.detector.second.checkpoint import load_checkpoint, save_checkpoint
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import preset_named
-from advpipe.pipeline.errors import AdvpipeError, UsageError
+from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.process import signals
 from advpipe.pipeline.progress import track
 from advpipe.stages.train.config import TrainConfig
@@ -62,11 +62,22 @@ def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
     drive = validation_drive(config)
     torch.manual_seed(config.seed)
     net = new_net(config).to(device)
-    folder.refuse(overwrite)
-    digests = {bag: parent_sha256(bag) for bag in bags}
-    origin = origin_of(config, digests)
-    folder.open(config, origin, overwrite)
-    store = store_frames(digests, folder, config)
+    with folder.locked(overwrite):
+        digests = {bag: parent_sha256(bag) for bag in bags}
+        origin = origin_of(config, digests)
+        folder.open(config, origin, overwrite)
+        return _train(folder, net, store_frames(digests, folder, config), config, drive, origin)
+
+
+def _train(
+    folder: RunFolder,
+    net: SecondNet,
+    store: FrameStore,
+    config: TrainConfig,
+    drive: ValidationDrive | None,
+    origin: dict[str, str],
+) -> TrainSummary:
+    """The steps that are not done yet, the last validation, and the files of a finished run."""
     examples = Examples(store, config)
     steps = config.steps or max(1, round(config.epochs * len(store) / config.batch_size))
     workers = min(config.batch_size, config.workers or os.cpu_count() or 1)
@@ -78,10 +89,11 @@ def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
 
     def saved(steps_done: int) -> Second:
         """The detector as its file has it: with weights in half precision."""
+        state.require_finite()
         save_checkpoint(
             net, folder.latest, {**provenance, "steps": f"{steps_done} of {steps}"}, overwrite=True
         )
-        return load_checkpoint(folder.latest, device)
+        return load_checkpoint(folder.latest, next(net.parameters()).device)
 
     status = Status()
     with (
@@ -198,7 +210,7 @@ def train_step(
     parts: list[float] = gradients_of(state.step).tolist()
     norm = float(torch.nn.utils.clip_grad_norm_(state.net.parameters(), clip_norm))
     if not isfinite(sum(parts)) or not isfinite(norm):
-        raise AdvpipeError(f"the loss is not finite at step {state.step}; lower learning_rate")
+        raise state.diverged()
     state.optimiser.step()
     state.step += 1
     return parts, norm

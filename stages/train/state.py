@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import torch
 
 from advpipe.pipeline.detector.second.model import SecondNet
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.whole_file import write_whole
 
 
 @dataclass
@@ -28,9 +28,25 @@ class TrainState:
         )
         return cls(net, optimiser)
 
+    def diverged(self) -> AdvpipeError:
+        """What to say where the loss or the weights have left the numbers."""
+        rate = float(self.optimiser.param_groups[0]["lr"])
+        return AdvpipeError(
+            f"the loss is not finite at step {self.step}, at a learning rate of {rate:.3g}: lower "
+            "--learning-rate (3e-3 by default), and pass --overwrite if the folder has steps that went well"
+        )
+
+    def require_finite(self) -> None:
+        """Raises AdvpipeError for weights that no checkpoint can hold: infinite, or beyond half precision."""
+        for weights in self.net.state_dict().values():
+            # Those of more than one dimension are stored in half precision.
+            dtype = torch.float16 if weights.ndim > 1 else torch.float32
+            if weights.is_floating_point() and not weights.abs().max() <= torch.finfo(dtype).max:
+                raise self.diverged()
+
     def save(self, path: Path) -> None:
-        """Write beside, then rename."""
-        beside = path.with_name(f".{path.name}.part")
+        """The file is the old state or the new one, never half of it; see `require_finite`."""
+        self.require_finite()
         state = {
             "step": self.step,
             "net": self.net.state_dict(),
@@ -39,8 +55,7 @@ class TrainState:
         }
         buffer = io.BytesIO()
         torch.save(state, buffer)  # to a file, it hides why a disk refused to be written
-        beside.write_bytes(buffer.getbuffer())
-        os.replace(beside, path)
+        write_whole(path, buffer.getvalue())
 
     def restore(self, path: Path) -> None:
         """Go on from a saved state."""

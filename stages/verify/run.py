@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +12,7 @@ from advpipe.pipeline.dataset import archive
 from advpipe.pipeline.dataset.parts import existing_parts, whole_name
 from advpipe.pipeline.errors import AdvpipeError, os_error_line
 from advpipe.pipeline.progress import track
+from advpipe.pipeline.scratch import scratch_folder
 from advpipe.stages.verify.checks.base import BagCheck, FolderCheck, MessageCheck, Seen
 from advpipe.stages.verify.registry import CHECKS, QUICK, QUICK_ALONE
 from advpipe.stages.verify.result import Fault, Gap, Result, Verification
@@ -60,9 +60,9 @@ def _opened(path: Path, result: Verification) -> Iterator[Subject | None]:
             subject = None
         yield subject
         return
-    with tempfile.TemporaryDirectory() as scratch:
+    with scratch_folder() as scratch:
         try:
-            folder = archive.unpack(path, Path(scratch) / whole.stem)
+            folder = archive.unpack(path, scratch / whole.stem)
         except archive.NoRoomError:
             raise
         except AdvpipeError as error:
@@ -75,8 +75,9 @@ def _opened(path: Path, result: Verification) -> Iterator[Subject | None]:
 
 def _run(subject: Subject, quick: bool, result: Verification) -> None:
     if subject.layout is not None:
-        for left in subject.layout.unfinished:
-            result.add("container", [Fault(subject.place(left), "was left by a job that has not ended")])
+        for leftover in subject.layout.leftovers:
+            what = "a run is still writing it" if leftover.is_running else "was left by a killed run"
+            result.add("container", [Gap(subject.place(leftover.path), f"{what}: no part of the data set")])
     for name in result.checks:
         made = CHECKS[name]
         if issubclass(made, FolderCheck):

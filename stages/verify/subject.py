@@ -16,6 +16,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.dataset import checksums
 from advpipe.pipeline.dataset.layout import Layout, read_layout
 from advpipe.pipeline.errors import AdvpipeError, UsageError
+from advpipe.pipeline.leftover_names import has_leftover_name
 from advpipe.stages.verify.scan import FileScan, scan
 from advpipe.stages.verify.walk import Walk
 
@@ -124,11 +125,8 @@ def find_subject(path: Path) -> Subject:
     path = Path(path)
     if not path.exists():
         raise UsageError(f"{path} does not exist; give a data set, a bag, an .mcap file or an archive")
-    if _is_unfinished(path):
-        raise UsageError(
-            f"{path} is what an unfinished job left; run the job to its end, or save it with "
-            "`advpipe recover`"
-        )
+    if has_leftover_name(path.resolve().name):
+        raise UsageError(f"{path} is what an unfinished run left; finish that, or see `advpipe clean {path}`")
     has_clean, has_sums = (path / CLEAN_NAME).is_dir(), (path / checksums.FILE).is_file()
     if has_clean or (has_sums and not (path / METADATA_NAME).is_file()):
         return _dataset(path)
@@ -165,8 +163,3 @@ def _dataset(path: Path) -> Subject:
         subject.bags = [Bag(bag, subject.place(bag), subject) for bag in layout.bags]
         subject.candidates = subject.bags
     return subject
-
-
-def _is_unfinished(path: Path) -> bool:
-    name = path.resolve().name
-    return name.startswith(".") and (".partial-" in name or name.endswith(".job"))

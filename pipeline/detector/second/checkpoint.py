@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal
@@ -18,6 +17,7 @@ from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import preset_named
 from advpipe.pipeline.errors import OutputExistsError, UsageError
 from advpipe.pipeline.shown import cut, shown
+from advpipe.pipeline.whole_file import write_whole
 
 KIND = "advpipe-second-1"
 SHIPPED = {"small": Path(__file__).parent / "checkpoints" / "small.safetensors"}
@@ -60,10 +60,8 @@ def save_checkpoint(
         "provenance": dict(sorted(provenance.items())),
     }
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f".{path.name}.part")
     # A single metadata key: safetensors does not fix the order of several.
-    beside.write_bytes(save(tensors, metadata={"advpipe": json.dumps(about)}))
-    os.replace(beside, path)
+    write_whole(path, save(tensors, metadata={"advpipe": json.dumps(about)}))
 
 
 def load_checkpoint(path: Path, device: torch.device | None = None) -> Second:

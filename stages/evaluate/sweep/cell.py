@@ -42,8 +42,7 @@ class Cell:
     frames, found_objects, lost_objects: of each frame that was scored, its index in the clean bag, how many
     objects the detector finds in the clean cloud, and how many of those the attack hides.
     map_ratio_draws: of the bootstrap, in percent; cells of the same frames and seed are drawn together.
-    attack_s, evaluate_s: time taken by the run that finished it, wall clock. commit: of advpipe's sources,
-    by `source_commit`.
+    commit: of advpipe's sources, by `source_commit`. What differs from run to run is not in it: see `Times`.
     """
 
     budget: str
@@ -55,8 +54,6 @@ class Cell:
     found_objects: tuple[int, ...]
     lost_objects: tuple[int, ...]
     map_ratio_draws: tuple[float | None, ...]
-    attack_s: float
-    evaluate_s: float
     commit: str | None = None
 
     @property
@@ -65,10 +62,9 @@ class Cell:
         return f"{self.recipe}-{self.budget}"
 
     def figures(self) -> dict[str, Any]:
-        """All of it that comes out alike when the cell is computed again: without the time taken, and the
-        commit, as most of them leave its code alone."""
-        run = ("attack_s", "evaluate_s", "commit")
-        return {key: value for key, value in asdict(self).items() if key not in run}
+        """All of it that comes out alike when the cell is computed again: without the commit, as most of them
+        leave its code alone."""
+        return {key: value for key, value in asdict(self).items() if key != "commit"}
 
     def to_json(self) -> str:
         return json.dumps(asdict(self), indent=1, sort_keys=True, allow_nan=False) + "\n"
@@ -80,7 +76,17 @@ class Cell:
         settings = Settings(**stored.pop("settings"))
         for key in ("frames", "found_objects", "lost_objects", "map_ratio_draws"):
             stored[key] = tuple(stored[key])
+        for key in ("attack_s", "evaluate_s"):  # they stood here before there was a times.json
+            stored.pop(key, None)
         return Cell(settings=settings, row=with_intervals(stored.pop("row")), **stored)
+
+
+@dataclass(frozen=True)
+class Times:
+    """Wall-clock time that the run which finished a cell took to attack and to evaluate."""
+
+    attack_s: float
+    evaluate_s: float
 
 
 def with_intervals(stored: Mapping[str, object]) -> Row:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from advpipe.pipeline.whole_file import write_whole
 from advpipe.stages.evaluate.report.pictures import to_png
 from advpipe.stages.evaluate.report.report import FORMULAS
 from advpipe.stages.evaluate.report.section import OVERVIEW, Picture, Table
@@ -44,9 +44,9 @@ def write_document(
     pictures = [*panels, *_curves(cells)]
     (folder / "figures").mkdir(exist_ok=True)
     for picture in pictures:
-        _replace(folder / "figures" / picture.file_name, picture.png)
-    _replace(folder / "report.json", _json(cells, recipes, command).encode())
-    _replace(folder / "report.html", _html(cells, recipes, command, pictures).encode())
+        write_whole(folder / "figures" / picture.file_name, picture.png)
+    write_whole(folder / "report.json", _json(cells, recipes, command).encode())
+    write_whole(folder / "report.html", _html(cells, recipes, command, pictures).encode())
 
 
 def _curves(cells: Sequence[Cell]) -> list[Picture]:
@@ -144,10 +144,3 @@ def _rich(table: Table) -> Any:
     for line in table.lines:
         shown.add_row(*line)
     return shown
-
-
-def _replace(path: Path, content: bytes) -> None:
-    """The file is the old one or the new one, never half of it."""
-    partial = path.with_name(f".{path.name}.partial")
-    partial.write_bytes(content)
-    os.replace(partial, path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -36,12 +35,10 @@ def scored_cell(
     settings: Settings,
     *,
     detector: str,
-    attack_s: float,
     workers: int | None = None,
     device: str = CPU,
 ) -> Cell:
     """Score an adversarial bag of these settings beside the clean one and random baselines."""
-    begin_s = time.perf_counter()
     looking = Looking(
         detector,
         clean,
@@ -68,8 +65,6 @@ def scored_cell(
         found_objects=tuple(int(each["found_objects_clean"] or 0) for each in summary.per_frame),
         lost_objects=tuple(int(each["lost_objects_adv"] or 0) for each in summary.per_frame),
         map_ratio_draws=_draws(comparison.frames, classes, summary.row, settings.seed),
-        attack_s=round(attack_s, 1),
-        evaluate_s=round(time.perf_counter() - begin_s, 1),
         commit=source_commit(),
     )
 

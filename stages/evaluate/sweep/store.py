@@ -1,22 +1,27 @@
-"""The folder of a sweep: one file a finished cell, so that a later run goes on where this one stopped."""
+"""The folder of a sweep: one file a finished cell, so that a later run goes on where this one stopped.
+
+The same sweep gives the same files to the byte, stopped or not, but for times.json.
+"""
 
 from __future__ import annotations
 
-import os
+import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from advpipe.pipeline.errors import AdvpipeError, UsageError
+from advpipe.pipeline.leftover_names import has_leftover_name
+from advpipe.pipeline.whole_file import write_whole
 from advpipe.stages.evaluate.sweep.budgets import TABLES
-from advpipe.stages.evaluate.sweep.cell import Cell, Settings
+from advpipe.stages.evaluate.sweep.cell import Cell, Settings, Times
 
-CELLS = "cells"
+CELLS, TIMES = "cells", "times.json"
 
 
 @dataclass(frozen=True)
 class Store:
-    """The cells in `folder`/cells, `<recipe>-<budget>.json` each."""
+    """The cells in `folder`/cells, `<recipe>-<budget>.json` each; in times.json, what each of them took."""
 
     folder: Path
 
@@ -31,13 +36,25 @@ class Store:
         path = self._path(recipe, budget)
         return _read(path) if path.is_file() else None
 
-    def save(self, cell: Cell) -> None:
+    def save(self, cell: Cell, times: Times) -> None:
         """Keep a cell; a killed run leaves the whole of it or nothing."""
         path = self._path(cell.recipe, cell.budget)
         path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_suffix(".partial")
-        partial.write_text(cell.to_json(), encoding="utf-8")
-        os.replace(partial, path)
+        taken = {name: asdict(each) for name, each in (self.times() | {cell.name: times}).items()}
+        text = json.dumps(taken, indent=1, sort_keys=True)
+        write_whole(self.folder / TIMES, f"{text}\n".encode())
+        write_whole(path, cell.to_json().encode())
+
+    def times(self) -> dict[str, Times]:
+        """What the cells took, by their names; raises AdvpipeError for a file that does not say so."""
+        path = self.folder / TIMES
+        if not path.is_file():
+            return {}
+        try:
+            stored = json.loads(path.read_text(encoding="utf-8"))
+            return {name: Times(float(t["attack_s"]), float(t["evaluate_s"])) for name, t in stored.items()}
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            raise AdvpipeError(f"{path} is damaged; remove it, no figure depends on it") from None
 
     def panels(self, recipe: str) -> Path:
         """Where the picture of a recipe's four panels lies, if it was drawn."""
@@ -51,7 +68,8 @@ class Store:
         """
         if self.folder.exists() and not self.folder.is_dir():
             raise UsageError(f"{self.folder} is no folder; choose another --out")
-        strangers = [path.name for path in self.folder.iterdir()] if self.folder.is_dir() else []
+        names = [path.name for path in self.folder.iterdir()] if self.folder.is_dir() else []
+        strangers = [name for name in names if not has_leftover_name(name)]
         if strangers and not (self.folder / CELLS).is_dir():
             raise UsageError(
                 f"{self.folder} holds {min(strangers)} but no {CELLS}/, so it is no sweep; "

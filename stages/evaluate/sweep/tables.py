@@ -23,7 +23,7 @@ NOT_RUN = "not run"
 
 HEADS = (
     "attack", "paper: ratio %", "CD m²", "ours: ratio %", "95 %", "CD m²", "below paper", "random: ratio %",
-    "ours minus it", "95 %", "beats random", "max shift m", "points", "frames", "seconds",
+    "ours minus it", "95 %", "beats random", "max shift m", "points", "frames",
 )  # fmt: skip
 
 ON_THE_TERMINAL = {
@@ -120,7 +120,6 @@ def line(budget: Budget, recipe: str, cell: Cell | None) -> tuple[str, ...]:
         _farthest(row),
         changed_points(row),
         number(row["frames"], 0),
-        number(cell.attack_s + cell.evaluate_s, 0),
     )
 
 
@@ -263,8 +262,6 @@ def records(cells: Sequence[Cell], recipes: Sequence[str]) -> list[Mapping[str, 
                     "status": "done",
                     "is_below_paper": below_paper(budget, cell),
                     "strongest_baseline": strongest_baseline(cell.row),
-                    "attack_s": cell.attack_s,
-                    "evaluate_s": cell.evaluate_s,
                     "bag_sha256": cell.bag_sha256,
                     "frames": cell.settings.frames,
                     "row": cell.row,

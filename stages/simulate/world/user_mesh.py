@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import tempfile
 from functools import lru_cache
 from pathlib import Path
 
@@ -13,6 +12,7 @@ import numpy.typing as npt
 
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.scratch import scratch_folder
 from advpipe.stages.simulate.world.materials import MATERIAL_ID
 from advpipe.stages.simulate.world.mesh import Mesh
 
@@ -59,8 +59,8 @@ def _read(file: Path, modified_ns: int) -> tuple[Float64, npt.NDArray[np.int64]]
     nothing = np.empty((0, 3)), np.empty((0, 3), np.int64)
     if _is_cut_off(file):
         return nothing
-    with tempfile.TemporaryDirectory() as scratch:
-        arrays = Path(scratch) / "mesh.npz"
+    with scratch_folder() as scratch:
+        arrays = scratch / "mesh.npz"
         command = [sys.executable, "-c", _READER, str(file.absolute()), str(arrays), *sys.path]
         done = subprocess.run(command, capture_output=True)  # what C libraries say there, our one line says
         if done.returncode != 0 or not arrays.is_file():

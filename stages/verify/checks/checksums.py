@@ -28,7 +28,10 @@ class Checksums(FolderCheck):
             return
         for name in sorted(sums.keys() - set(present)):
             yield Fault(name, "is missing")
+        left = self.subject.layout.leftovers if self.subject.layout is not None else ()
         for name in sorted(set(present) - sums.keys()):
+            if any(leftover.holds(root / name) for leftover in left):  # told already
+                continue
             if is_hidden(name):  # of the system or of what fetched the data set; sharing takes none
                 yield Gap(root.name, f"{name} is hidden and not listed: no part of the data set")
             else:

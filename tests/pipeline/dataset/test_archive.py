@@ -191,7 +191,7 @@ def test_deep_folders_are_refused(tmp_path: Path, folder: Path) -> None:
         with pytest.raises(AdvpipeError, match="more than 100 levels deep"):
             look(folder)
     subprocess.run(["rm", "-r", folder / "a"], check=True)
-    assert read_layout(folder).unfinished == ()
+    assert read_layout(folder).leftovers == ()
 
 
 def test_limits_and_declared_sizes_hold(

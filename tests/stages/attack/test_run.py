@@ -222,7 +222,7 @@ def test_same_request_twice_at_a_time_is_refused(clean_bag, tmp_path, monkeypatc
     find = linear_detector.Shipped.occupancy_loss
 
     def meanwhile(self, *targets):
-        with pytest.raises(AdvpipeError, match="another run is at it"):
+        with pytest.raises(AdvpipeError, match="locked by another run"):
             attack(clean_bag, tmp_path / "adv", request())
         return find(self, *targets)
 

@@ -242,13 +242,16 @@ def test_an_attack_in_its_data_set_finds_its_parent(data_set: Path) -> None:
     assert "verified alone" not in " ".join(map(str, result.unchecked))
 
 
-def test_a_job_that_has_not_ended(data_set: Path) -> None:
-    (data_set / ".detach.0123456789ab.job").mkdir()
-    assert [str(finding) for finding in verify(data_set).findings] == [
-        ".detach.0123456789ab.job: was left by a job that has not ended [container]"
-    ]
-    with pytest.raises(AdvpipeError, match="unfinished job"):
-        verify(data_set / ".detach.0123456789ab.job")
+def test_what_a_killed_run_left_is_no_finding(data_set: Path) -> None:
+    job = data_set / ".detach.0123456789ab.job"
+    job.mkdir()
+    (job / ".lock").touch()
+    result = verify(data_set)
+    assert result.is_good
+    said = ".detach.0123456789ab.job: was left by a killed run: no part of the data set"
+    assert said in " ".join(map(str, result.unchecked))
+    with pytest.raises(AdvpipeError, match="unfinished run"):
+        verify(job)
 
 
 def test_what_is_no_data_set(tmp_path: Path) -> None:

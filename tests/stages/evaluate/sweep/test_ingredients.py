@@ -10,7 +10,7 @@ from advpipe.stages.evaluate.sweep.ingredients import ingredients_tables, measur
 
 def of_detector(sha256):
     settings = Settings("a" * 64, "small", sha256, "0::2", 0, 5, None, "0.1.0", "d" * 64)
-    return Cell("detach-1", "best", settings, {}, "c" * 64, (0,), (3,), (1,), (), 100.0, 20.0)
+    return Cell("detach-1", "best", settings, {}, "c" * 64, (0,), (3,), (1,), ())
 
 
 def test_the_shipped_detector_was_measured():

@@ -56,7 +56,7 @@ def cell(
         "map_loose_ratio_percent": ratio + 30,
         "baseline_map_loose_ratio_percent": 97.0,
     }
-    return Cell(budget, recipe, SETTINGS, row, "c" * 64, (0, 2, 4), found, lost, draws, 100.0, 20.0)
+    return Cell(budget, recipe, SETTINGS, row, "c" * 64, (0, 2, 4), found, lost, draws)
 
 
 def test_a_line_has_the_figures_of_its_cell():
@@ -64,7 +64,7 @@ def test_a_line_has_the_figures_of_its_cell():
     assert len(table.lines) == 12
     (line,) = [line for line in table.lines if line[0] == "10 cm, best"]
     figures = ("73.20", "0.01533", "40.50", "39.5…41.5", "0.00100", "yes", "90.00", "-49.50", "-60.0…-40.0")
-    assert line[1:] == (*figures, "yes", "0.0999", "~5.00 %", "3", "120")
+    assert line[1:] == (*figures, "yes", "0.0999", "~5.00 %", "3")
     assert [line[3] for line in table.lines].count(NOT_RUN) == 11
 
 

@@ -1,0 +1,277 @@
+"""Commands that are killed, or that meet a full disk, at given moments: what stays, and what comes after."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from forked import Done, Forks
+
+SCENARIO = """
+name: tiny
+simulation: {seed: 1, duration_s: 0.5, warmup_s: 1}
+map: {sumo_net: boulevard.net.xml}
+traffic: {vehicles: 30, pedestrians: 0, parked_per_km: 0}
+sensors: {lidars: {lidar: {channels: 16, points_per_second: 72000}}}
+"""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A command as its user types it. output: what it makes. in_data_set: whether that is a part of `d`."""
+
+    command: str
+    output: str
+    in_data_set: bool = False
+    has_overwrite: bool = True
+
+    @property
+    def arguments(self) -> list[str]:
+        return self.command.split()
+
+
+RANDOM = "attack d --recipe random --workers 1 --out"
+CASES = {
+    "simulate": Case("simulate tiny.yaml --out d2", "d2"),
+    "lidar": Case(f"{RANDOM} d/other", "d/other", in_data_set=True),
+    "cam": Case("attack d --type cam-speed-constant --attacker 50% --out d/cam", "d/cam", in_data_set=True),
+    "gnss": Case("attack d --type gnss-bias --out d/gnss", "d/gnss", in_data_set=True),
+    "evaluate": Case(
+        "evaluate d/clean d/adv --frames ::5 --workers 1 --out d/reports/small",
+        "d/reports/small",
+        in_data_set=True,
+    ),
+    "sweep": Case(
+        "sweep d --cells detach-1,detach-1.5 --recipe random --frames ::5 --workers 1 --baseline-tries 1 "
+        "--out d/reports/sweep",
+        "d/reports/sweep",
+        in_data_set=True,
+    ),
+    "train": Case("train d --steps 2 --out run", "run"),
+    "share to a folder": Case("share d --out s", "s"),
+    "share to a tar": Case("share d --out s.tar", "s.tar.sha256"),
+    "share in parts": Case("share d --split-mb 1 --out s.tar", "s.tar.sha256"),
+    "unpack": Case("unpack ready.tar --out u", "u", has_overwrite=False),
+    "recover": Case("recover cut.mcap", "cut-recovered"),
+    "export": Case("export d --out v", "v"),
+    "plot": Case("plot d --out v2x.png", "v2x.png"),
+    "schema": Case("schema --out scenario.schema.json", "scenario.schema.json"),
+}
+OWN_TIMES = {"times.json"}
+"""Files that differ from run to run."""
+
+
+@pytest.fixture(scope="module")
+def forks() -> Iterator[Forks]:
+    forks = Forks([])
+    yield forks
+    forks.close()
+
+
+@pytest.fixture(scope="module")
+def ready(forks: Forks, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A data set `d` with an attack, an archive of it, and a recording that was cut off."""
+    folder = tmp_path_factory.mktemp("ready")
+    (folder / "tiny.yaml").write_text(SCENARIO)
+    for command in ("simulate tiny.yaml --out d", f"{RANDOM} d/adv --frames ::5", "share d --out ready.tar"):
+        done = forks.run(folder, *command.split())
+        assert done.code == 0, done.error
+    whole = (folder / "d" / "clean" / "clean_0.mcap").read_bytes()
+    (folder / "cut.mcap").write_bytes(whole[:-2000])
+    return folder
+
+
+def copied(ready: Path, folder: Path) -> Path:
+    shutil.rmtree(folder, ignore_errors=True)
+    return Path(shutil.copytree(ready, folder))
+
+
+def files(folder: Path) -> dict[str, str]:
+    """SHA-256 by path, hidden ones too."""
+    return {
+        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path.name not in OWN_TIMES
+    }
+
+
+def hidden(folder: Path) -> list[str]:
+    return [path.relative_to(folder).as_posix() for path in folder.rglob(".*")]
+
+
+def cleaned(forks: Forks, folder: Path, *options: str) -> list[dict[str, object]]:
+    done = forks.run(folder, "clean", ".", "--json", *options)
+    assert done.code == 0, done.error
+    return json.loads(done.out)  # type: ignore[no-any-return]
+
+
+def moments_of(done: Done, every: bool) -> list[int]:
+    """All moments, or those in the middle and just before the output gets its last name."""
+    count = len(done.moments)
+    if every:
+        return list(range(0, count, max(1, count // 60)))
+    names = [place for place, name in enumerate(done.moments) if name == "os.rename"]
+    return sorted({count // 2, names[-1]})
+
+
+def check(forks: Forks, ready: Path, folder: Path, case: Case, every: bool, by: int = signal.SIGKILL) -> None:
+    undisturbed = forks.run(copied(ready, folder), *case.arguments)
+    assert undisturbed.code == 0, undisturbed.error
+    expected = files(folder)
+    assert not hidden(folder)
+    for number, moment in enumerate(moments_of(undisturbed, every)):
+        killed = forks.run(copied(ready, folder), *case.arguments, kill_at=moment, by=by)
+        assert killed.code == -by, (moment, killed.error)
+        for found in cleaned(forks, folder):
+            assert not found["running"], found
+        if case.in_data_set and number == 0:
+            for command in ("share d --out shared", "verify d"):
+                done = forks.run(folder, *command.split())
+                assert done.code == 0, (moment, command, done.out, done.error)
+            shutil.rmtree(folder / "shared")
+        ways = [[], ["--overwrite"]] if case.has_overwrite else [[]]
+        for overwrite in ways if every else ways[number % len(ways) :][:1]:
+            again = forks.run(folder, *case.arguments, *overwrite)
+            is_done = again.code == 0 or (not overwrite and "exists already" in again.error)
+            assert is_done, (moment, again.error)
+        cleaned(forks, folder, "--remove", "--all")
+        assert files(folder) == expected, moment
+        assert not hidden(folder)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_killed_command_is_run_again(forks: Forks, ready: Path, tmp_path: Path, name: str) -> None:
+    check(forks, ready, tmp_path / "work", CASES[name], every=False)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("by", [signal.SIGKILL, signal.SIGTERM])
+@pytest.mark.parametrize("name", CASES)
+def test_a_command_that_is_killed_anywhere(
+    forks: Forks, ready: Path, tmp_path: Path, name: str, by: int
+) -> None:
+    check(forks, ready, tmp_path / "work", CASES[name], every=True, by=by)
+
+
+@pytest.mark.parametrize("name", ["simulate", "lidar", "evaluate", "export", "share in parts"])
+def test_an_output_that_was_being_replaced(forks: Forks, ready: Path, tmp_path: Path, name: str) -> None:
+    """Killed between any two of the last names that an output gets, and run again without --overwrite."""
+    case, folder = CASES[name], copied(ready, tmp_path / "old")
+    assert forks.run(folder, *case.arguments).code == 0
+    expected = files(folder)
+    whole = forks.run(copied(folder, tmp_path / "work"), *case.arguments, "--overwrite")
+    names = [place for place, each in enumerate(whole.moments) if each == "os.rename"][-4:]
+    for moment in names:
+        work = copied(folder, tmp_path / "work")
+        assert forks.run(work, *case.arguments, "--overwrite", kill_at=moment).code == -signal.SIGKILL
+        again = forks.run(work, *case.arguments)
+        assert again.code == 0 or "exists already" in again.error, (moment, again.error)
+        cleaned(forks, work, "--remove", "--all")
+        assert files(work) == expected, moment
+        assert not hidden(work)
+
+
+def test_a_sweep_that_was_stopped_is_the_same_to_the_byte(forks: Forks, ready: Path, tmp_path: Path) -> None:
+    """Killed when its first cell is done; only times.json tells."""
+    case = CASES["sweep"]
+    whole = copied(ready, tmp_path / "whole")
+    done = forks.run(whole, *case.arguments)
+    cells = [place for place, name in enumerate(done.moments) if name == "os.rename"]
+    parts = copied(ready, tmp_path / "parts")
+    for moment in cells:
+        assert forks.run(parts, *case.arguments, kill_at=moment).code == -signal.SIGKILL
+        if list((parts / "d/reports/sweep/cells").glob("*.json")):
+            break
+    again = forks.run(parts, *case.arguments)
+    assert again.code == 0, again.error
+    assert "kept" in again.out
+    assert files(parts) == files(whole)
+    for folder in (whole, parts):
+        times = json.loads((folder / "d/reports/sweep/times.json").read_text())
+        assert set(times) == {"random-detach-1", "random-detach-1.5"}
+        assert set(times["random-detach-1"]) == {"attack_s", "evaluate_s"}
+
+
+def refused(done: Done) -> None:
+    """One line that names the disk's refusal."""
+    assert done.code == 1, (done.code, done.out, done.error)
+    (line,) = [each for each in done.error.splitlines() if each.startswith("advpipe:")]
+    assert "Traceback" not in done.error
+    assert "File too large" in line or "No space left on device" in line or "bytes are needed" in line
+
+
+def left_by_a_full_disk(forks: Forks, folder: Path, before: dict[str, str], case: Case) -> None:
+    """Outputs from before, and what the command goes on from: a job, a training run, cells of a sweep."""
+    for found in cleaned(forks, folder):
+        assert found["use"] == "resume", found
+    after = {name: digest for name, digest in files(folder).items() if ".job/" not in name}
+    if case.output in ("run", "d/reports/sweep"):
+        after = {name: digest for name, digest in after.items() if not name.startswith(case.output)}
+        assert not any(path.name.startswith(".") for path in (folder / case.output).glob("*"))
+    assert after == before
+
+
+@pytest.mark.parametrize("share_of_largest", [0.02, 0.6])
+@pytest.mark.parametrize("name", [name for name in CASES if name not in ("plot", "schema")])
+def test_files_that_may_not_grow(
+    forks: Forks, ready: Path, tmp_path: Path, name: str, share_of_largest: float
+) -> None:
+    """RLIMIT_FSIZE stands for a full disk where nobody may mount one."""
+    case = CASES[name]
+    folder = copied(ready, tmp_path / "work")
+    before = files(folder)
+    assert forks.run(folder, *case.arguments).code == 0
+    sizes = [(folder / path).stat().st_size for path in files(folder).keys() - before.keys()]
+    folder = copied(ready, tmp_path / "work")
+    done = forks.run(folder, *case.arguments, most_bytes=int(max(sizes) * share_of_largest))
+    refused(done)
+    left_by_a_full_disk(forks, folder, before, case)
+
+
+@contextmanager
+def small_disk(place: Path, size_bytes: int) -> Iterator[Path]:
+    place.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", f"size={size_bytes}", "tmpfs", str(place)]
+    if os.geteuid() or subprocess.run(command, capture_output=True, check=False).returncode:
+        pytest.skip("only root may mount a file system")
+    try:
+        yield place
+    finally:
+        subprocess.run(["umount", "-l", str(place)], check=True)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("room", [0, 0.1, 0.6])
+@pytest.mark.parametrize("name", CASES)
+def test_a_full_disk(forks: Forks, ready: Path, tmp_path: Path, name: str, room: float) -> None:
+    """room: free, as a share of what the command writes. With more room, the same command goes on."""
+    case = CASES[name]
+    whole = copied(ready, tmp_path / "whole")
+    before = files(whole)
+    assert forks.run(whole, *case.arguments).code == 0
+    expected = files(whole)
+    size = sum((whole / path).stat().st_size for path in expected.keys() - before.keys())
+    with small_disk(tmp_path / "disk", 200_000_000) as disk:
+        folder = copied(ready, disk / "work")
+        free = shutil.disk_usage(disk).free
+        with (disk / "filler").open("wb") as filler:
+            os.posix_fallocate(filler.fileno(), 0, max(4096, free - int(size * room) - 8192))
+        refused(forks.run(folder, *case.arguments))
+        left_by_a_full_disk(forks, folder, before, case)
+        (disk / "filler").unlink()
+        again = forks.run(folder, *case.arguments)
+        assert again.code == 0, again.error
+        assert files(folder) == expected
