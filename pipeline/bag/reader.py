@@ -19,6 +19,7 @@ from advpipe.pipeline.bag.provenance import RECORD_NAME, unseal
 from advpipe.pipeline.bag.topics import RawMessage, TopicInfo
 from advpipe.pipeline.bag.types import missing_field, schema_text, types_from, typestore
 from advpipe.pipeline.errors import AdvpipeError, UsageError
+from advpipe.pipeline.verbosity import detail
 
 OBJECTS_LIMIT = 1 << 23
 """The most Python objects that a message may become: some 0.8 GB. A transform is 17, in 80 bytes."""
@@ -37,6 +38,7 @@ class BagReader:
         self.path = Path(path)
         self._files = [McapFile(file) for file in mcap_files(self.path)]
         self._stores: dict[tuple[str, str], Typestore | AdvpipeError] = {}
+        detail(f"opened {self.path}: {', '.join(file.path.name for file in self._files)}")
 
     @cached_property
     def provenance(self) -> dict[str, str]:

@@ -15,6 +15,7 @@ from advpipe.pipeline.detector.device import CPU, open_device
 from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.errors import AdvpipeError, UsageError
 from advpipe.pipeline.geometry.boxes import CLASSES
+from advpipe.pipeline.verbosity import detail
 
 if TYPE_CHECKING:
     import torch
@@ -30,6 +31,7 @@ def load_detector(name_or_path: str, device: str = CPU) -> Detector:
     from advpipe.pipeline.detector.second.checkpoint import SHIPPED, load_checkpoint
 
     place = open_device(device)
+    detail(f"loading detector {name_or_path} on {device}")
     if name_or_path in SHIPPED:
         return load_checkpoint(SHIPPED[name_or_path], place)
     if name_or_path.endswith(".safetensors"):
