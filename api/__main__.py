@@ -15,6 +15,9 @@ def main() -> None:
     signals.install()
     streams.open_closed()
     try:
+        from advpipe.pipeline.process.folder import leave_deleted
+
+        leave_deleted()
         from advpipe.pipeline.cli import app
 
         app(prog_name="advpipe")

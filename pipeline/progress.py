@@ -9,7 +9,7 @@ from typing import TextIO, TypeVar
 
 from advpipe.pipeline.process.streams import beneath
 from advpipe.pipeline.text import one_line
-from advpipe.pipeline.verbosity import is_quiet, notice
+from advpipe.pipeline.verbosity import detail, is_quiet, notice
 
 T = TypeVar("T")
 
@@ -24,9 +24,17 @@ def track(
 
     status: what to write besides, asked again at each item. --quiet silences it.
     """
-    description = one_line(description)
+    description, begin_s, count = one_line(description), time.monotonic(), 0
+    for count, item in enumerate(_shown(items, description, total, status), 1):  # noqa: B007
+        yield item
+    detail(f"{description}: {count:,} in {time.monotonic() - begin_s:.2f} s")
+
+
+def _shown(
+    items: Iterable[T], description: str, total: int | None, status: Callable[[], str] | None
+) -> Iterable[T]:
     if is_quiet():
-        return iter(items)
+        return items
     terminal = beneath(sys.stderr)
     if terminal is not None and not terminal.closed and terminal.isatty():
         return _with_bar(items, terminal, description, total, status)

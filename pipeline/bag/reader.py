@@ -20,7 +20,12 @@ from advpipe.pipeline.bag.provenance import RECORD_NAME, unseal
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.topics import RawMessage, TopicInfo
 from advpipe.pipeline.bag.types import missing_field, schema_text, types_from, typestore
+<<<<<<< HEAD
 from advpipe.pipeline.errors import AdvpipeError, UsageError, one_line
+=======
+from advpipe.pipeline.errors import AdvpipeError, UsageError
+from advpipe.pipeline.verbosity import detail
+>>>>>>> shell
 
 OBJECTS_LIMIT = 1 << 23
 """The most Python objects that a message may become: some 0.8 GB. A transform is 17, in 80 bytes."""
@@ -39,6 +44,7 @@ class BagReader:
         self.path = Path(path)
         self._files = [McapFile(file) for file in mcap_files(self.path)]
         self._stores: dict[tuple[str, str], Typestore | AdvpipeError] = {}
+        detail(f"opened {self.path}: {', '.join(file.path.name for file in self._files)}")
 
     @cached_property
     def provenance(self) -> Provenance:

@@ -76,6 +76,7 @@ def attack(
     """Stage 2: write an adversarial version of a bag; everything not attacked is copied byte for byte."""
     from advpipe.pipeline.bag.locate import newest_dataset, resolve_bag
     from advpipe.pipeline.errors import writing, wrong_use
+    from advpipe.pipeline.process.folder import here, refuse_undecodable
     from advpipe.pipeline.scenario.attacks import attack_spec
     from advpipe.pipeline.verbosity import detail
     from advpipe.stages.attack.run import AttackRequest, attack_id
@@ -85,7 +86,7 @@ def attack(
     given = {name: value for name, value in options.items() if value is not None}
     given |= {"along_ray": True} if along_ray else {}
     with wrong_use():
-        clean = resolve_bag(bag or newest_dataset(Path("datasets")))
+        clean = resolve_bag(bag or newest_dataset(here("datasets")))
         spec = attack_spec(
             {
                 "type": kind,
@@ -103,6 +104,7 @@ def attack(
         request = AttackRequest((spec,), seed, device)
         request.check()
     target = out or clean.parent / attack_id(request)
+    refuse_undecodable(target)
     detail(f"{attack_id(request)} of {clean}, seed {seed}, detector {detector} on {device}")
     with writing(target):
         summary = run(clean, target, request, overwrite=overwrite, workers=workers)

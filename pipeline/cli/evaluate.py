@@ -58,12 +58,13 @@ def evaluate(
     from advpipe.pipeline.bag.frames import FrameSlice
     from advpipe.pipeline.bag.locate import adversarial_bags, newest_dataset, resolve_bag
     from advpipe.pipeline.errors import wrong_use
+    from advpipe.pipeline.process.folder import here, refuse_undecodable
     from advpipe.pipeline.verbosity import detail
     from advpipe.stages.evaluate.run import evaluate as run
     from advpipe.stages.evaluate.run import print_report
 
     with wrong_use():
-        given = bags or [newest_dataset(Path("datasets"))]
+        given = bags or [newest_dataset(here("datasets"))]
         clean = resolve_bag(given[0])
         adversarial = [resolve_bag(bag) for bag in given[1:]]
         chosen = FrameSlice.parse(frames)
@@ -71,6 +72,7 @@ def evaluate(
         adversarial = adversarial_bags(clean.parent)
     detectors = detector or ["small"]
     target = out or clean.parent / "reports" / "+".join(detector_slug(name) for name in detectors)
+    refuse_undecodable(clean, *adversarial, target)
     detail(
         f"{', '.join(detectors)} on {device}, seed {seed}: {clean} and {len(adversarial)} adversarial bags"
     )

@@ -46,4 +46,4 @@ def export(
         for attack, number in written.attacks.items():
             print(f"  attackerType {number}: {attack}")
 
-    return Answer({"folder": target, **vars(written)}, show)
+    return Answer({"folder": target, **written._asdict()}, show)

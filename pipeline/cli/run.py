@@ -37,6 +37,7 @@ def run(
     refused, or replaced with --overwrite.
     """
     from advpipe.pipeline.errors import wrong_use
+    from advpipe.pipeline.process.folder import here, refuse_undecodable
     from advpipe.pipeline.scenario import load_scenario
     from advpipe.stages.attack.run import AttackRequest
 
@@ -48,7 +49,8 @@ def run(
         }
         for request in requests.values():
             request.check()  # rather now than after the simulation
-    folder = out or Path("datasets") / loaded.name
+    folder = out or here("datasets") / loaded.name
+    refuse_undecodable(folder)
     if _has_drive(folder, loaded, overwrite):
         drive = told(_kept("bag", folder / "clean"))
     else:

@@ -36,6 +36,7 @@ def share(
     Card, pictures, layouts for Foxglove and RViz, contracts for checkers, checksums, provenance, signature.
     """
     from advpipe.pipeline.errors import wrong_use
+    from advpipe.pipeline.process.folder import here
     from advpipe.pipeline.verbosity import notice
     from advpipe.stages.share.options import citation_text
     from advpipe.stages.share.run import ShareOptions
@@ -44,7 +45,7 @@ def share(
     size_bytes = None if split_mb is None else split_mb * 1_000_000
     with wrong_use():
         options = ShareOptions(licence, citation_text(citation), sign, size_bytes, overwrite)
-    summary = run(dataset, out or Path("shared") / dataset.resolve().name, options)
+    summary = run(dataset, out or here("shared") / dataset.resolve().name, options)
     for remark in summary.remarks:
         notice(f"note: {remark}")
 

@@ -59,10 +59,12 @@ def answering(command: Callable[..., Answer]) -> Callable[..., None]:
     @wraps(command)
     def answer(*args: Any, quiet: bool, verbose: bool, as_json: bool, **options: Any) -> None:
         from advpipe.pipeline.process.document import strict_json
+        from advpipe.pipeline.process.folder import check_paths
         from advpipe.pipeline.process.streams import safe_streams
         from advpipe.pipeline.verbosity import Verbosity, phase, speaking
 
         with safe_streams(), speaking(Verbosity(quiet, verbose, as_json)):
+            check_paths([*args, *options.values()])
             _tell_versions()
             with phase("in all"):
                 given = command(*args, **options)

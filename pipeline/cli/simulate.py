@@ -23,6 +23,7 @@ def simulate(
 ) -> Answer:
     """Stage 1: record a clean drive (LiDAR, ground truth, odometry, GNSS) to an MCAP bag."""
     from advpipe.pipeline.errors import wrong_use
+    from advpipe.pipeline.process.folder import here
     from advpipe.pipeline.scenario import load_scenario
     from advpipe.pipeline.verbosity import detail
     from advpipe.stages.simulate.run import simulate as run
@@ -30,7 +31,7 @@ def simulate(
     with wrong_use():
         loaded = load_scenario(scenario, settings or ())
     detail(f"scenario {loaded.name} of {scenario}, seed {loaded.simulation.seed}")
-    folder = out or Path("datasets") / loaded.name
+    folder = out or here("datasets") / loaded.name
     summary = run(loaded, folder, overwrite=overwrite)
 
     def show() -> None:

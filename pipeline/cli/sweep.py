@@ -80,6 +80,7 @@ def sweep(
     """
     from advpipe.pipeline.bag.locate import newest_dataset, resolve_bag
     from advpipe.pipeline.errors import wrong_use
+    from advpipe.pipeline.process.folder import here, refuse_undecodable
     from advpipe.pipeline.verbosity import detail, say
     from advpipe.stages.evaluate.report.numbers import number
     from advpipe.stages.evaluate.sweep.budgets import choose_budgets
@@ -90,12 +91,13 @@ def sweep(
     from advpipe.stages.evaluate.sweep.variants import steps_factor
 
     with wrong_use():
-        clean = resolve_bag(bag or newest_dataset(Path("datasets")))
+        clean = resolve_bag(bag or newest_dataset(here("datasets")))
         named = [word.strip() for words in cells or [] for word in words.split(",") if word.strip()]
         budgets = choose_budgets(table, named)
     asked = list(dict.fromkeys(word.strip() for word in recipes.split(",") if word.strip())) or ["best"]
     settings = sweep_settings(clean, detector, frames, seed, baseline_tries, lidar, USUAL_FRAMES, device)
     target = out or clean.parent / "reports" / f"sweep-{detector_slug(detector)}"
+    refuse_undecodable(clean, target)
     store, bench = Store(target), _Bench(clean, target, detector, workers, keep_bags, device)
     with wrong_use():
         for recipe in asked:

@@ -30,6 +30,7 @@ def train(
     """Train a SECOND detector on clean bags; goes on where an interrupted run stopped."""
     from advpipe.pipeline.bag.locate import resolve_bag
     from advpipe.pipeline.errors import UsageError, writing, wrong_use
+    from advpipe.pipeline.process.folder import refuse_undecodable
     from advpipe.pipeline.verbosity import detail
     from advpipe.stages.train.config import TrainConfig
     from advpipe.stages.train.run import train as run
@@ -40,6 +41,7 @@ def train(
         learned, held_out = tuple(map(resolve_bag, bags)), resolve_bag(validate) if validate else None
     if held_out and held_out.resolve() in {bag.resolve() for bag in learned}:
         raise UsageError(f"--validate {validate} is a bag to learn from; name one that is held out")
+    refuse_undecodable(*learned, held_out, out)
     with wrong_use():
         config = TrainConfig(
             bags=learned,

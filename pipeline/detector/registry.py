@@ -14,8 +14,12 @@ from advpipe.pipeline.detector.device import CPU, open_device
 from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.errors import AdvpipeError, UsageError
 from advpipe.pipeline.geometry.boxes import CLASSES
+<<<<<<< HEAD
 from advpipe.pipeline.hashing import sha256_of
 from advpipe.pipeline.shown import shown
+=======
+from advpipe.pipeline.verbosity import detail
+>>>>>>> shell
 
 if TYPE_CHECKING:
     import torch
@@ -31,6 +35,7 @@ def load_detector(name_or_path: str, device: str = CPU) -> Detector:
     from advpipe.pipeline.detector.second.checkpoint import SHIPPED, load_checkpoint
 
     place = open_device(device)
+    detail(f"loading detector {name_or_path} on {device}")
     if name_or_path in SHIPPED:
         return load_checkpoint(SHIPPED[name_or_path], place)
     if name_or_path.endswith(".safetensors"):

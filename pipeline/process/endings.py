@@ -53,7 +53,7 @@ def _unwritable(error: UnicodeEncodeError) -> str:
     before, after = error.object[: error.start], error.object[error.start :]
     name = re.split(r"[\n\"']", before)[-1] + re.split(r"[\n\"']", after)[0]
     if error.encoding.lower().replace("-", "") == "utf8":
-        return f"{name}: this name is not UTF-8, and a text file would have to hold it; rename it"
+        return f"{name}: this name is not UTF-8, which it would have to be here; rename it"
     return f"{name}: this locale has no such characters ({error.encoding}); set LC_ALL=C.UTF-8"
 
 

@@ -1,0 +1,50 @@
+"""The working folder, which may have been deleted: then only absolute paths mean anything."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from advpipe.pipeline.errors import UsageError
+
+_is_gone = False
+
+
+def leave_deleted() -> None:
+    """Goes to the root where the working folder does not exist: libraries end the process there otherwise."""
+    global _is_gone
+    try:
+        os.getcwd()
+    except OSError:
+        _is_gone = True
+        os.chdir(os.path.abspath(os.sep))
+
+
+def here(path: str | Path) -> Path:
+    """A path that may be relative; raises UsageError for one that is, in a folder that was deleted."""
+    if _is_gone and not Path(path).is_absolute():
+        raise UsageError(
+            f"{path}: the working folder was deleted; go to one that exists (cd), or give absolute paths"
+        )
+    return Path(path)
+
+
+def check_paths(values: Iterable[object]) -> None:
+    """Applies `here` to all paths among the values of options, and in lists of them."""
+    for value in values:
+        for one in value if isinstance(value, list) else [value]:
+            if isinstance(one, Path):
+                here(one)
+
+
+def refuse_undecodable(*paths: Path | None) -> None:
+    """Raises UsageError for a name that is not UTF-8, which tables and reports cannot hold."""
+    for path in paths:
+        try:
+            str(path).encode()
+        except UnicodeEncodeError:
+            raise UsageError(
+                f"{path}: this name is not UTF-8, and tables, reports and checkpoints cannot hold it; "
+                "rename it, or choose another one"
+            ) from None
