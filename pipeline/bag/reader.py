@@ -20,12 +20,8 @@ from advpipe.pipeline.bag.provenance import RECORD_NAME, unseal
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.topics import RawMessage, TopicInfo
 from advpipe.pipeline.bag.types import missing_field, schema_text, types_from, typestore
-<<<<<<< HEAD
 from advpipe.pipeline.errors import AdvpipeError, UsageError, one_line
-=======
-from advpipe.pipeline.errors import AdvpipeError, UsageError
 from advpipe.pipeline.verbosity import detail
->>>>>>> shell
 
 OBJECTS_LIMIT = 1 << 23
 """The most Python objects that a message may become: some 0.8 GB. A transform is 17, in 80 bytes."""

@@ -26,7 +26,13 @@ def evaluate(
         ),
     ] = None,
     device: Device = "cpu",
-    frames: Annotated[str, typer.Option(help="start:stop:step, counted in the clean bag.")] = "::",
+    frames: Annotated[
+        str,
+        typer.Option(
+            help="start:stop:step, counted in the clean bag: which clouds detection and cooperative "
+            "perception look at. Localisation, V2X and coordinated attacks are scored on the whole drive."
+        ),
+    ] = "::",
     defence: Annotated[
         list[str] | None,
         typer.Option(

@@ -14,12 +14,9 @@ from advpipe.pipeline.detector.device import CPU, open_device
 from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.errors import AdvpipeError, UsageError
 from advpipe.pipeline.geometry.boxes import CLASSES
-<<<<<<< HEAD
 from advpipe.pipeline.hashing import sha256_of
 from advpipe.pipeline.shown import shown
-=======
 from advpipe.pipeline.verbosity import detail
->>>>>>> shell
 
 if TYPE_CHECKING:
     import torch

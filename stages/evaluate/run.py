@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from advpipe.pipeline.detector.device import CPU, device_record
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.partial import FolderKind, staged_folder
+from advpipe.pipeline.progress import track
 from advpipe.stages.evaluate.cooperative.section import sections as cooperative
 from advpipe.stages.evaluate.coordinated.section import sections as coordinated
 from advpipe.stages.evaluate.detection.comparison import Comparison, bag_name, touches_clouds
@@ -39,7 +41,7 @@ from advpipe.stages.evaluate.report.html import write_html
 from advpipe.stages.evaluate.report.pictures import draw_pictures
 from advpipe.stages.evaluate.report.report import FORMULAS, Report, precision_records
 from advpipe.stages.evaluate.report.results import write_frames, write_results
-from advpipe.stages.evaluate.report.section import Family
+from advpipe.stages.evaluate.report.section import Family, Section
 from advpipe.stages.evaluate.report.table import print_report
 from advpipe.stages.evaluate.v2x.section import sections as v2x
 
@@ -52,9 +54,24 @@ REPORT = FolderKind(
 )
 
 
-def families(detector: str, device: str) -> tuple[Family, ...]:
-    """What the families of attacks add besides detection: no section where they have nothing to say."""
-    return (coordinated, localisation, v2x, partial(cooperative, detector=detector, device=device))
+WHOLE_DRIVE = "of the whole drive: its filters, radio and checks run from the beginning to the end"
+FRAMES = f"detection and cooperative perception are of the clouds chosen alone; all else is {WHOLE_DRIVE}"
+
+
+def families(options: Options) -> tuple[tuple[Family, str], ...]:
+    """What the families of attacks add besides detection, and what to note where frames were chosen.
+
+    A family adds no section where it has nothing to say.
+    """
+    fused = partial(
+        cooperative,
+        detector=options.detectors[0],
+        device=options.device,
+        frames=options.frames,
+        lidar_topic=options.lidar_topic,
+    )
+    note = f"This part is {WHOLE_DRIVE}, whatever frames were chosen."
+    return ((coordinated, note), (localisation, note), (v2x, note), (fused, ""))
 
 
 def evaluate(
@@ -119,7 +136,8 @@ def evaluate(
         for name, model in zip(options.detectors, models, strict=False):
             about = tuple(provenances[bag] for bag in on_clouds)
             looking = _looking(name, clean, on_clouds, about, options)
-            for each in looking.comparisons(workers):
+            compared = looking.comparisons(workers)
+            for each in track(compared, "figures and their intervals", len(compared)):
                 topic = find_lidar_topic(BagReader(clean), lidar_topic)
                 remarks = [
                     *transfer_remark(each),
@@ -128,8 +146,7 @@ def evaluate(
                 ]
                 summaries.append(summarise(each, known_classes(model), bootstrap_draws, seed, remarks))
         sections = [*attacked_sections(summaries)]
-        for family in families(options.detectors[0], device):
-            sections += family(clean, adversarial, seed)
+        sections += _added_sections(clean, adversarial, options)
         comparisons = [summary.comparison for summary in of_first_detector(summaries)]
         detectors = [
             describe_detector(name, model, detector_sha256(name))
@@ -145,7 +162,8 @@ def evaluate(
             **describe_bags(clean, clean_sha256, comparisons, [b for b in adversarial if b not in on_clouds]),
         }
         rows = tuple(summary.row for summary in summaries)
-        report = Report(rows, origin, FORMULAS, precision_records(summaries), tuple(sections))
+        formulas = FORMULAS if frames == ALL_FRAMES else {**FORMULAS, "frames": f"{frames}: {FRAMES}"}
+        report = Report(rows, origin, formulas, precision_records(summaries), tuple(sections))
         (folder / "report.json").write_text(report.to_json(), encoding="utf-8")
         if summaries:
             write_results(summaries, folder / "results.parquet")
@@ -160,6 +178,16 @@ def evaluate(
                 clean, comparisons, folder / "detections", detectors[0], lidar_topic, with_clouds
             )
     return report
+
+
+def _added_sections(clean: Path, adversarial: Sequence[Path], options: Options) -> list[Section]:
+    sections: list[Section] = []
+    for family, note in families(options):
+        noted = (note,) if note and options.frames != ALL_FRAMES else ()
+        sections += [
+            replace(each, notes=(*each.notes, *noted)) for each in family(clean, adversarial, options.seed)
+        ]
+    return sections
 
 
 def _looking(

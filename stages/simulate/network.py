@@ -10,13 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, one_line
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.scenario.map import Map
 from advpipe.stages.simulate.network_file import prepare_network_file
 
 CAR = "passenger"
 WALKER = "pedestrian"
+MOST_INNER_LANES = 100
+"""Of one turn over a junction; SUMO itself makes two at most."""
 
 
 @dataclass(frozen=True)
@@ -173,7 +175,7 @@ def _read(sumo_file: Path, origin: str, map_file: Path) -> RoadNetwork:
             if len(node.getShape3D()) >= 3
         )
     except (KeyError, ValueError, TypeError, AttributeError, IndexError) as error:
-        raise AdvpipeError(f"{origin}: the network cannot be read: {error!r}") from None
+        raise AdvpipeError(f"{origin}: the network cannot be read: {one_line(repr(error))}") from None
     if not all(np.isfinite(lane.centre_m).all() for edge in edges.values() for lane in edge.lanes):
         raise AdvpipeError(f"{origin}: the network has coordinates that are not finite")
     still = next((edge for edge in edges.values() if edge.for_cars and not edge.speed_mps > 0), None)
@@ -191,6 +193,8 @@ def _connections(net: Any, edge: Any, offset: Float64) -> Iterator[Connection]:
                 continue
             pieces, via = [], link.getViaLaneID()
             while via:  # a turn that waits inside the junction has two lanes in it
+                if len(pieces) == MOST_INNER_LANES:
+                    raise ValueError(f"the way over the junction from lane {lane.getID()!r} never ends")
                 inner = net.getLane(via)
                 pieces.append(np.array(inner.getShape3D(), dtype=np.float64) - offset)
                 via = next((onward.getViaLaneID() for onward in inner.getOutgoing()), "")

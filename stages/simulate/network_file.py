@@ -5,13 +5,18 @@ from __future__ import annotations
 import re
 import subprocess
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.scenario.map import Generator, Map
 from advpipe.stages.simulate.bounded_xml import refuse_bombs
+from advpipe.stages.simulate.network_check import check_network
 from advpipe.stages.simulate.network_repair import repair_lanes
+
+PATIENCE_S = 600.0
+"""A map of 38 MB with 64,000 lanes is read in a tenth of it."""
 
 GUESSED_LIGHTS = ("--tls.guess", "--tls.default-type", "actuated", "--tls.max-dur", "25")
 
@@ -30,15 +35,22 @@ def prepare_network_file(source: Map, scratch: Path, seed: int) -> NetworkFile:
     if source.opendrive is not None:
         map_file = Path(source.opendrive)
         prepared = NetworkFile(_convert_opendrive(map_file, scratch), map_file, str(map_file))
+        check_network(ElementTree.parse(prepared.sumo_file).getroot(), prepared.origin)
+        repair_lanes(prepared.sumo_file)
     elif source.generator is not None:
         sumo_file = _generate(source.generator, scratch, seed)
         prepared = NetworkFile(sumo_file, sumo_file, "map.generator")
     else:
         assert source.sumo_net is not None
         map_file = Path(source.sumo_net)
-        check_xml(map_file, "map.sumo_net", ("net",), "a SUMO network (.net.xml)")
+        root = check_xml(map_file, "map.sumo_net", ("net",), "a SUMO network (.net.xml)")
         prepared = NetworkFile(map_file, map_file, str(map_file))
-    _check_contents(prepared)
+        check_network(root, prepared.origin)
+    # SUMO loads it in a process of its own: a file that crashes it must not crash us.
+    options = ["--net-file", str(prepared.sumo_file), "--begin", "0", "--end", "0.1"]
+    done = run_sumo("sumo", [*options, "--no-step-log", "--no-warnings"], prepared.origin)
+    if done.returncode != 0:
+        raise AdvpipeError(f"{prepared.origin}: SUMO cannot load the network: {last_error(done)}")
     return prepared
 
 
@@ -54,10 +66,9 @@ def check_xml(path: Path, key: str, root_tags: tuple[str, ...], kind: str) -> El
         root = ElementTree.parse(path).getroot()
     except (ElementTree.ParseError, ValueError, UnicodeError, LookupError) as error:
         raise AdvpipeError(f"{key}: {path} is not {kind}, or is cut off: {error}") from None
-    if root.tag not in root_tags:
-        raise AdvpipeError(
-            f"{key}: {path} is not {kind}: its root element is <{root.tag}>, not <{root_tags[0]}>"
-        )
+    tag = root.tag.rpartition("}")[2]  # OpenDRIVE from 1.5 on has a namespace
+    if tag not in root_tags:
+        raise AdvpipeError(f"{key}: {path} is not {kind}: its root element is <{tag}>, not <{root_tags[0]}>")
     return root
 
 
@@ -66,6 +77,25 @@ def sumo_program(name: str) -> str:
     import sumo
 
     return str(Path(sumo.SUMO_HOME) / "bin" / name)
+
+
+def run_sumo(
+    name: str, options: Sequence[str], origin: str, patience_s: float = PATIENCE_S
+) -> subprocess.CompletedProcess[str]:
+    """Runs a SUMO program to its end; raises AdvpipeError where it takes longer than `patience_s`.
+
+    `origin` is how messages name its input.
+    """
+    try:
+        return subprocess.run(
+            [sumo_program(name), *options],
+            capture_output=True,
+            encoding="utf-8",
+            errors="replace",
+            timeout=patience_s,
+        )
+    except subprocess.TimeoutExpired:
+        raise AdvpipeError(f"{origin}: {name} did not finish with it within {patience_s:g} s") from None
 
 
 def last_error(done: subprocess.CompletedProcess[str]) -> str:
@@ -84,12 +114,11 @@ def _convert_opendrive(path: Path, scratch: Path) -> Path:
     root = check_xml(path, "map.opendrive", ("OpenDRIVE",), "an OpenDRIVE map (.xodr)")
     out = scratch / "network.net.xml"
     command = ["--opendrive-files", str(path), "--output-file", str(out), "--no-warnings"]
-    if root.find(".//signal") is None:
+    if root.find(".//{*}signal") is None:
         command += [*GUESSED_LIGHTS]
-    done = subprocess.run([sumo_program("netconvert"), *command], capture_output=True, text=True)
+    done = run_sumo("netconvert", command, str(path))
     if done.returncode != 0 or not out.is_file():
         raise AdvpipeError(f"{path}: netconvert cannot read it: {last_error(done)}")
-    repair_lanes(out)
     return out
 
 
@@ -108,25 +137,9 @@ def _generate(generator: Generator, scratch: Path, seed: int) -> Path:
     command = [*shapes[generator.kind], "--seed", str(seed % 2**31), "--output-file", str(out)]
     command += ["--default.lanenumber", str(generator.lanes), "--default.speed", str(generator.speed_mps)]
     command += [*GUESSED_LIGHTS, "--no-turnarounds.except-deadend", "true"]
-    done = subprocess.run([sumo_program("netgenerate"), *command], capture_output=True, text=True)
+    done = run_sumo("netgenerate", command, "map.generator")
     if done.returncode != 0 or not out.is_file():
         raise AdvpipeError(f"map.generator: netgenerate cannot make this network: {last_error(done)}")
     text = re.sub(r"<!--.*?-->\s*", "", out.read_text(encoding="utf-8"), flags=re.DOTALL)
     out.write_text(text, encoding="utf-8")
     return out
-
-
-def _check_contents(prepared: NetworkFile) -> None:
-    root = ElementTree.parse(prepared.sumo_file).getroot()
-    if root.find("location") is None:
-        raise AdvpipeError(
-            f"{prepared.origin}: no <location> in it, so it is no complete SUMO network; run netconvert"
-        )
-    if not any(not edge.get("id", ":").startswith(":") for edge in root.iter("edge")):
-        raise AdvpipeError(f"{prepared.origin}: the network holds no road")
-    # SUMO loads it in a process of its own: a file that crashes it must not crash us.
-    command = ["--net-file", str(prepared.sumo_file), "--begin", "0", "--end", "0.1"]
-    command += ["--no-step-log", "--no-warnings"]
-    done = subprocess.run([sumo_program("sumo"), *command], capture_output=True, text=True)
-    if done.returncode != 0:
-        raise AdvpipeError(f"{prepared.origin}: SUMO cannot load the network: {last_error(done)}")

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.stages.simulate.network_shape import length_m, parse_shape, shape_text
 
 SHORT = 0.5
 """A lane shorter than this share of its neighbour has been cut off."""
@@ -27,18 +28,18 @@ def repair_lanes(net_file: Path) -> int:
         if edge.get("function") == "internal" or len(lanes) < 2:
             continue
         shapes = [_shape(lane) for lane in lanes]
-        whole = max(map(_length_m, shapes))
-        cut = [index for index, shape in enumerate(shapes) if _length_m(shape) < SHORT * whole]
+        whole = max(map(length_m, shapes))
+        cut = [index for index, shape in enumerate(shapes) if length_m(shape) < SHORT * whole]
         for index in cut:
             sound = min(set(range(len(lanes))) - set(cut), key=lambda other: abs(other - index))
             width_m = float(lanes[index].get("width", "3.2"))
             shapes[index] = _beside(shapes[sound], (index - sound) * width_m)
-            lanes[index].set("shape", _text(shapes[index]))
+            lanes[index].set("shape", shape_text(shapes[index]))
             repaired.add(str(lanes[index].get("id")))
         if cut:
-            length_m = np.mean([_length_m(shape) for shape in shapes])
+            mean_m = np.mean([length_m(shape) for shape in shapes])
             for lane in lanes:
-                lane.set("length", f"{length_m:.2f}")
+                lane.set("length", f"{mean_m:.2f}")
     if repaired:
         _reconnect(tree.getroot(), repaired)
         tree.write(net_file, encoding="utf-8", xml_declaration=True)
@@ -54,21 +55,12 @@ def _reconnect(net: ElementTree.Element, repaired: set[str]) -> None:
         via = lanes.get(link.get("via", ""))
         if via is not None and {start, end} & repaired:
             shape = np.stack([_shape(lanes[start])[-1], _shape(lanes[end])[0]])
-            via.set("shape", _text(shape))
-            via.set("length", f"{max(_length_m(shape), 0.1):.2f}")
+            via.set("shape", shape_text(shape))
+            via.set("length", f"{max(length_m(shape), 0.1):.2f}")
 
 
 def _shape(lane: ElementTree.Element) -> Float64:
-    points = [[float(value) for value in point.split(",")] for point in str(lane.get("shape")).split()]
-    return np.array(points)
-
-
-def _text(shape_m: Float64) -> str:
-    return " ".join(",".join(f"{value:.2f}" for value in point) for point in shape_m)
-
-
-def _length_m(shape_m: Float64) -> float:
-    return float(np.linalg.norm(np.diff(shape_m, axis=0), axis=1).sum())
+    return parse_shape(lane.get("shape", ""))
 
 
 def _beside(shape_m: Float64, left_m: float) -> Float64:

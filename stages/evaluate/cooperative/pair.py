@@ -16,6 +16,9 @@ from advpipe.pipeline.bag.topics import TF_STATIC, VehicleTopics
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64, invert
 
+MARGIN_NS = 10**9
+"""Clouds of one instant are logged within so much of each other."""
+
 Poses = dict[int, Float64]
 """map_SE3_base by stamp in nanoseconds."""
 
@@ -50,7 +53,10 @@ def find_pair(reader: BagReader) -> Pair | None:
 
 def shared_frames(reader: BagReader, pair: Pair, chosen: FrameSlice) -> Iterator[SharedFrame]:
     """Those of the chosen clouds of the fusing vehicle at whose stamp the other has one, too."""
-    clouds = reader.raw_messages([pair.other.lidar_points.name])
+    times_ns = reader.log_times_ns(pair.own.lidar_points.name)
+    indices = chosen.indices(len(times_ns))
+    first_ns, last_ns = int(times_ns[indices[0]]) - MARGIN_NS, int(times_ns[indices[-1]]) + MARGIN_NS
+    clouds = reader.raw_messages([pair.other.lidar_points.name], first_ns, last_ns)
     waiting = next(clouds, None)
     for frame in read_frames(reader.path, chosen, lidar_topic=pair.own.lidar_points.name):
         while waiting is not None and reader.cloud(waiting).stamp_ns < frame.stamp_ns:

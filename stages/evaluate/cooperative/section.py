@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from advpipe.pipeline.bag.frame_slice import FrameSlice
+from advpipe.pipeline.bag.frame_slice import ALL_FRAMES, FrameSlice
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.recorded_filter import vehicles_with_filter
 from advpipe.pipeline.detector.device import CPU
@@ -17,7 +17,9 @@ from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.metrics.average_precision import RankedMatches
 from advpipe.pipeline.metrics.matching import FrameMatches
+from advpipe.pipeline.progress import track
 from advpipe.stages.evaluate.cooperative.fusion import fuse_clouds, fuse_detections, without_oneself
+from advpipe.stages.evaluate.cooperative.instants import asked_for, false_span, fused_instants
 from advpipe.stages.evaluate.cooperative.pair import (
     Alignment,
     Pair,
@@ -35,7 +37,6 @@ from advpipe.stages.evaluate.report.numbers import number
 from advpipe.stages.evaluate.report.pictures import to_png
 from advpipe.stages.evaluate.report.section import SECTION, Picture, Section, Table
 
-MOST_FRAMES = 50
 SHOWN_SCORE = 0.3
 """Of the boxes in the picture."""
 CRITERIA = ("strict", "loose")
@@ -84,12 +85,18 @@ class CooperativeRow:
 
 
 def sections(
-    clean: Path, adversarial: Sequence[Path], seed: int = 0, detector: str = "small", device: str = CPU
+    clean: Path,
+    adversarial: Sequence[Path],
+    seed: int = 0,
+    detector: str = "small",
+    device: str = CPU,
+    frames: FrameSlice = ALL_FRAMES,
+    lidar_topic: str | None = None,
 ) -> tuple[Section, ...]:
     """One section where two vehicles with LiDARs share and the GPS of one was attacked; else none.
 
-    At most `MOST_FRAMES` instants, equally spaced. `seed` serves no draw here. Raises AdvpipeError for bags
-    that do not tell the sensors' places.
+    frames: at which clouds of `lidar_topic` to fuse; at most `MOST_FRAMES` of them, equally spaced. `seed`
+    serves no draw here. Raises AdvpipeError for bags that do not tell the sensors' places.
     """
     reader = BagReader(clean)
     pair = find_pair(reader)
@@ -99,16 +106,21 @@ def sections(
     if not attacked:
         return ()
     moved = {bag_name(bag): BagReader(bag) for bag in attacked}
-    rows, telling = cooperative_rows(reader, pair, moved, detector, device)
+    asked = asked_for(reader, pair, frames, lidar_topic)
+    rows, telling = cooperative_rows(reader, pair, moved, detector, device, asked)
+    key, title = "cooperative", "Cooperative perception under GPS attacks"
     if telling is None:
-        return ()
+        if frames == ALL_FRAMES:
+            return ()
+        lead = f"No poses are false at the frames {frames}: nothing was fused. Choose later or more frames."
+        return (Section(key=key, title=title, lead=lead),)
     names = pair.own.vehicle, pair.other.vehicle
     caption = f"{names[0]} with what {names[1]} shares, when the lie is the greatest for their distance"
     picture = to_png(draw_fused(telling, *names))
     return (
         Section(
-            key="cooperative",
-            title="Cooperative perception under GPS attacks",
+            key=key,
+            title=title,
             lead=f"{names[0]} fuses what {names[1]} shares, while reported poses are false.",
             tables=(_table(rows),),
             pictures=(Picture(SECTION, "", "cooperative.png", caption, picture),),
@@ -119,28 +131,36 @@ def sections(
 
 
 def cooperative_rows(
-    reader: BagReader, pair: Pair, adversarial: Mapping[str, BagReader], detector: str, device: str = CPU
+    reader: BagReader,
+    pair: Pair,
+    adversarial: Mapping[str, BagReader],
+    detector: str,
+    device: str = CPU,
+    asked: range | None = None,
 ) -> tuple[list[CooperativeRow], Fused | None]:
     """The fusing vehicle alone, and fused by clean and attacked poses; a row for each class with objects.
 
     All of the same instants, from the first to the last at which any bag's poses are others than the clean
-    bag's. The second is what was fused when the smallest of the lies was the greatest for the distance
-    between the two, for a picture; None without instants.
+    bag's, and of the clouds asked for, by default all. The second is what was fused when the smallest of
+    the lies was the greatest for the distance between the two, for a picture; None without instants.
     """
-    eye, true = Eye(load_detector(detector, device)), Alignment(reader, pair, true=True)
+    true = Alignment(reader, pair, true=True)
     reported = {
         TRUE: true,
         CLEAN: Alignment(reader, pair),
         **{name: Alignment(other, pair) for name, other in adversarial.items()},
     }
-    chosen = _attacked_frames(reader, pair, reported[CLEAN], [reported[name] for name in adversarial])
+    false = false_span(reader, pair, reported[CLEAN], [reported[name] for name in adversarial])
+    chosen = fused_instants(asked if asked is not None else asked_for(reader, pair), false)
     if chosen is None:
         return [], None
+    eye = Eye(load_detector(detector, device))
     arms = [(ALONE, ""), *((name, fusion) for fusion in FUSIONS for name in reported)]
     matches: dict[tuple[str, str, str, str], list[FrameMatches]] = {}
     off: dict[str, list[tuple[float, float]]] = {name: [] for name in reported}
     greatest, telling = -1.0, None
-    for frame in shared_frames(reader, pair, chosen):
+    count = len(range(chosen.start, chosen.stop or 0, chosen.step))
+    for frame in track(shared_frames(reader, pair, chosen), "cooperative perception", count):
         eye.forget()
         stamp_ns, own_SE3_other = frame.own.stamp_ns, true.at(frame.own.stamp_ns)
         together = fuse_clouds(frame.own.cloud, frame.other, own_SE3_other)
@@ -167,19 +187,6 @@ def cooperative_rows(
         if sum(one.n_truth for one in matches.get((name, fusion, "strict", label), []))
     ]
     return rows, telling
-
-
-def _attacked_frames(
-    reader: BagReader, pair: Pair, clean: Alignment, attacked: Sequence[Alignment]
-) -> FrameSlice | None:
-    """At most `MOST_FRAMES`, equally spaced, while any poses are others than the clean ones."""
-    times_ns = reader.log_times_ns(pair.own.lidar_points.name)
-    changed_ns = [time_ns for one in attacked for time_ns in one.changed_ns(clean)]
-    if not changed_ns:
-        return None
-    first = int(np.searchsorted(times_ns, min(changed_ns)))
-    last = int(np.searchsorted(times_ns, max(changed_ns), "right"))
-    return FrameSlice(first, last, -(-(last - first) // MOST_FRAMES)) if first < last else None
 
 
 def _row(

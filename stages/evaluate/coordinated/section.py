@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.progress import track
 from advpipe.stages.evaluate.coordinated.effects import Effect, effects
 from advpipe.stages.evaluate.coordinated.picture import draw_coordinated
 from advpipe.stages.evaluate.coordinated.struck import Struck, read_struck
@@ -41,11 +42,11 @@ def sections(clean: Path, adversarial: Sequence[Path], seed: int = 0) -> tuple[S
     outcomes: list[tuple[str, ...]] = []
     pictures: list[Picture] = []
     records: list[Row] = []
-    for bag in adversarial:
-        name = bag_name(bag)
-        for vehicle, strikes in read_struck(reader, bag).items():
-            if len(strikes) < 2:
-                continue
+    struck = [(bag, *each) for bag in adversarial for each in read_struck(reader, bag).items()]
+    together_on = [each for each in struck if len(each[2]) > 1]
+    if together_on:
+        for bag, vehicle, strikes in track(together_on, "coordinated attacks", len(together_on)):
+            name = bag_name(bag)
             span_ns, told = together(strikes), list(effects(reader, bag, vehicle))
             leads.append(_lead(name, vehicle, strikes, span_ns, start_ns))
             lines += [_line(name, one, start_ns) for one in strikes]

@@ -7,10 +7,12 @@ from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.recorded_filter import vehicles_with_filter
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.progress import track
 from advpipe.stages.evaluate.detection.comparison import bag_name
 from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.localisation.figures import (
@@ -90,25 +92,31 @@ def record(row: LocalisationRow) -> Row:
 def _compare(clean: Path, adversarial: Sequence[Path]) -> Iterator[tuple[LocalisationRow, Picture]]:
     reader = BagReader(clean)
     tracks: dict[str, Track] = {}
-    for bag in adversarial:
-        other = BagReader(bag)
-        for vehicle in sorted({*vehicles_with_filter(reader)} & {*vehicles_with_filter(other)}):
-            attacked_ns = attacked_fixes_ns(reader, other, vehicle)
-            if not len(attacked_ns):
-                continue
-            if vehicle not in tracks:
-                tracks[vehicle] = read_track(reader, vehicle)
-            before, after = tracks[vehicle], read_track(other, vehicle)
-            if not np.array_equal(before.times_ns, after.times_ns):
-                raise AdvpipeError(
-                    f"{bag} holds other estimates of {vehicle} than {clean}; attack the whole drive, without "
-                    "frames"
-                )
-            name = bag_name(bag)
-            row = localisation_row(name, vehicle, before, after, attacked_ns)
-            figure = draw_localisation(before, after, was_attacked(before, attacked_ns))
-            caption = f"{name}: {vehicle}, its way on the map, its error and its innovations over time"
-            yield row, Picture(SECTION, name, f"{name}-{vehicle}-localisation.png", caption, to_png(figure))
+    attacks = [(bag, *each) for bag in adversarial for each in _attacked_vehicles(reader, BagReader(bag))]
+    for bag, vehicle, attacked_ns in track(attacks, "localisation", len(attacks)) if attacks else ():
+        if vehicle not in tracks:
+            tracks[vehicle] = read_track(reader, vehicle)
+        before, after = tracks[vehicle], read_track(BagReader(bag), vehicle)
+        if not np.array_equal(before.times_ns, after.times_ns):
+            raise AdvpipeError(
+                f"{bag} holds other estimates of {vehicle} than {clean}; attack the whole drive, without "
+                "frames"
+            )
+        name = bag_name(bag)
+        row = localisation_row(name, vehicle, before, after, attacked_ns)
+        figure = draw_localisation(before, after, was_attacked(before, attacked_ns))
+        caption = f"{name}: {vehicle}, its way on the map, its error and its innovations over time"
+        yield row, Picture(SECTION, name, f"{name}-{vehicle}-localisation.png", caption, to_png(figure))
+
+
+def _attacked_vehicles(
+    clean: BagReader, adversarial: BagReader
+) -> Iterator[tuple[str, npt.NDArray[np.int64]]]:
+    """Those whose fixes were attacked, with the times of these."""
+    for vehicle in sorted({*vehicles_with_filter(clean)} & {*vehicles_with_filter(adversarial)}):
+        attacked_ns = attacked_fixes_ns(clean, adversarial, vehicle)
+        if len(attacked_ns):
+            yield vehicle, attacked_ns
 
 
 def _error_table(rows: Sequence[LocalisationRow]) -> Table:

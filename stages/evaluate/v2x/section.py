@@ -14,6 +14,7 @@ from advpipe.pipeline.misbehaviour import tuned
 from advpipe.pipeline.misbehaviour.catch import TUNED_CATCH, CatchParameters
 from advpipe.pipeline.misbehaviour.config import NEED_ROADS, DetectorConfig
 from advpipe.pipeline.misbehaviour.scores import Scores
+from advpipe.pipeline.progress import track
 from advpipe.stages.evaluate.detection.comparison import bag_name
 from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.report.numbers import number
@@ -90,9 +91,9 @@ def sections(
     if not lied or not has_v2x(clean):
         return ()
     config = config or DetectorConfig()
+    named = [(clean, "clean"), *((bag, bag_name(bag)) for bag in lied)]
     first, *others = (
-        read_drive(bag, name, config, parameters)
-        for bag, name in ((clean, "clean"), *((bag, bag_name(bag)) for bag in lied))
+        read_drive(bag, name, config, parameters) for bag, name in track(named, "V2X of each bag", len(named))
     )
     found = section(first, others, config, parameters)
     idle = [bag_name(bag) for bag in labelled if bag not in lied]

@@ -93,6 +93,7 @@ def lay_out_roads(network: RoadNetwork) -> Roads:
     """The outlines of all lanes and junctions; gaps of under two metres are closed."""
     turns_m = [turn.centre_m for edge in network.edges.values() for turn in edge.connections]
     turns_m = [turn for turn in turns_m if len(turn) > 1]
+    middles_m = np.array([turn[len(turn) // 2, :2] for turn in turns_m]).reshape(-1, 2)
     pieces, lines, fast = [], [], []
     for edge in network.edges.values():
         ribbons = [
@@ -110,7 +111,9 @@ def lay_out_roads(network: RoadNetwork) -> Roads:
     for outline in network.junctions_m:
         area = shapely.make_valid(Polygon(outline[:, :2]))
         shapely.prepare(area)
-        inside = [turn for turn in turns_m if shapely.contains_xy(area, *turn[len(turn) // 2, :2])]
+        inside = [
+            turns_m[i] for i in np.flatnonzero(shapely.contains_xy(area, middles_m[:, 0], middles_m[:, 1]))
+        ]
         pieces.append(area)
         lines.append(inside or [np.concatenate([outline, outline[:1]])])
         fast.append(bool(np.any(shapely.distance(area, fast_ends) < REACH_M)))
