@@ -13,6 +13,7 @@ from safetensors.torch import save
 
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import preset_named
+from advpipe.pipeline.detector.training_maps import with_listed_maps
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
 
 KIND = "advpipe-second-1"
@@ -81,4 +82,4 @@ def load_checkpoint(path: Path, device: torch.device | None = None) -> Second:
     if not all(bool(torch.isfinite(weights).all()) for weights in tensors.values()):
         raise AdvpipeError(f"the weights in {path} are not all finite; train or copy it again")
     net.load_state_dict(tensors, strict=False)
-    return Second(net.to(device), provenance)
+    return Second(net.to(device), with_listed_maps(provenance, path, SHIPPED["small"]))
