@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 USUAL_FRAMES = 100
 
 RECIPES_HELP = (
-    "Recipes of the attacks: best,paper; best+half and best+twice take other steps, best+hide hides."
+    "Recipes of the attacks: best,paper,random-best; best+half and best+twice take other steps, best+hide "
+    "hides."
 )
 
 
@@ -71,6 +72,8 @@ def sweep(
     recipes, with frames of their own, may be added to the same output later.
     """
     from advpipe.pipeline.bag.locate import newest_dataset, resolve_bag
+    from advpipe.pipeline.bag.reader import BagReader
+    from advpipe.pipeline.detector.registry import load_detector
     from advpipe.stages.evaluate.report.numbers import number
     from advpipe.stages.evaluate.sweep.budgets import choose_budgets
     from advpipe.stages.evaluate.sweep.document import print_document, write_document
@@ -78,6 +81,7 @@ def sweep(
     from advpipe.stages.evaluate.sweep.store import Store
     from advpipe.stages.evaluate.sweep.tables import recipes_of
     from advpipe.stages.evaluate.sweep.variants import steps_factor
+    from advpipe.stages.evaluate.training_map import map_status
 
     clean = resolve_bag(bag or newest_dataset(Path("datasets")))
     named = [word.strip() for words in cells or [] for word in words.split(",") if word.strip()]
@@ -115,8 +119,10 @@ def sweep(
         if steps_factor(recipe) == 1
         for picture in _panels(bench, store, recipe, is_new.get(recipe, False))
     ]
-    write_document(target, done, shown, _commands(clean, table, done), pictures)
-    print_document(done, shown)
+    of_map = map_status(detector, load_detector(detector, device), BagReader(clean).provenance)
+    banners = [of_map.text] if of_map.text else []
+    write_document(target, done, shown, _commands(clean, table, done), pictures, banners)
+    print_document(done, shown, banners)
     print(f"report: {target / 'report.html'}")
 
 

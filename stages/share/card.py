@@ -17,7 +17,7 @@ from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.dataset.layout import Layout
 from advpipe.stages.share import names
-from advpipe.stages.share.effects import effect_tables
+from advpipe.stages.share.effects import banners, effect_tables
 from advpipe.stages.share.facts import CLOUD_TYPE, BagFacts, TopicFacts
 from advpipe.stages.share.options import ShareOptions
 from advpipe.stages.share.pictures import Picture
@@ -99,6 +99,7 @@ def write_card(
         rate=_rate,
         lidars=list(_lidars(scenario)),
         origin=_origin(clean, scenario),
+        banners=banners(found.reports),
         effects=effect_tables(found.reports),
         has_messages=any(topic.type.startswith("advpipe_msgs/") for topic in clean.topics.values()),
         first_topic=first.name,

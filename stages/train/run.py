@@ -24,6 +24,7 @@ from advpipe.pipeline.detector.registry import detector_sha256
 from advpipe.pipeline.detector.second.checkpoint import load_checkpoint, save_checkpoint
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import preset_named
+from advpipe.pipeline.detector.training_maps import KEY
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.progress import track
 from advpipe.stages.train.config import TrainConfig
@@ -31,6 +32,7 @@ from advpipe.stages.train.examples import Examples
 from advpipe.stages.train.folder import RunFolder
 from advpipe.stages.train.frames import FrameStore
 from advpipe.stages.train.log import STEPS, VALIDATIONS, Log, plot_training
+from advpipe.stages.train.maps import training_maps
 from advpipe.stages.train.state import TrainState
 from advpipe.stages.train.status import Status
 from advpipe.stages.train.validate import ClassPrecision, ValidationDrive, strict_percents
@@ -72,7 +74,7 @@ def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
     examples = Examples(store, config)
     steps = config.steps or max(1, round(config.epochs * len(store) / config.batch_size))
     workers = min(config.batch_size, config.workers or os.cpu_count() or 1)
-    provenance = provenance_of(config, origin, len(store), steps)
+    provenance = provenance_of(config, origin, len(store), steps) | {KEY: training_maps(bags, config.start)}
 
     state = TrainState.new(net, config.learning_rate, config.weight_decay)
     if folder.state.is_file():

@@ -38,6 +38,8 @@ from advpipe.stages.evaluate.report.section import SECTION, Picture, Section, Ta
 MOST_FRAMES = 50
 SHOWN_SCORE = 0.3
 """Of the boxes in the picture."""
+KEY = "cooperative"
+"""Under which reports list the section's records."""
 CRITERIA = ("strict", "loose")
 ALONE, TRUE, CLEAN = "alone", "true poses", "clean poses"
 
@@ -107,7 +109,7 @@ def sections(
     picture = to_png(draw_fused(telling, *names))
     return (
         Section(
-            key="cooperative",
+            key=KEY,
             title="Cooperative perception under GPS attacks",
             lead=f"{names[0]} fuses what {names[1]} shares, while reported poses are false.",
             tables=(_table(rows),),
