@@ -77,8 +77,8 @@ def _held_still(cells: Sequence[Cell]) -> list[str]:
             told.append(
                 f"{cell.name}: the weight λ = {weight:g} of the Chamfer distance, beside steps of equal "
                 f"length for each point, holds the points to {1000 * moved_m:.1f} mm (RMS) of the "
-                f"{10 * allowed_cm:g} mm allowed, so these are figures of hardly any perturbation. The paper names "
-                "no λ."
+                f"{10 * allowed_cm:g} mm allowed, so these are figures of hardly any perturbation. The paper "
+                "names no λ."
             )
     return told
 

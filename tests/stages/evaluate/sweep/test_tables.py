@@ -45,6 +45,7 @@ def cell(
         "beats_baseline": True,
         "beats_random": None if random is None else True,
         "max_displacement_m": 0.0999,
+        "rms_displacement_m": 0.0123,
         "max_added_m": 0.0,
         "points_clean": 1000,
         "points_removed": 0,
@@ -54,6 +55,7 @@ def cell(
         "looks": 24,
         "baseline_tries": 5,
         "map_loose_ratio_percent": ratio + 30,
+        "working_score": 0.25,
         "baseline_map_loose_ratio_percent": 97.0,
     }
     return Cell(budget, recipe, SETTINGS, row, "c" * 64, (0, 2, 4), found, lost, draws, 100.0, 20.0)
@@ -64,7 +66,7 @@ def test_a_line_has_the_figures_of_its_cell():
     assert len(table.lines) == 12
     (line,) = [line for line in table.lines if line[0] == "10 cm, best"]
     figures = ("73.20", "0.01533", "40.50", "39.5…41.5", "0.00100", "yes", "90.00", "-49.50", "-60.0…-40.0")
-    assert line[1:] == (*figures, "yes", "0.0999", "~5.00 %", "3", "120")
+    assert line[1:] == (*figures, "yes", "0.0999", "0.0123", "~5.00 %", "3", "120")
     assert [line[3] for line in table.lines].count(NOT_RUN) == 11
 
 
@@ -100,7 +102,7 @@ def test_records_and_curves_hold_every_budget():
     assert set(lines) == {
         PAPER,
         "ours, recipe best",
-        "strongest random baseline of best",
+        "strongest plain random baseline of best",
         "ours, recipe paper",
     }
     assert [(point.x, point.y) for point in lines["ours, recipe best"]] == [
@@ -185,7 +187,7 @@ def test_other_numbers_of_steps_are_laid_beside():
 
 def test_loose_overlap_is_laid_beside():
     (line,) = loose_table([cell("perturb-10", 40.0, lost=(1, 2, 0))]).lines
-    assert line == ("best-perturb-10", "40.00", "70.00", "97.00", "3", "9")
+    assert line == ("best-perturb-10", "40.00", "70.00", "97.00", "3", "9", "0.25")
 
 
 def test_unknown_variants_are_named():
