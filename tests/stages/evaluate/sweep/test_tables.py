@@ -1,12 +1,18 @@
 """Tables and the choice of a frame, of cells written by hand."""
 
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+sys.path.insert(0, str(Path(__file__).parent))
+
+from cells import cell
+
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.evaluate.sweep.budgets import TABLES, budget_named
-from advpipe.stages.evaluate.sweep.cell import Cell, Settings
+from advpipe.stages.evaluate.sweep.cell import Cell
 from advpipe.stages.evaluate.sweep.compare import differences
 from advpipe.stages.evaluate.sweep.curves import PAPER, curve_points, draw_convergence
 from advpipe.stages.evaluate.sweep.panels import median_frame
@@ -24,41 +30,6 @@ from advpipe.stages.evaluate.sweep.tables import (
     table_two,
 )
 from advpipe.stages.evaluate.sweep.variants import split_recipe
-
-SETTINGS = Settings("a" * 64, "small", "b" * 64, "0::2", 0, 5, None, "0.1.0", "d" * 64)
-
-
-def cell(
-    budget, ratio, recipe="best", distance=0.001, draws=(), lost=(0, 0, 0), found=(3, 3, 3), random=90.0
-):
-    baselines = [] if random is None else ["baseline"]
-    row = {
-        "map_ratio_percent": ratio,
-        "map_ratio_ci95": (ratio - 1, ratio + 1),
-        "chamfer_distance_m2": distance,
-        "baselines": baselines,
-        "baseline_map_ratio_percent": random,
-        "baseline_map_ratio_ci95": None,
-        "baseline_chamfer_distance_m2": 2 * distance,
-        "map_ratio_minus_baseline": None if random is None else ratio - random,
-        "map_ratio_minus_baseline_ci95": (-60.0, -40.0),
-        "beats_baseline": True,
-        "beats_random": None if random is None else True,
-        "max_displacement_m": 0.0999,
-        "rms_displacement_m": 0.0123,
-        "max_added_m": 0.0,
-        "points_clean": 1000,
-        "points_removed": 0,
-        "points_added": 0,
-        "points_moved": 50,
-        "frames": 3,
-        "looks": 24,
-        "baseline_tries": 5,
-        "map_loose_ratio_percent": ratio + 30,
-        "working_score": 0.25,
-        "baseline_map_loose_ratio_percent": 97.0,
-    }
-    return Cell(budget, recipe, SETTINGS, row, "c" * 64, (0, 2, 4), found, lost, draws, 100.0, 20.0)
 
 
 def test_a_line_has_the_figures_of_its_cell():
