@@ -21,9 +21,9 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@touch $@
 
 demo: $(INSTALLED)
-	$(BIN)/advpipe simulate boulevard --overwrite
-	$(BIN)/advpipe attack datasets/boulevard --type detach --ratio 0.01 --frames $(DEMO_FRAMES) --overwrite
-	$(BIN)/advpipe evaluate datasets/boulevard --baseline-tries 5 --overwrite
+	$(BIN)/advpipe simulate district --overwrite
+	$(BIN)/advpipe attack datasets/district --type detach --ratio 0.01 --frames $(DEMO_FRAMES) --overwrite
+	$(BIN)/advpipe evaluate datasets/district --baseline-tries 5 --overwrite
 
 test: $(INSTALLED) lint
 	$(BIN)/python -m pytest -n 2 -m "not nightly" tests

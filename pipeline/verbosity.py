@@ -89,7 +89,7 @@ def quieten_warnings() -> None:
         return
     if _current.verbose:
         warnings.simplefilter("default")
-        warnings.showwarning = _show_warning
+        warnings.showwarning = _show_warning  # type: ignore[assignment]
     else:
         warnings.simplefilter("ignore")
 

@@ -36,11 +36,19 @@ def attack(
     along_ray: Annotated[bool, typer.Option("--along-ray", help="Points move along their ray only.")] = False,
     recipe: Annotated[
         str | None,
-        typer.Option(help="best, paper (as published) or random (the baseline).", show_default="best"),
+        typer.Option(
+            help="best, robust, paper (as published), or by chance random, random-near, random-best (the "
+            "strongest baseline).",
+            show_default="best",
+        ),
     ] = None,
     goal: Annotated[
         str | None,
-        typer.Option(help="break detections (misplaced ones too), or hide objects.", show_default="break"),
+        typer.Option(
+            help="break detections at strict overlap (a car's box that is 32 cm off sideways, or 13 cm along "
+            "all three axes, counts as broken), or hide objects: no box of loose overlap is left.",
+            show_default="break",
+        ),
     ] = None,
     settings: Annotated[
         list[str] | None, typer.Option("--set", help="A parameter of the attack: name=value; repeatable.")
@@ -73,7 +81,10 @@ def attack(
     ] = None,
     overwrite: Overwrite = False,
 ) -> Answer:
-    """Stage 2: write an adversarial version of a bag; everything not attacked is copied byte for byte."""
+    """Stage 2: write an adversarial version of a bag; everything not attacked is copied byte for byte.
+
+    A LiDAR attack knows the detector, the true boxes and the rule that matches detections to them.
+    """
     from advpipe.pipeline.bag.locate import newest_dataset, resolve_bag
     from advpipe.pipeline.errors import writing, wrong_use
     from advpipe.pipeline.process.folder import here, refuse_undecodable

@@ -44,7 +44,9 @@ def evaluate(
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of the bootstrap, the baselines and the defences.")
     ] = 0,
-    baseline: Annotated[bool, typer.Option(help="Score the same budget spent at random.")] = True,
+    baseline: Annotated[
+        bool, typer.Option(help="Score the same budget spent at random; random-best is an attack.")
+    ] = True,
     baseline_tries: BaselineTries = None,
     lidar: LidarTopic = None,
     write_detections: Annotated[

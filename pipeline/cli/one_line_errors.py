@@ -31,7 +31,7 @@ class OneLineErrors(TyperGroup):
         with _in_one_line():
             return super().invoke(ctx)
 
-    def main(
+    def main(  # type: ignore[override]  # releases of typer differ in what it takes
         self,
         args: Sequence[str] | None = None,
         prog_name: str | None = None,

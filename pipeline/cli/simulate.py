@@ -12,7 +12,7 @@ from advpipe.pipeline.cli.shared import Answer, Overwrite
 
 
 def simulate(
-    scenario: Annotated[str, typer.Argument(help="A scenario file or a shipped name.")] = "boulevard",
+    scenario: Annotated[str, typer.Argument(help="A scenario file or a shipped name.")] = "district",
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Data set folder.", show_default="datasets/<name>")
     ] = None,

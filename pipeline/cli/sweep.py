@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 USUAL_FRAMES = 100
 
 RECIPES_HELP = (
-    "Recipes of the attacks: best,paper; best+half and best+twice take other steps, best+hide hides."
+    "Recipes of the attacks: best,paper,random-best; best+half and best+twice take other steps, best+hide "
+    "hides."
 )
 
 
@@ -79,6 +80,8 @@ def sweep(
     recipes, with frames of their own, may be added to the same output later.
     """
     from advpipe.pipeline.bag.locate import newest_dataset, resolve_bag
+    from advpipe.pipeline.bag.reader import BagReader
+    from advpipe.pipeline.detector.registry import load_detector
     from advpipe.pipeline.errors import wrong_use
     from advpipe.pipeline.process.folder import here, refuse_undecodable
     from advpipe.pipeline.verbosity import detail, say
@@ -89,6 +92,7 @@ def sweep(
     from advpipe.stages.evaluate.sweep.store import Store
     from advpipe.stages.evaluate.sweep.tables import recipes_of
     from advpipe.stages.evaluate.sweep.variants import steps_factor
+    from advpipe.stages.evaluate.training_map import map_status
 
     with wrong_use():
         clean = resolve_bag(bag or newest_dataset(here("datasets")))
@@ -131,10 +135,12 @@ def sweep(
         if steps_factor(recipe) == 1
         for picture in _panels(bench, store, recipe, is_new.get(recipe, False))
     ]
-    write_document(target, done, shown, _commands(clean, table, done), pictures)
+    of_map = map_status(detector, load_detector(detector, device), BagReader(clean).provenance)
+    banners = [of_map.text] if of_map.text else []
+    write_document(target, done, shown, _commands(clean, table, done), pictures, banners)
 
     def show() -> None:
-        print_document(done, shown)
+        print_document(done, shown, banners)
         print(f"report: {target / 'report.html'}")
 
     document = json.loads((target / "report.json").read_text(encoding="utf-8"))

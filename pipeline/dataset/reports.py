@@ -15,6 +15,7 @@ LIMIT_BYTES = 1 << 24
 _HINT = "evaluate again with --overwrite"
 _MOST_RECORDS = 100_000
 _FileName = Annotated[str, Field(max_length=255)]
+_Banner = Annotated[str, Field(max_length=2000)]
 
 
 class _Clean(Document):
@@ -54,6 +55,7 @@ class DetectionRow(Document):
     map_ratio_ci95: tuple[Number | None, Number | None] | None = None
     baseline_map_ratio_percent: Number | None = None
     lost_objects: Count | None = None
+    working_score: Number | None = None
     objects_found_clean: Count | None = None
     chamfer_distance_m2: Number | None = None
 
@@ -82,6 +84,7 @@ class ReportDocument(Document):
     """The part of report.json that is read again."""
 
     provenance: ReportOrigin
+    banners: Annotated[tuple[_Banner, ...], Field(max_length=100)] = ()
     rows: Annotated[tuple[DetectionRow, ...], Field(max_length=_MOST_RECORDS)] = ()
     localisation: Annotated[tuple[LocalisationRow, ...], Field(max_length=_MOST_RECORDS)] = ()
     v2x: Annotated[tuple[V2xRow, ...], Field(max_length=_MOST_RECORDS)] = ()

@@ -56,13 +56,15 @@ def describe_bags(
     }
 
 
-def describe_detector(name: str, detector: Detector, sha256: str) -> Row:
-    """The detector by name, checksum (see `detector_sha256`), classes and range."""
+def describe_detector(name: str, detector: Detector, sha256: str, is_training_map: bool | None = None) -> Row:
+    """The detector by name, checksum (see `detector_sha256`), classes and range, and whether it was trained
+    on drives on the map of the clean bag; None where nobody can say."""
     return {
         "name": Path(name).name,
         "sha256": sha256,
         "classes": list(detector.classes),
         "range_m": vars(detector.range_m),
+        "is_training_map": is_training_map,
     }
 
 

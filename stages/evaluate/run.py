@@ -17,6 +17,7 @@ from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.partial import FolderKind, staged_folder
 from advpipe.pipeline.progress import track
+from advpipe.stages.evaluate.cooperative.section import KEY as COOPERATIVE
 from advpipe.stages.evaluate.cooperative.section import sections as cooperative
 from advpipe.stages.evaluate.coordinated.section import sections as coordinated
 from advpipe.stages.evaluate.detection.comparison import Comparison, bag_name, touches_clouds
@@ -43,6 +44,7 @@ from advpipe.stages.evaluate.report.report import FORMULAS, Report, precision_re
 from advpipe.stages.evaluate.report.results import write_frames, write_results
 from advpipe.stages.evaluate.report.section import Family, Section
 from advpipe.stages.evaluate.report.table import print_report
+from advpipe.stages.evaluate.training_map import map_status
 from advpipe.stages.evaluate.v2x.section import sections as v2x
 
 __all__ = ["Options", "Report", "evaluate", "print_report"]
@@ -148,9 +150,13 @@ def evaluate(
         sections = [*attacked_sections(summaries)]
         sections += _added_sections(clean, adversarial, options)
         comparisons = [summary.comparison for summary in of_first_detector(summaries)]
+        if not models and any(section.key == COOPERATIVE for section in sections):
+            models = [load_detector(options.detectors[0], device)]  # it looked for that section alone
+        about_clean = BagReader(clean).provenance
+        maps = [map_status(*each, about_clean) for each in zip(options.detectors, models, strict=False)]
         detectors = [
-            describe_detector(name, model, detector_sha256(name))
-            for name, model in zip(options.detectors, models, strict=False)
+            describe_detector(name, model, detector_sha256(name), of_map.is_training_map)
+            for name, model, of_map in zip(options.detectors, models, maps, strict=False)
         ]
         origin: Row = {
             "bootstrap_draws": bootstrap_draws,
@@ -163,7 +169,8 @@ def evaluate(
         }
         rows = tuple(summary.row for summary in summaries)
         formulas = FORMULAS if frames == ALL_FRAMES else {**FORMULAS, "frames": f"{frames}: {FRAMES}"}
-        report = Report(rows, origin, formulas, precision_records(summaries), tuple(sections))
+        banners = tuple(each.text for each in maps if each.text)
+        report = Report(rows, origin, formulas, precision_records(summaries), tuple(sections), banners)
         (folder / "report.json").write_text(report.to_json(), encoding="utf-8")
         if summaries:
             write_results(summaries, folder / "results.parquet")
@@ -173,7 +180,7 @@ def evaluate(
         for picture in [*pictures, *(picture for section in sections for picture in section.pictures)]:
             (folder / "figures" / picture.file_name).write_bytes(picture.png)
         write_html(report, summaries, pictures, folder / "report.html")
-        if detections and detectors:
+        if detections and summaries:
             _write_detections(
                 clean, comparisons, folder / "detections", detectors[0], lidar_topic, with_clouds
             )

@@ -18,7 +18,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.dataset.layout import Layout
 from advpipe.pipeline.errors import one_line
 from advpipe.stages.share import names
-from advpipe.stages.share.effects import effect_tables
+from advpipe.stages.share.effects import banners, effect_tables
 from advpipe.stages.share.facts import CLOUD_TYPE, BagFacts, TopicFacts
 from advpipe.stages.share.markdown import Markdown, block, code, escaped, link, literal, own_words
 from advpipe.stages.share.options import ShareOptions
@@ -139,6 +139,7 @@ def write_card(
         rate=_rate,
         lidars=[{"name": name, **dict(lidar)} for name, lidar in scenario.sensors.lidars.items()],
         origin=_origin(clean, scenario),
+        banners=banners(found.reports),
         effects=effect_tables(found.reports),
         has_messages=any(topic.type.startswith("advpipe_msgs/") for topic in clean.topics.values()),
         first_topic=first.name,

@@ -191,7 +191,8 @@ def _connections(net: Any, edge: Any, offset: Float64) -> Iterator[Connection]:
             to_lane = link.getToLane()
             if not (lane.allows(CAR) and to_lane.allows(CAR)):
                 continue
-            pieces, via = [], link.getViaLaneID()
+            pieces: list[Float64] = []
+            via = link.getViaLaneID()
             while via:  # a turn that waits inside the junction has two lanes in it
                 if len(pieces) == MOST_INNER_LANES:
                     raise ValueError(f"the way over the junction from lane {lane.getID()!r} never ends")

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.bag.cloud import Cloud, xyzi
+from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import Boxes, points_in_boxes
 from advpipe.pipeline.partial import PartialFolder
 

@@ -21,6 +21,7 @@ from advpipe.pipeline.detector.registry import detector_sha256
 from advpipe.pipeline.detector.second.checkpoint import load_checkpoint, save_checkpoint
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import preset_named
+from advpipe.pipeline.detector.training_maps import KEY
 from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.process import signals
 from advpipe.pipeline.progress import track
@@ -29,6 +30,7 @@ from advpipe.stages.train.examples import Examples
 from advpipe.stages.train.folder import RunFolder
 from advpipe.stages.train.frames import FrameStore
 from advpipe.stages.train.log import STEPS, VALIDATIONS, Log, plot_training
+from advpipe.stages.train.maps import training_maps
 from advpipe.stages.train.state import TrainState
 from advpipe.stages.train.status import Status
 from advpipe.stages.train.validate import ClassPrecision, ValidationDrive, strict_percents
@@ -81,7 +83,8 @@ def _train(
     examples = Examples(store, config)
     steps = config.steps or max(1, round(config.epochs * len(store) / config.batch_size))
     workers = min(config.batch_size, config.workers or os.cpu_count() or 1)
-    provenance = provenance_of(config, origin, len(store), steps)
+    maps = training_maps([labelled_bag(bag) for bag in config.bags], config.start)
+    provenance = provenance_of(config, origin, len(store), steps) | {KEY: maps}
 
     state = TrainState.new(net, config.learning_rate, config.weight_decay)
     if folder.state.is_file():

@@ -6,6 +6,7 @@ import itertools
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 import time
@@ -42,6 +43,15 @@ def test_every_command_explains_itself(command: str) -> None:
     done = advpipe(command, "--help")
     assert done.returncode == 0
     assert command in done.stdout
+
+
+def test_the_help_of_attacks_says_what_the_attacker_knows_and_what_a_miss_is() -> None:
+    """In README.md's words, of which the tests work out the centimetres."""
+    help_text = " ".join(re.sub(r"[│╭╮╰╯─]", " ", advpipe("attack", "--help").stdout).split())
+    assert "knows the detector, the true boxes and the rule that matches detections to them" in help_text
+    assert "32 cm off sideways, or 13 cm along all three axes" in help_text
+    assert "no box of loose overlap is left" in help_text
+    assert "random-best (the strongest baseline)" in help_text
 
 
 MISTAKES = {

@@ -12,11 +12,12 @@ from pydantic import Field
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
-from advpipe.pipeline.bag.document import Document, Text, Word
+from advpipe.pipeline.bag.document import Document, Text, Word, read_json
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import preset_named
-from advpipe.pipeline.errors import OutputExistsError, UsageError
-from advpipe.pipeline.shown import cut, shown
+from advpipe.pipeline.detector.training_maps import with_listed_maps
+from advpipe.pipeline.errors import OutputExistsError, UsageError, wrong_use
+from advpipe.pipeline.shown import cut
 from advpipe.pipeline.whole_file import write_whole
 
 KIND = "advpipe-second-1"
@@ -89,7 +90,7 @@ def load_checkpoint(path: Path, device: torch.device | None = None) -> Second:
     if not all(bool(torch.isfinite(weights).all()) for weights in tensors.values()):
         raise UsageError(f"the weights in {path} are not all finite; train or copy it again")
     net.load_state_dict(tensors, strict=False)
-    return Second(net.to(device), provenance)
+    return Second(net.to(device), with_listed_maps(provenance, path, SHIPPED["small"]))
 
 
 def _check_size(path: Path) -> None:
@@ -106,22 +107,13 @@ def _check_size(path: Path) -> None:
 
 def _told_by(path: Path, metadata: Mapping[str, str]) -> tuple[SecondNet, dict[str, str]]:
     """The network that a checkpoint is of, its weights not set, and how it was trained."""
-    try:
-        about = json.loads(metadata["advpipe"])
-        if about["kind"] != KIND:
-            raise KeyError
-        name, classes, provenance = about["preset"], about["classes"], about["provenance"]
-        if not (isinstance(name, str) and isinstance(classes, list) and isinstance(provenance, dict)):
-            raise TypeError
-        if not all(isinstance(text, str) for text in provenance.values()):
-            raise TypeError
-    except (KeyError, TypeError, ValueError, RecursionError):
+    where = f"{path} is no detector checkpoint of advpipe"
+    with wrong_use():
+        about: _About = read_json(metadata.get("advpipe", ""), _About, where, "make one with `advpipe train`")
+    net = SecondNet(preset_named(about.preset))
+    if about.classes != net.preset.classes:
         raise UsageError(
-            f"{path} is no detector checkpoint of advpipe; make one with `advpipe train`"
-        ) from None
-    net = SecondNet(preset_named(name))
-    if classes != list(net.preset.classes):
-        raise UsageError(
-            f"{path} finds {shown(classes)}, preset {name!r} finds {list(net.preset.classes)}; train again"
+            f"{path} finds {cut(str(list(about.classes)), 200)}, preset {about.preset!r} finds "
+            f"{list(net.preset.classes)}; train again"
         )
-    return net, provenance
+    return net, dict(about.provenance)

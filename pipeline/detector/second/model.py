@@ -19,6 +19,7 @@ from advpipe.pipeline.detector.second.head import Head, Predictions
 from advpipe.pipeline.detector.second.loss import losses, losses_by_cloud
 from advpipe.pipeline.detector.second.presets import Preset
 from advpipe.pipeline.detector.second.voxels import Voxels, voxelise
+from advpipe.pipeline.detector.training_maps import KEY, listed
 from advpipe.pipeline.errors import AdvpipeError
 
 
@@ -64,6 +65,11 @@ class Second:
         self.preset: Preset = net.preset
         self.provenance = provenance or {}
         self._grid = net.anchor_grid()
+
+    @property
+    def training_maps_sha256(self) -> Sequence[str | None] | None:
+        """The maps of the drives that it was trained on, as `KnowsItsMaps` has them."""
+        return listed(self.provenance.get(KEY))
 
     @property
     def device(self) -> torch.device:

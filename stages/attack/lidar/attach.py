@@ -51,7 +51,7 @@ INSET_M = {"best": 0.002, "robust": 0.025}
 """How far off the faces of a voxel points are put; jitter of 1 cm seldom carries them over 2.5 cm."""
 
 JITTER_M = 0.01
-"""What the recipe `robust` survives."""
+"""What the recipe `robust` is judged under."""
 
 REST_M = 0.02
 """Points of the budget that have nothing to do stand this near to clean ones: the cloud hardly changes."""
@@ -63,13 +63,16 @@ BALL_PLACES = 200
 class Attach:
     """Add exactly `points` points to a cloud, each within `eps_m` of one of its own, in float64 as stored.
 
+    The attacker knows the detector, the true boxes and the rule that matches detections to them (`goal`).
+
     recipe: "best" fills the empty voxels whose occupancy hurts the detector most, at the place nearest to
         a clean point, looks at what it then finds, and spends the points on the objects that fall to the
         fewest; for a detector without occupancies, it takes places by the gradient of the loss. "robust"
         stays clear of the voxels' faces and looks under jitter of 1 cm. "paper" shifts copies of the most
         salient points (`attach_paper`). By chance: "random" in balls about any points, "random-near" about
-        those near objects, "random-best" likewise with the selection of "best". New points copy the
-        intensity of the point that they start from.
+        those near objects, "random-best" likewise with the selection of "best": the strongest baseline,
+        which reports do not score by themselves. New points copy the intensity of the point that they start
+        from.
     rounds: how often "best" ranks the places anew.
     weight: lambda of the paper's dual loss (loss units a square metre); only for "paper".
     decay_m: "best" and "robust" count what a point d away from the clean ones brings exp(-(d / decay_m)**2)

@@ -30,19 +30,22 @@ MARGIN_M = 0.5
 """Points this near to an object count as its own: a detector looks at what is about it, too."""
 
 JITTER_M = 0.01
-"""What the recipe `robust` survives."""
+"""What the recipe `robust` is judged under."""
 
 
 class Detach:
     """Remove exactly round(ratio * N) of a cloud's N points.
 
+    The attacker knows the detector, the true boxes and the rule that matches detections to them (`goal`).
+
     ratio: the share to remove, in (0, 1). Halves round up; at least one point goes, and one stays.
         Points that are not finite (rays without an echo, in some drivers) do not count and stay.
     recipe: "best" empties the voxels that the detector needs, looks at what it then finds, and spends the
-        budget on the objects that it loses for the fewest points; "robust" does so under jitter of 1 cm;
-        "paper" is the greedy gradient-norm saliency of the paper (section III-A, Eq. 3). Of equal budget
-        and by chance: "random" anywhere, "random-near" near objects, "random-best" there with the selection
-        of "best".
+        budget on the objects that it loses for the fewest points; "robust" does so under jitter of 1 cm,
+        which brought nothing sure where it was measured; "paper" is the greedy gradient-norm saliency of the
+        paper (section III-A, Eq. 3). Of equal budget and by chance: "random" anywhere, "random-near" near
+        objects, "random-best" there with the selection of "best": the strongest baseline, which reports do
+        not score by themselves.
     rounds: after each round the remaining points are ranked again (the paper: 10).
     near_objects_m, goal, objects, max_points: see `constraints.Constraints`.
     """

@@ -1,4 +1,8 @@
-"""What an attack on a cloud is after: whom it fights, which loss it follows, and how well an attempt did."""
+"""What an attack on a cloud is after: whom it fights, which loss it follows, and how well an attempt did.
+
+The attacker is given the true boxes and judges its tries by the overlaps and the matching that evaluation
+scores with: it knows more than the detector's weights.
+"""
 
 from __future__ import annotations
 

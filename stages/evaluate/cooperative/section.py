@@ -39,6 +39,8 @@ from advpipe.stages.evaluate.report.section import SECTION, Picture, Section, Ta
 
 SHOWN_SCORE = 0.3
 """Of the boxes in the picture."""
+KEY = "cooperative"
+"""Under which reports list the section's records."""
 CRITERIA = ("strict", "loose")
 ALONE, TRUE, CLEAN = "alone", "true poses", "clean poses"
 
@@ -108,18 +110,18 @@ def sections(
     moved = {bag_name(bag): BagReader(bag) for bag in attacked}
     asked = asked_for(reader, pair, frames, lidar_topic)
     rows, telling = cooperative_rows(reader, pair, moved, detector, device, asked)
-    key, title = "cooperative", "Cooperative perception under GPS attacks"
+    title = "Cooperative perception under GPS attacks"
     if telling is None:
         if frames == ALL_FRAMES:
             return ()
         lead = f"No poses are false at the frames {frames}: nothing was fused. Choose later or more frames."
-        return (Section(key=key, title=title, lead=lead),)
+        return (Section(key=KEY, title=title, lead=lead),)
     names = pair.own.vehicle, pair.other.vehicle
     caption = f"{names[0]} with what {names[1]} shares, when the lie is the greatest for their distance"
     picture = to_png(draw_fused(telling, *names))
     return (
         Section(
-            key=key,
+            key=KEY,
             title=title,
             lead=f"{names[0]} fuses what {names[1]} shares, while reported poses are false.",
             tables=(_table(rows),),

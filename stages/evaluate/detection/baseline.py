@@ -42,7 +42,7 @@ class Baseline:
 
 
 BASELINES = {
-    "baseline": Baseline("at random"),
+    "baseline": Baseline("at random anywhere"),
     "baseline_near": Baseline("at random near objects", is_near=True),
     "baseline_full": Baseline("at random, every point", is_full=True),
 }

@@ -33,9 +33,12 @@ COUNTS = (
 """What is counted of each cloud of a frame, the clean one too; the last one leaves out emptied objects."""
 
 
-def lost_objects(truth: Truth, clean: CloudResult, cloud: CloudResult, min_score: float) -> Bool:
+def lost_objects(
+    truth: Truth, clean: CloudResult, cloud: CloudResult, min_score: float, criterion: str = "loose"
+) -> Bool:
     """Which objects (M,) the detector finds on the clean cloud and misses on the other one."""
-    return found_objects(truth, clean.matches, min_score) & ~found_objects(truth, cloud.matches, min_score)
+    found, still = (found_objects(truth, each.matches, min_score, criterion) for each in (clean, cloud))
+    return found & ~still
 
 
 def new_false_positives(clean: CloudResult, cloud: CloudResult, min_score: float) -> Bool:

@@ -185,11 +185,11 @@ def worth(truth: Truth, matches: Matches) -> Float64:
 _WORTH = {"strict": 1.0, "loose": 1e-3}  # the loose score only breaks ties
 
 
-def found_objects(truth: Truth, matches: Matches, min_score: float) -> Bool:
-    """Which objects (M,) are evaluated and found by the loose criterion with at least this score."""
+def found_objects(truth: Truth, matches: Matches, min_score: float, criterion: str = "loose") -> Bool:
+    """Which objects (M,) are evaluated and found by a criterion with at least this score."""
     found = np.zeros(len(truth.boxes), dtype=bool)
     for (word, name), frame in matches.items():
-        if word == "loose":
+        if word == criterion:
             found[labelled(truth.boxes.labels, name)] = frame.found(min_score)
     return found
 

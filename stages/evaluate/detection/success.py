@@ -32,16 +32,17 @@ def success_rows(
 ) -> Iterator[Row]:
     """A row for each cloud of `words`, class and range: objects found on the clean clouds and lost on these.
 
-    attack_success_percent: lost of found, with its interval from the bootstrap. new_false_positives are
-    told by their own class and range.
+    Found and lost are at loose overlap, those named `strict_` at strict overlap, both with a score of at
+    least `min_score`. attack_success_percent: lost of found, with its interval from the bootstrap.
+    new_false_positives are told by their own class and range.
     """
     for word in words:
         for name in (EVERY_CLASS, *classes):
             for stratum in RANGES:
                 counts = np.array(
                     [_counts(frame, word, name, stratum, min_score) for frame in comparison.frames]
-                )  # (F, 3): found, lost, new
-                found, lost, new = (int(count) for count in counts.sum(axis=0))
+                )  # (F, 5): found, lost and new at loose overlap, found and lost at strict overlap
+                found, lost, new, strictly_found, strictly_lost = (int(count) for count in counts.sum(axis=0))
                 yield {
                     **{
                         key: row[key] for key in ("bag", "detector", "attack", "recipe", "parameter", "value")
@@ -49,17 +50,20 @@ def success_rows(
                     "cloud": word,
                     "class": name,
                     "range": stratum.name,
+                    "min_score": min_score,
                     "found_clean": found,
                     "lost": lost,
                     "attack_success_percent": 100 * ratio(lost, found),
-                    "attack_success_ci95": percentile_interval(_rate_draws(counts, bootstrap)),
+                    "attack_success_ci95": percentile_interval(_rate_draws(counts[:, :2], bootstrap)),
+                    "strict_found_clean": strictly_found,
+                    "strict_lost": strictly_lost,
+                    "strict_attack_success_percent": 100 * ratio(strictly_lost, strictly_found),
+                    "strict_attack_success_ci95": percentile_interval(_rate_draws(counts[:, 3:], bootstrap)),
                     "new_false_positives": new,
                 }
 
 
-def _counts(
-    frame: FrameResult, word: str, name: str, stratum: Stratum, min_score: float
-) -> tuple[int, int, int]:
+def _counts(frame: FrameResult, word: str, name: str, stratum: Stratum, min_score: float) -> tuple[int, ...]:
     cloud, truth = frame.clouds()[word], frame.truth
     objects = stratum.holds(range_m(truth.boxes.geometry))
     detections = stratum.holds(range_m(cloud.detections.boxes))
@@ -70,11 +74,13 @@ def _counts(
         int((found_objects(truth, frame.clean.matches, min_score) & objects).sum()),
         int((lost_objects(truth, frame.clean, cloud, min_score) & objects).sum()),
         int((new_false_positives(frame.clean, cloud, min_score) & detections).sum()),
+        int((found_objects(truth, frame.clean.matches, min_score, "strict") & objects).sum()),
+        int((lost_objects(truth, frame.clean, cloud, min_score, "strict") & objects).sum()),
     )
 
 
 def _rate_draws(counts: Int64, bootstrap: BlockBootstrap) -> npt.NDArray[np.float64]:
-    """The share of lost objects in percent in each draw."""
+    """The share of lost objects in percent in each draw; counts: (F, 2), found and lost."""
     found, lost = (
         np.bincount(bootstrap.block, counts[:, column], minlength=bootstrap.n_blocks) for column in (0, 1)
     )

@@ -15,6 +15,7 @@ from advpipe.stages.evaluate.report.numbers import NOTHING, interval, number, sh
 from advpipe.stages.evaluate.report.scene import attack_title
 from advpipe.stages.evaluate.report.section import Section, Table
 from advpipe.stages.evaluate.report.transfer import transfer_section
+from advpipe.stages.evaluate.report.wording import OVERLAPS, PLAIN_RANDOM, RANDOM_BEST
 
 ANSWER = {True: "yes", False: "no", None: NOTHING}
 
@@ -45,7 +46,10 @@ def title_of(summary: Summary, summaries: Sequence[Summary]) -> str:
 
 
 def baselines_section(summaries: Sequence[Summary]) -> Section:
-    heads = ("attack", "random baseline", "its ratio %", "95 %", "attack minus it", "95 %", "beats it")
+    heads = (
+        *("attack", f"{PLAIN_RANDOM} baseline", "its ratio %", "95 %"),
+        *("attack minus it", "95 %", "beats it"),
+    )
     lines = []
     for summary in summaries:
         row, title = summary.row, title_of(summary, summaries)
@@ -64,9 +68,9 @@ def baselines_section(summaries: Sequence[Summary]) -> Section:
             title = ""
     return Section(
         "baselines",
-        "Against the same budget spent at random",
+        "Against the same budget spent plainly at random",
         "Differences in points of mAP ratio, drawn together with the attack; an attack beats a baseline if "
-        "the 95 % interval of the difference lies below 0.",
+        f"the 95 % interval of the difference lies below 0. {RANDOM_BEST}",
         (Table("", heads, tuple(lines)),),
         records=tuple(
             {
@@ -88,9 +92,14 @@ def baselines_section(summaries: Sequence[Summary]) -> Section:
 
 
 def success_section(summaries: Sequence[Summary]) -> Section:
-    """Attack success by class and range; the baseline at random beside the attack."""
+    """Attack success by class and range; beside the attack one draw of the baseline at random anywhere."""
     ranges = [WHOLE, *(stratum.name for stratum in STRATA if stratum.by == "range")]
-    heads = ("class", *(f"{name}: lost of found" for name in ranges), "at random", "new FP", "at random")
+    scores = {number(summary.min_score, 2) for summary in summaries}
+    score = scores.pop() if len(scores) == 1 else "the working score of its bag"
+    heads = (
+        *("class", "strict: lost of found", *(f"loose, {name}: lost of found" for name in ranges)),
+        *("one random draw, loose", "new FP", "one random draw"),
+    )
     tables = []
     for summary in summaries:
         found = {(row["cloud"], row["class"], row["range"]): row for row in summary.success}
@@ -102,6 +111,7 @@ def success_section(summaries: Sequence[Summary]) -> Section:
             lines.append(
                 (
                     "every class" if name == EVERY_CLASS else str(name),
+                    _share(mine[0], "strict_"),
                     *(_share(row) for row in mine),
                     _share(random),
                     number(mine[0]["new_false_positives"], 0),
@@ -112,8 +122,10 @@ def success_section(summaries: Sequence[Summary]) -> Section:
     return Section(
         "attack_success",
         "Attack success by class and range",
-        "Objects that the detector finds on the clean cloud and misses on the attacked one, in percent of "
-        "those found, with a 95 % interval; and detections where it saw nothing before.",
+        "Lost objects: those that the detector finds on the clean cloud and misses on the attacked one, in "
+        f"percent of those found, with a 95 % interval; with a score of at least {score}, and by the overlap "
+        f"that stands above the column ({OVERLAPS}). A new FP is a detection that finds nothing, where none "
+        "was before. The random draw, anywhere, is the weakest of the baselines.",
         tuple(tables),
         records=tuple(row for summary in summaries for row in summary.success),
     )
@@ -152,8 +164,8 @@ def change_section(summaries: Sequence[Summary]) -> Section:
 
 
 def recount_section(summaries: Sequence[Summary]) -> Section:
-    heads = ("attack", "objects", "mAP ratio %", "lost", "success %") + (
-        "objects, recounted", "mAP ratio %", "95 %", "lost", "success %",
+    heads = ("attack", "objects", "mAP ratio %", "lost (loose)", "success %") + (
+        "objects, recounted", "mAP ratio %", "95 %", "lost (loose)", "success %",
     )  # fmt: skip
     lines = []
     for summary in summaries:
@@ -176,7 +188,8 @@ def recount_section(summaries: Sequence[Summary]) -> Section:
         "recount",
         "If the objects were counted on the attacked clouds",
         "The objects of the clean clouds are what counts everywhere else. Recounted, those with too few "
-        "points left are no objects to find, and others may have become some.",
+        "points left are no objects to find, and others may have become some. The mAP ratio is at strict "
+        "overlap; lost, and success, its share of those found, at loose overlap and the working score.",
         (Table("", heads, tuple(lines)),),
     )
 
@@ -229,11 +242,12 @@ def _words(row: Row) -> list[str]:
     return [str(word) for word in words] if isinstance(words, list) else []
 
 
-def _share(row: Row) -> str:
-    if not row or not row["found_clean"]:
+def _share(row: Row, prefix: str = "") -> str:
+    if not row or not row[f"{prefix}found_clean"]:
         return NOTHING
-    counts = f"{number(row['lost'], 0)} of {number(row['found_clean'], 0)}"
-    return f"{with_interval(row['attack_success_percent'], row['attack_success_ci95'], 0)} % ({counts})"
+    counts = f"{number(row[f'{prefix}lost'], 0)} of {number(row[f'{prefix}found_clean'], 0)}"
+    percent, bounds = row[f"{prefix}attack_success_percent"], row[f"{prefix}attack_success_ci95"]
+    return f"{with_interval(percent, bounds, 0)} % ({counts})"
 
 
 def _flag(value: object) -> bool | None:

@@ -168,7 +168,7 @@ def legend(scene: Scene) -> list[Line2D]:
             1, Line2D([], [], color=TRUTH, linewidth=1, linestyle="dotted", label="truth, ignored")
         )
     if scene.lost.any():
-        word = "lost object" if scene.after else "missed object"
+        word = "lost object (loose overlap)" if scene.after else "missed object (loose overlap)"
         entries.append(Line2D([], [], color=LOST, linewidth=2, linestyle="dashed", label=word))
     if scene.change:
         for count, colour, word in (

@@ -22,7 +22,7 @@ from advpipe.stages.evaluate.report.numbers import number
 from advpipe.stages.evaluate.report.report import Report, plain
 from advpipe.stages.evaluate.report.scene import attack_title
 from advpipe.stages.evaluate.report.section import ATTACK, CLEAN, OVERVIEW, Picture
-from advpipe.stages.evaluate.report.table import lines, remarks
+from advpipe.stages.evaluate.report.table import lines, lost_of, remarks
 
 TEMPLATE = Path(__file__).with_name("template.html")
 
@@ -38,6 +38,8 @@ def write_html(report: Report, summaries: Sequence[Summary], pictures: Sequence[
         is_attacked=any(summary.comparison.bag for summary in summaries) or bool(report.sections),
         lines=lines(report),
         remarks=remarks(report),
+        banners=report.banners,
+        lost=lost_of(report),
         overview=_of(pictures, OVERVIEW, ""),
         clean_sections=[
             {

@@ -71,7 +71,10 @@ def _bag_pictures(clean: Path, summary: Summary, lidar_topic: str | None) -> Ite
     bag, attacked = summary.comparison.name, summary.comparison.bag is not None
     section = ATTACK if attacked else CLEAN
     if attacked:
-        caption = "Precision over recall, strict 3D: attacked, at random and clean, with AP R40"
+        caption = (
+            "Precision over recall, strict 3D: attacked, clean, and the weakest baseline, one draw at random "
+            "anywhere; with AP R40"
+        )
         figure = draw_curves(summary, ATTACK_LINES)
         yield Picture(section, bag, f"{bag}-precision_recall.png", caption, to_png(figure))
     worst = worst_frames(summary, WORST if attacked else WORST_CLEAN)

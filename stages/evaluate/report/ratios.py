@@ -11,10 +11,11 @@ from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.report.numbers import short_name
 from advpipe.stages.evaluate.report.scene import attack_title
 from advpipe.stages.evaluate.report.style import BASELINE, INK, PREDICTION
+from advpipe.stages.evaluate.report.wording import PLAIN_RANDOM
 
 
 def draw_ratios(rows: Sequence[Row]) -> Figure:
-    """One line an attack: red the attack, grey the same budget at random."""
+    """One line an attack: red the attack, grey the strongest plain random baseline of equal budget."""
     seen = {row["detector"] for row in rows}
     titles = [
         attack_title(row) + (f", seen by {short_name(row['detector'])}" if len(seen) > 1 else "")
@@ -37,7 +38,7 @@ def draw_ratios(rows: Sequence[Row]) -> Figure:
     axes.tick_params(length=0)
     for side in ("top", "right", "left"):
         axes.spines[side].set_visible(False)
-    for colour, word in ((PREDICTION, "attack"), (BASELINE, "strongest random baseline of equal budget")):
+    for colour, word in ((PREDICTION, "attack"), (BASELINE, f"strongest {PLAIN_RANDOM} baseline")):
         axes.plot([], [], "o", color=colour, label=word)
     axes.legend(
         loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, ncols=2, fontsize=9, labelcolor=INK
@@ -46,7 +47,7 @@ def draw_ratios(rows: Sequence[Row]) -> Figure:
 
 
 def strongest_baseline(row: Row) -> str | None:
-    """The word of the baseline with the lowest mAP ratio."""
+    """The word of the plain random baseline with the lowest mAP ratio; recipe random-best is none of them."""
     words = row["baselines"]
     ratios = {}
     for word in words if isinstance(words, list) else []:

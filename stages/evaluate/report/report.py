@@ -11,6 +11,7 @@ import numpy as np
 from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.section import Section
+from advpipe.stages.evaluate.report.wording import RANDOM_BEST, WHITE_BOX
 
 FORMULAS: Mapping[str, str] = {
     "ap": "AP = (1/40) * sum over r in {1/40, ..., 1} of max precision at recall >= r (R40); R11 reads "
@@ -32,9 +33,12 @@ FORMULAS: Mapping[str, str] = {
     "baseline": "as many points removed, added or moved as far as by the attack, chosen at random: anywhere; "
     "near objects (within 0.5 m of a box) as far as there are such points; or, where points are moved, every "
     "point by the attack's bound; best try: of as many tries as the attack looked at (or as stated) the one "
-    "that hides most, chosen for each object by the detector's own result, and put together",
-    "beats_random": "the 95 % interval of the paired difference of mAP ratios to every baseline lies below 0",
-    "attack_success": "100 % * objects lost / objects found on the clean clouds",
+    "that hides most, chosen for each object by the detector's own result, and put together. " + RANDOM_BEST,
+    "beats_random": "the 95 % interval of the paired difference of mAP ratios to every plain random baseline "
+    "that is scored beside the attack lies below 0; nothing is said of recipe random-best, which is stronger",
+    "attack_success": "100 % * objects lost / objects found on the clean clouds; at loose overlap, and "
+    "beside it as strict_... at strict overlap, both with a score of at least the working_score",
+    "white_box": WHITE_BOX,
     "recounted": "the objects that have at least 5 points in the attacked cloud instead of the clean one",
     "defence": "under a defence, clean and attacked clouds are changed before the detector sees them, by the "
     "same draws; objects are those of the clean clouds as recorded, and boxes come back to their frame",
@@ -53,6 +57,7 @@ class Report:
     rows: one an adversarial bag, or one for the clean bag alone. provenance: detector, bags, seeds.
     average_precision: one record a bag, detector, cloud (`clean`, `adv`, or a baseline's word), class,
     criterion and stratum. sections: what every family adds; the records of each are listed by its key.
+    banners: what must be read before any figure.
     """
 
     rows: tuple[Row, ...]
@@ -60,13 +65,19 @@ class Report:
     formulas: Mapping[str, str]
     average_precision: tuple[Row, ...] = ()
     sections: tuple[Section, ...] = ()
+    banners: tuple[str, ...] = ()
 
     def to_json(self) -> str:
         """The same text for the same figures: sorted keys, rounded numbers, null for what is undefined.
 
         The records of `average_precision` and of sections take one line each.
         """
-        document = {"formulas": self.all_formulas(), "provenance": self.provenance, "rows": self.rows}
+        document = {
+            "banners": self.banners,
+            "formulas": self.all_formulas(),
+            "provenance": self.provenance,
+            "rows": self.rows,
+        }
         text = json.dumps(plain(document), indent=2, sort_keys=True, allow_nan=False)
         records = {"average_precision": self.average_precision}
         records |= {each.key: each.records for each in self.sections if each.records}

@@ -16,6 +16,7 @@ from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResul
 from advpipe.stages.evaluate.detection.frame_row import lost_objects
 from advpipe.stages.evaluate.detection.scoring import Truth, false_positives, found_objects
 from advpipe.stages.evaluate.detection.summary import Summary
+from advpipe.stages.evaluate.report.wording import lost_means
 
 Float64 = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
@@ -35,7 +36,7 @@ class View:
 class Scene:
     """One frame before and after an attack; `after` and `change` are None for a clean bag alone.
 
-    lost: (M,) of the objects in `truth`; on a clean bag alone, those that are missed.
+    lost: (M,) of the objects in `truth`, at loose overlap; on a clean bag alone, those that are missed.
     """
 
     title: str
@@ -107,7 +108,8 @@ def load_scene(clean: Path, summary: Summary, frame: FrameResult, lidar_topic: s
     seen = frame.adversarial.detections
     after = View(_cloud(bag, frame.adversarial_index, lidar_topic), _seen(seen.boxes, seen.scores, summary))
     return Scene(
-        f"{attack_title(summary.row)}, frame {frame.index}: {int(lost.sum())} of {found} found objects lost",
+        f"{attack_title(summary.row)}, frame {frame.index}: {int(lost.sum())} of {found} found objects lost "
+        f"{lost_means(summary.min_score)}",
         name,
         frame.truth,
         lost,

@@ -11,9 +11,11 @@ from advpipe.pipeline.process.streams import plain_console
 from advpipe.stages.evaluate.detection.arm import WHOLE
 from advpipe.stages.evaluate.detection.baseline import baseline_title
 from advpipe.stages.evaluate.detection.figures import Row
+from advpipe.stages.evaluate.detection.success import EVERY_CLASS
 from advpipe.stages.evaluate.report.numbers import NOTHING, interval, number, short_name
 from advpipe.stages.evaluate.report.ratios import strongest_baseline
 from advpipe.stages.evaluate.report.report import Report
+from advpipe.stages.evaluate.report.wording import OVERLAPS, PLAIN_RANDOM, RANDOM_BEST, WHITE_BOX, lost_means
 
 CLEAN = "clean"
 MIN_TITLE = 16
@@ -110,12 +112,43 @@ def remarks(report: Report) -> list[str]:
             words.append(" ".join([f"{bag}: {size}, mAP over {', '.join(chosen)}.", *notes]))
         if (strongest := strongest_baseline(row)) and row[f"map_ratio_minus_{strongest}_ci95"]:
             words.append(
-                f"{bag}: mAP ratio minus that {baseline_title(strongest)} (the strongest baseline) "
-                f"{number(row[f'map_ratio_minus_{strongest}'], 2)} points, 95 % interval "
+                f"{bag}: mAP ratio minus that {baseline_title(strongest)} (the strongest {PLAIN_RANDOM} "
+                f"baseline) {number(row[f'map_ratio_minus_{strongest}'], 2)} points, 95 % interval "
                 f"{interval(row[f'map_ratio_minus_{strongest}_ci95'])}. "
-                f"Beats random: {'yes' if row['beats_random'] else 'no'}."
+                f"Beats {PLAIN_RANDOM}: {'yes' if row['beats_random'] else 'no'}."
             )
+        words += _lost_remark(report, row, bag)
+    if any(row["baselines"] for row in report.rows):
+        words.append(RANDOM_BEST)
+    if any(row["map_adv"] is not None for row in report.rows):
+        words.append(WHITE_BOX)
     return words
+
+
+def _lost_remark(report: Report, row: Row, bag: str) -> list[str]:
+    """How many objects an attack makes the detector lose, at both overlaps."""
+    records = next((section.records for section in report.sections if section.key == "attack_success"), ())
+    about = {"cloud": "adv", "class": EVERY_CLASS, "range": WHOLE}
+    about |= {key: str(row[key]) for key in ("bag", "detector")}
+    return [
+        f"{bag}: lost of the objects found on the clean clouds, with a score of at least "
+        f"{number(each['min_score'], 2)}: {_share(each, 'strict_')} at strict overlap, {_share(each)} at "
+        f"loose overlap ({OVERLAPS})."
+        for each in records
+        if all(each[key] == value for key, value in about.items())
+    ]
+
+
+def _share(record: Row, prefix: str = "") -> str:
+    lost, found = record[f"{prefix}lost"], record[f"{prefix}found_clean"]
+    percent = number(record[f"{prefix}attack_success_percent"], 1)
+    return f"{number(lost, 0)} of {number(found, 0)} ({percent} %)"
+
+
+def lost_of(report: Report) -> str:
+    """What `lost` means in the table of this report; rows on other frames may have another score."""
+    scores = {row["working_score"] for row in report.rows}
+    return lost_means(scores.pop() if len(scores) == 1 else None)
 
 
 def clean_lines(report: Report) -> list[dict[str, str]]:
@@ -153,6 +186,8 @@ def _short(stratum: object) -> str:
 def print_report(report: Report) -> None:
     """The tables on the terminal: the detector on the clean clouds, then attacks if there are any."""
     console = plain_console()
+    for banner in report.banners:
+        console.print(banner, style="bold yellow", highlight=False, markup=False)
     if by_class := clean_lines(report):
         console.print(_by_class(by_class))
     if any(row["map_adv"] is not None for row in report.rows):
@@ -185,7 +220,8 @@ def _by_class(lines: list[dict[str, str]]) -> Table:
 
 def _by_attack(report: Report, width_characters: int) -> Table:
     table = Table(
-        title="Detection: strict 3D R40 average precision, ratio to clean, Chamfer distance",
+        title="Detection: strict 3D R40 average precision, ratio to clean, Chamfer distance;\n"
+        f"lost: found on the clean cloud and missed, {lost_of(report)}",
         title_justify="left",
         box=box.SIMPLE_HEAD,
         show_edge=False,

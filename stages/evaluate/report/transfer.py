@@ -10,6 +10,7 @@ from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.numbers import NOTHING, with_interval
 from advpipe.stages.evaluate.report.scene import attack_title
 from advpipe.stages.evaluate.report.section import Section, Table
+from advpipe.stages.evaluate.report.wording import WHITE_BOX
 
 
 def transfer_section(summaries: Sequence[Summary]) -> Iterator[Section]:
@@ -25,7 +26,7 @@ def transfer_section(summaries: Sequence[Summary]) -> Iterator[Section]:
         "transfer",
         "Transfer between detectors",
         "mAP ratio in percent with its 95 % interval: a line for each detector that was attacked, a column "
-        "for each that looks. A star marks the one that was attacked itself (white box).",
+        f"for each that looks. A star marks the one that was attacked itself (white box). {WHITE_BOX}",
         tuple(_matrix(group) for group in groups.values()),
         records=tuple(records),
     )

@@ -40,7 +40,8 @@ class Cell:
 
     budget: a name of `budgets`. row: of the evaluation's report. bag_sha256: of the adversarial bag.
     frames, found_objects, lost_objects: of each frame that was scored, its index in the clean bag, how many
-    objects the detector finds in the clean cloud, and how many of those the attack hides.
+    objects the detector finds in the clean cloud, and how many of those the attack hides, both at loose
+    overlap and a score of at least the row's `working_score`.
     map_ratio_draws: of the bootstrap, in percent; cells of the same frames and seed are drawn together.
     commit: of advpipe's sources, by `source_commit`. What differs from run to run is not in it: see `Times`.
     """

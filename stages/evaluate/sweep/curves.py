@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from advpipe.pipeline.figure import Figure
 from advpipe.stages.evaluate.report.ratios import strongest_baseline
 from advpipe.stages.evaluate.report.style import BASELINE, INK, LINE, PREDICTION, SOFT, TRUTH, plain_axes
+from advpipe.stages.evaluate.report.wording import PLAIN_RANDOM
 from advpipe.stages.evaluate.sweep.budgets import AXES, TABLES
 from advpipe.stages.evaluate.sweep.cell import Cell
 from advpipe.stages.evaluate.sweep.variants import by_steps, steps_factor
@@ -29,7 +30,8 @@ class Point:
 
 
 def draw_curves(cells: Sequence[Cell], attack: str) -> Figure:
-    """Two panels of one attack: the paper's figures in blue, ours in red, the strongest baseline in grey."""
+    """Two panels of one attack: the paper's figures in blue, ours in red, the strongest plain random baseline
+    in grey."""
     figure = Figure(figsize=(11, 4.4), dpi=110, facecolor="white", layout="constrained")
     lines = curve_points(cells, attack)
     for place, label in enumerate((AXES[attack].title, "Chamfer distance in m²")):
@@ -64,7 +66,7 @@ def curve_points(cells: Sequence[Cell], attack: str) -> dict[tuple[str, str, str
         mine = {cell.budget: cell for cell in cells if cell.recipe == recipe}
         for title, colour, style, is_random in (
             (f"ours, recipe {recipe}", PREDICTION, f"{mark}-", False),
-            (f"strongest random baseline of {recipe}", BASELINE, f"{mark}:", True),
+            (f"strongest {PLAIN_RANDOM} baseline of {recipe}", BASELINE, f"{mark}:", True),
         ):
             points = [
                 point

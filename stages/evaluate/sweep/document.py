@@ -15,6 +15,7 @@ from advpipe.stages.evaluate.sweep.budgets import AXES
 from advpipe.stages.evaluate.sweep.cell import Cell
 from advpipe.stages.evaluate.sweep.curves import draw_convergence, draw_curves
 from advpipe.stages.evaluate.sweep.ingredients import ingredients_tables, measured
+from advpipe.stages.evaluate.sweep.remarks import remarks
 from advpipe.stages.evaluate.sweep.tables import (
     ON_THE_TERMINAL,
     baselines_table,
@@ -28,25 +29,26 @@ from advpipe.stages.evaluate.sweep.tables import (
 
 TEMPLATE = Path(__file__).with_name("sweep.html")
 
-SAME_DATA = (
-    "The paper's figures are those of its own detector and its own recording of Town06; ours are of the "
-    "detector and the drive named below. Figures of the paper have no interval."
-)
-
 
 def write_document(
-    folder: Path, cells: Sequence[Cell], recipes: Sequence[str], command: str, panels: Sequence[Picture] = ()
+    folder: Path,
+    cells: Sequence[Cell],
+    recipes: Sequence[str],
+    command: str,
+    panels: Sequence[Picture] = (),
+    banners: Sequence[str] = (),
 ) -> None:
     """Write report.json, report.html and figures/ of all cells; those of an earlier run are replaced.
 
-    command: that made them. panels: pictures of a frame, if they were drawn.
+    command: that made them. panels: pictures of a frame, if they were drawn. banners: what must be read
+    before any figure.
     """
     pictures = [*panels, *_curves(cells)]
     (folder / "figures").mkdir(exist_ok=True)
     for picture in pictures:
         write_whole(folder / "figures" / picture.file_name, picture.png)
-    write_whole(folder / "report.json", _json(cells, recipes, command).encode())
-    write_whole(folder / "report.html", _html(cells, recipes, command, pictures).encode())
+    write_whole(folder / "report.json", to_json(cells, recipes, command, banners).encode())
+    write_whole(folder / "report.html", _html(cells, recipes, command, pictures, banners).encode())
 
 
 def _curves(cells: Sequence[Cell]) -> list[Picture]:
@@ -56,16 +58,19 @@ def _curves(cells: Sequence[Cell]) -> list[Picture]:
         for attack, axis in AXES.items()
     ]
     if (figure := draw_convergence(cells)) is not None:
-        title = "Converged: mAP ratio over the number of steps, with 95 % intervals"
+        title = "More steps: mAP ratio over the number of steps, with 95 % intervals"
         pictures.append(Picture(OVERVIEW, "", "convergence.png", title, to_png(figure)))
     return pictures
 
 
-def _json(cells: Sequence[Cell], recipes: Sequence[str], command: str) -> str:
+def to_json(cells: Sequence[Cell], recipes: Sequence[str], command: str, banners: Sequence[str] = ()) -> str:
+    """The text of report.json."""
     formulas = {key: FORMULAS[key] for key in _SHOWN}
     document: dict[str, Any] = {
+        "banners": list(banners),
         "command": command,
         "formulas": formulas,
+        "remarks": remarks(cells),
         "provenance": provenance(cells),
         "cells": records(cells, recipes),
         "ingredients": measured(cells),
@@ -90,7 +95,13 @@ def provenance(cells: Sequence[Cell]) -> list[dict[str, Any]]:
     ]
 
 
-def _html(cells: Sequence[Cell], recipes: Sequence[str], command: str, pictures: Sequence[Picture]) -> str:
+def _html(
+    cells: Sequence[Cell],
+    recipes: Sequence[str],
+    command: str,
+    pictures: Sequence[Picture],
+    banners: Sequence[str],
+) -> str:
     from jinja2 import Environment, StrictUndefined
 
     details = (
@@ -101,7 +112,8 @@ def _html(cells: Sequence[Cell], recipes: Sequence[str], command: str, pictures:
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
-        lead=SAME_DATA,
+        banners=banners,
+        remarks=remarks(cells),
         tables=[table_one(cells, recipes), *(table_two(cells, recipes, attack) for attack in AXES)],
         details=[table for table in details if table.lines],
         pictures=pictures,
@@ -111,19 +123,26 @@ def _html(cells: Sequence[Cell], recipes: Sequence[str], command: str, pictures:
     )
 
 
-_SHOWN = ("ap", "map", "map_ratio", "iou", "ignored", "chamfer", "interval", "baseline", "beats_random")
+_SHOWN = (
+    *("ap", "map", "map_ratio", "iou", "ignored", "chamfer", "interval", "baseline", "beats_random"),
+    *("lost", "white_box"),
+)
 
 
-def print_document(cells: Sequence[Cell], recipes: Sequence[str]) -> None:
+def print_document(cells: Sequence[Cell], recipes: Sequence[str], banners: Sequence[str] = ()) -> None:
     """Both tables on the terminal; of Table II the columns that fit there."""
     from advpipe.pipeline.process.streams import plain_console
 
     console = plain_console()
+    for banner in banners:
+        console.print(banner, style="bold yellow", highlight=False, markup=False)
     console.print(_rich(_transposed(table_one(cells, recipes))))
     for attack in AXES:
         table = table_two(cells, recipes, attack)
         lines = tuple(tuple(line[place] for place in ON_THE_TERMINAL) for line in table.lines)
         console.print(_rich(Table(table.title, tuple(ON_THE_TERMINAL.values()), lines)))
+    for remark in remarks(cells):
+        console.print(remark, highlight=False, markup=False)
 
 
 def _transposed(table: Table) -> Table:

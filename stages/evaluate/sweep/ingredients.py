@@ -16,7 +16,7 @@ PATH = Path(__file__).with_name("ingredients.json")
 
 COLUMNS: dict[str, tuple[str, int]] = {
     "map_ratio_plain_percent": ("mAP ratio %", 1),
-    "map_ratio_loose_percent": ("at loose IoU %", 1),
+    "map_ratio_loose_percent": ("at loose overlap %", 1),
     "map_ratio_jitter_percent": ("after 1 cm of jitter %", 1),
     "map_ratio_rounding_percent": ("rounded to 1 cm %", 1),
     "car_ratio_percent": ("cars %", 1),
@@ -35,6 +35,11 @@ def measured(cells: Sequence[Cell]) -> dict[str, Any]:
         for attack in AXES
         if attack in stored and stored[attack]["detector_sha256"] in detectors
     }
+
+
+def lines_of(about: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """What was measured of an attack, by the line's name."""
+    return {line["line"]: line for line in about["lines"]}
 
 
 def ingredients_tables(cells: Sequence[Cell]) -> list[Table]:

@@ -22,8 +22,8 @@ from advpipe.stages.evaluate.report.style import INK
 from advpipe.stages.evaluate.sweep.cell import Cell
 
 RULE = (
-    "of the frames in which the detector finds anything, the one with the median number of objects lost to "
-    "the three attacks together (of two, the lower; of equal ones, the first)"
+    "of the frames in which the detector finds anything, the one with the median number of objects lost (at "
+    "loose overlap) to the three attacks together (of two, the lower; of equal ones, the first)"
 )
 """How the frame is chosen: neither the best nor the worst for the attacks."""
 
@@ -86,7 +86,7 @@ def draw_panels(scenes: Sequence[Scene], titles: Sequence[str], headline: str) -
         axes = figure.add_subplot(2, 2, place + 1)
         assert view is not None
         draw_view(axes, scene, view, limits, point_area=0.7)
-        lost = "" if scene is clean else f", {int(scene.lost.sum())} objects lost"
+        lost = "" if scene is clean else f", {int(scene.lost.sum())} objects lost (loose overlap)"
         label = f"({'abcd'[place]}) {title}: {len(view.cloud):,} points{lost}"
         axes.set_title(label, loc="left", fontsize=11, color=INK, pad=6)
     entries = {str(entry.get_label()): entry for scene, _, _ in shown for entry in legend(scene)}

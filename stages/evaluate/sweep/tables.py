@@ -15,6 +15,7 @@ from advpipe.stages.evaluate.report.numbers import NOTHING, interval, number, sh
 from advpipe.stages.evaluate.report.ratios import strongest_baseline
 from advpipe.stages.evaluate.report.section import Table
 from advpipe.stages.evaluate.report.table import changed_points
+from advpipe.stages.evaluate.report.wording import PLAIN_RANDOM
 from advpipe.stages.evaluate.sweep.budgets import AXES, TABLE_ONE, TABLES, Budget
 from advpipe.stages.evaluate.sweep.cell import Cell
 from advpipe.stages.evaluate.sweep.variants import by_steps, split_recipe, steps_factor
@@ -22,18 +23,19 @@ from advpipe.stages.evaluate.sweep.variants import by_steps, split_recipe, steps
 NOT_RUN = "not run"
 
 HEADS = (
-    "attack", "paper: ratio %", "CD m²", "ours: ratio %", "95 %", "CD m²", "below paper", "random: ratio %",
-    "ours minus it", "95 %", "beats random", "max shift m", "points", "frames",
+    "attack", "paper: ratio %", "CD m²", "ours: ratio %", "95 %", "CD m²", "below paper",
+    f"strongest {PLAIN_RANDOM}: ratio %", "ours minus it", "95 %", f"beats {PLAIN_RANDOM}", "max shift m",
+    "RMS shift m", "points", "frames",
 )  # fmt: skip
 
 ON_THE_TERMINAL = {
-    0: "attack", 1: "paper %", 2: "CD m²", 3: "ours %", 4: "95 %", 5: "CD m²", 7: "random %", 10: "beats",
-    13: "frames",
+    0: "attack", 1: "paper %", 2: "CD m²", 3: "ours %", 4: "95 %", 5: "CD m²", 7: "plain\nrandom %",
+    10: "beats\nit", 14: "frames",
 }  # fmt: skip
 """The places in `HEADS` of what fits into 80 characters, and shorter heads."""
 
-CONVERGED_POINTS = 2.0
-"""An attack has converged if twice the steps change its mAP ratio by less than so many points."""
+SMALL_CHANGE_POINTS = 2.0
+"""Twice the steps that change the mAP ratio by less than so many points change little."""
 
 ANSWER = {True: "yes", False: "no", None: NOTHING}
 
@@ -61,7 +63,7 @@ def table_one(cells: Sequence[Cell], recipes: Sequence[str]) -> Table:
         seen = next((cell for cell in here if cell), None)
         about = f"{short_name(seen.settings.detector)}, {len(seen.frames)} frames, " if seen else ""
         lines.append([f"{about}recipe {recipe}"])
-        lines.append(["  strongest random baseline"])
+        lines.append([f"  strongest {PLAIN_RANDOM} baseline"])
         for cell in here:
             if cell is None:
                 lines[-2] += [NOT_RUN, NOT_RUN]
@@ -98,7 +100,7 @@ def table_two(cells: Sequence[Cell], recipes: Sequence[str], attack: str) -> Tab
 
 
 def line(budget: Budget, recipe: str, cell: Cell | None) -> tuple[str, ...]:
-    """The cells of `HEADS`; of the random baselines, the strongest."""
+    """The cells of `HEADS`; of the plain random baselines, the strongest."""
     known = (
         f"{budget.title}, {recipe}",
         number(budget.paper_map_ratio_percent, 2),
@@ -118,6 +120,7 @@ def line(budget: Budget, recipe: str, cell: Cell | None) -> tuple[str, ...]:
         interval(row[f"map_ratio_minus_{word}_ci95"]) if word else NOTHING,
         ANSWER[cast("bool | None", row["beats_random"])],
         _farthest(row),
+        number(row["rms_displacement_m"] or None, 4),
         changed_points(row),
         number(row["frames"], 0),
     )
@@ -127,7 +130,7 @@ def convergence_table(cells: Sequence[Cell]) -> Table:
     """What more steps change, of the cells that were run with other numbers of them, too; drawn together."""
     heads = (
         *("cell", "steps", "ratio %", "95 %", "twice as many change", "95 %"),
-        *(f"under {CONVERGED_POINTS:g} points", "surely not"),
+        *(f"changes under {SMALL_CHANGE_POINTS:g} points", "surely more"),
     )
     lines = []
     for name, family in by_steps(cells).items():
@@ -135,10 +138,10 @@ def convergence_table(cells: Sequence[Cell]) -> Table:
         for factor, cell in factors.items():
             after = factors.get(2 * factor)
             points, bounds = (None, None) if after is None else step(cell, after)
-            is_small = None if points is None else abs(points) < CONVERGED_POINTS
+            is_small = None if points is None else abs(points) < SMALL_CHANGE_POINTS
             is_large = None
             if bounds is not None:
-                is_large = bounds[0] > CONVERGED_POINTS or bounds[1] < -CONVERGED_POINTS
+                is_large = bounds[0] > SMALL_CHANGE_POINTS or bounds[1] < -SMALL_CHANGE_POINTS
             lines.append(
                 (
                     *(name, f"x {factor:g}", number(cell.row["map_ratio_percent"], 2)),
@@ -146,7 +149,10 @@ def convergence_table(cells: Sequence[Cell]) -> Table:
                     *(number(points, 2), interval(bounds), ANSWER[is_small], ANSWER[is_large]),
                 )
             )
-    title = f"Converged; surely not where the whole interval is beyond {CONVERGED_POINTS:g} points"
+    title = (
+        "What more steps change; surely more where the whole interval is beyond "
+        f"{SMALL_CHANGE_POINTS:g} points"
+    )
     return Table(title, heads, tuple(lines))
 
 
@@ -156,9 +162,10 @@ def loose_table(cells: Sequence[Cell]) -> Table:
         "cell",
         "strict: ratio %",
         "loose: ratio %",
-        "random, loose: ratio %",
-        "objects lost",
-        "of found",
+        f"strongest {PLAIN_RANDOM}, loose: ratio %",
+        "lost, loose",
+        "of found, loose",
+        "score at least",
     )
     lines = [
         (
@@ -168,6 +175,7 @@ def loose_table(cells: Sequence[Cell]) -> Table:
             number(cell.row.get(f"{_strongest_prefix(cell)}map_loose_ratio_percent"), 2),
             number(sum(cell.lost_objects), 0),
             number(sum(cell.found_objects), 0),
+            number(cell.row.get("working_score"), 2),
         )
         for cell in cells
     ]
@@ -177,7 +185,7 @@ def loose_table(cells: Sequence[Cell]) -> Table:
 def baselines_table(cells: Sequence[Cell]) -> Table:
     """Every baseline of every cell: its ratio, and the paired difference to it."""
     heads = (
-        *("cell", "random baseline", "tries", "looks of the attack"),
+        *("cell", f"{PLAIN_RANDOM} baseline", "tries", "looks of the attack"),
         *("its ratio %", "95 %", "ours minus it", "95 %", "beats it"),
     )
     lines = [
@@ -195,7 +203,7 @@ def baselines_table(cells: Sequence[Cell]) -> Table:
         for cell in cells
         for word in cast("list[str]", cell.row["baselines"])
     ]
-    return Table("Against the same budget spent at random", heads, tuple(lines))
+    return Table("Against the same budget spent plainly at random", heads, tuple(lines))
 
 
 def steps_table(cells: Sequence[Cell]) -> Table:

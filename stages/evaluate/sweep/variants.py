@@ -8,10 +8,10 @@ from advpipe.pipeline.errors import UsageError
 from advpipe.stages.evaluate.sweep.cell import Cell
 
 HIDE = "hide"
-"""After no box at all, rather than after boxes that are off."""
+"""After no box of loose overlap, rather than after boxes that are off."""
 
 STEPS: Mapping[str, float] = {"half": 0.5, "twice": 2}
-"""So many times the steps, by the same rule: an attack that changes little by twice as many has converged."""
+"""So many times the steps, by the same rule: whether the attack would get stronger by more of them."""
 
 VARIANTS = (HIDE, *STEPS)
 

@@ -76,7 +76,8 @@ def read_labels(bag: Path) -> list[MessageLabel]:
 
 def _label(row: dict[str, Any]) -> MessageLabel:
     """The label, which shares its texts with the others: there may be a million of them."""
-    return MessageLabel(**{k: sys.intern(v) if isinstance(v, str) else v for k, v in row.items()})
+    values: dict[str, Any] = {k: sys.intern(v) if isinstance(v, str) else v for k, v in row.items()}
+    return MessageLabel(**values)
 
 
 def has_labels(bag: Path) -> bool:

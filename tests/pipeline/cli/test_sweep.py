@@ -20,6 +20,7 @@ from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.cli.sweep import _commands, sweep
 from advpipe.pipeline.code import source_commit
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.stages.evaluate.report.wording import RANDOM_BEST
 from advpipe.stages.evaluate.run import evaluate
 from advpipe.stages.evaluate.sweep import settings
 from advpipe.stages.evaluate.sweep.store import Store
@@ -94,6 +95,20 @@ def test_tables_hold_the_figures_of_the_cells(swept: Path) -> None:
     assert not any(word in page for word in ('src="http', 'href="', str(swept)))
 
 
+def test_the_page_begins_with_what_is_known_of_the_map(swept: Path) -> None:
+    """The detector names none; and what the columns are stands above them."""
+    report = json.loads((swept / "report.json").read_text())
+    assert report["banners"] == [
+        f"Training map unknown: {DETECTOR} may have been trained on drives on this map or not: the "
+        "detector does not say which maps it was trained on."
+    ]
+    page = (swept / "report.html").read_text()
+    assert page.index('<p class="banner" role="alert">Training map unknown') < page.index("<h1>")
+    assert RANDOM_BEST in report["remarks"]
+    for head in ("strongest plain random: ratio %", "beats plain random", "lost, loose", "score at least"):
+        assert f"<th>{head}</th>" in page
+
+
 def test_what_is_done_is_kept(swept: Path, clean: Path, capsys: pytest.CaptureFixture[str]) -> None:
     figures = {path.name: path.stat().st_mtime_ns for path in (swept / "figures").iterdir()}
     assert set(figures) == {"perturb.png", "detach.png", "attach.png"}
@@ -156,7 +171,7 @@ def test_twice_the_steps_and_as_many_tries(clean: Path, tmp_path: Path) -> None:
     assert not [note for row in rows.values() for note in row["notes"] if "the best of" in note]  # type: ignore[attr-defined]
     assert rows["best+twice"]["parameters"]["rounds"] == 20  # type: ignore[index]
     page = (tmp_path / "out" / "report.html").read_text()
-    assert "<h2>Converged; surely not where the whole interval is beyond 2 points</h2>" in page
+    assert "<h2>What more steps change; surely more where the whole interval is beyond 2 points</h2>" in page
     assert "<td>best-detach-1</td><td>x 1</td><td>100.00</td><td>100.0…100.0</td><td>0.00</td>" in page
     assert (tmp_path / "out" / "figures" / "convergence.png").is_file()
     (about, twice) = json.loads((tmp_path / "out" / "report.json").read_text())["command"].splitlines()

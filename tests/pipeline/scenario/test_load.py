@@ -19,7 +19,7 @@ def written(folder: Path, text: str) -> str:
     return str(path)
 
 
-@pytest.mark.parametrize("name", ["boulevard", "town06", "smoke", "highway"])
+@pytest.mark.parametrize("name", ["district", "boulevard", "town06", "smoke", "highway"])
 def test_shipped_scenarios_load(name: str) -> None:
     assert name in shipped_scenarios()
     assert load_scenario(name).name == name

@@ -100,10 +100,12 @@ def test_the_card_tells_what_is_in_the_bags(recorded: Path, shared: Path) -> Non
     assert f"| map's SHA-256 | {reader.provenance['map_sha256']} |" in card
     assert sha256_of(next((shared / "clean").glob("*.mcap"))) in card
     row = json.loads((recorded / "reports" / "small" / "report.json").read_text())["rows"][0]
-    assert (
-        f"| {row['lost_objects']} of {row['objects_found_clean']} | {row['chamfer_distance_m2']:.4f} |"
-        in card
-    )
+    assert f"| {row['lost_objects']} of {row['objects_found_clean']} | {row['working_score']:.2f} |" in card
+    assert "| objects lost, loose overlap | score at least |" in card
+    assert f"| {row['working_score']:.2f} | {row['chamfer_distance_m2']:.4f} |" in card
+    # the boulevard is among the maps that `small` was trained on
+    banner = "> **Training map: the detector small was trained on drives on this map."
+    assert card.index(banner) < card.index("## Contents")
     assert "| detach, recipe random |" in card
     assert "| attackers' share 0.5, from_s 0.0, kind continuous |" in card
     assert "### Effect on V2X (small)" in card

@@ -45,10 +45,10 @@ def labelled_cloud(rng: np.random.Generator) -> tuple[np.ndarray, Boxes]:
     return cloud, Boxes(geometry, labels, ids, np.zeros((4, 3)))
 
 
-def _record(path: Path, frames: int, seed: int) -> Path:
+def _record(path: Path, frames: int, seed: int, **about: str) -> Path:
     """A bag of such clouds; the boxes are stated in the LiDAR's own frame."""
     rng = np.random.default_rng(seed)
-    with BagWriter(path, provenance={"kind": "clean", "seed": str(seed)}) as bag:
+    with BagWriter(path, provenance={"kind": "clean", "seed": str(seed), **about}) as bag:
         for frame in range(frames):
             stamp_ns = 1_000_000_000 + frame * 100_000_000
             cloud, boxes = labelled_cloud(rng)

@@ -1,0 +1,25 @@
+"""The maps of the drives that a detector is trained on, for its checkpoint to tell."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.detector.second.checkpoint import load_checkpoint
+from advpipe.pipeline.detector.training_maps import map_of
+
+
+def training_maps(bags: Iterable[Path], start: Path | None) -> str:
+    """What the provenance of a checkpoint has as `training_maps.KEY`: a JSON list.
+
+    The maps of the bags and those that the checkpoint to start from was trained on, each once; null for a
+    bag without a map in its record, and for a start that does not tell its own.
+    """
+    maps = {map_of(BagReader(bag).provenance) for bag in bags}
+    if start is not None:
+        known = load_checkpoint(start).training_maps_sha256
+        maps |= {None} if known is None else set(known)
+    named = sorted(each for each in maps if each is not None)
+    return json.dumps([*named, *([None] if None in maps else [])])
