@@ -1,0 +1,34 @@
+"""Every target by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+
+from tests.fuzz.case import Target
+
+NAMES = (
+    "container",
+    "cdr",
+    "embedded_text",
+    "parquet",
+    "trajectories",
+    "scenario",
+    "tar",
+    "checkpoint",
+    "network",
+    "command_line",
+)
+"""Of the modules in `targets/`, each of which holds one `TARGET`."""
+
+
+def target_named(name: str) -> Target:
+    """The target; its module is imported now, so that atheris can instrument what that imports."""
+    if name not in NAMES:
+        raise KeyError(f"no target is named {name!r}; known: {', '.join(NAMES)}")
+    target: Target = import_module(f"tests.fuzz.targets.{name}").TARGET
+    return target
+
+
+def targets() -> Mapping[str, Target]:
+    return {name: target_named(name) for name in NAMES}

@@ -1,0 +1,129 @@
+"""A process that tries inputs of one target; another one watches it (see `watch`).
+
+python -m tests.fuzz.worker TARGET ENGINE SEED FOLDER [--inputs N] [--first-batch N]
+python -m tests.fuzz.worker --replay FINDING FOLDER
+"""
+
+from __future__ import annotations
+
+import argparse
+import faulthandler
+import json
+import os
+import resource
+import signal
+import sys
+from pathlib import Path
+
+from tests.fuzz.case import Case, Target
+from tests.fuzz.engines import ENGINES, Enough, explore, explore_guided, instrumented
+from tests.fuzz.status import Status
+
+REPLAY = "replay"
+RECYCLED = 3
+"""Exit code of a worker that has become large between two inputs; a fresh one goes on."""
+
+LARGE_BYTES = 1 << 30
+ADDRESSES_BYTES, FILE_BYTES = 24 << 30, 4 << 30
+"""The most that a worker may map and write at once, whatever its watcher does."""
+
+
+class Folder:
+    """Where a worker finds the base documents, and leaves its status, its input and what it found.
+
+    path: OUT/work/NAME; OUT holds what all targets share.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.scratch = path, path / "scratch"
+        root = path.parents[1]
+        self.base, self.findings = root / "base", root / ("replayed" if path.name == REPLAY else "findings")
+        self.status, self.stack = path / "status", path / "stack.txt"
+        self.about, self.data = path / "input.json", path / "input"
+
+    def keep(self, case: Case) -> None:
+        """Writes the input that is tried next, for whoever finds that it killed us."""
+        self.data.write_bytes(case.data)
+        self.about.write_text(json.dumps([case.call, case.place, case.note]), encoding="utf-8")
+
+    def kept(self) -> Case:
+        call, place, note = json.loads(self.about.read_text(encoding="utf-8"))
+        return Case(call, place, self.data.read_bytes(), note)
+
+
+def rss_bytes(pid: int | str = "self") -> int:
+    """Resident memory of a process; 0 for one that is gone."""
+    try:
+        with open(f"/proc/{pid}/statm", encoding="ascii") as file:
+            return int(file.read().split()[1]) * resource.getpagesize()
+    except (OSError, IndexError, ValueError):
+        return 0
+
+
+class Bench:
+    """Tries the inputs that an engine draws."""
+
+    def __init__(self, target: Target, folder: Folder, most: int | None) -> None:
+        self._target, self._folder, self._most = target, folder, most
+        self.status = Status(folder.status)
+
+    def attempt(self, case: Case) -> None:
+        from tests.fuzz.findings import save
+        from tests.fuzz.judge import attempt
+
+        if self._most is not None and self.status.read().inputs >= self._most:
+            raise Enough
+        self._folder.keep(case)
+        self.status.begin()
+        fault = attempt(self._target, case, self._folder.base, self._folder.scratch)
+        self.status.end()
+        if fault is not None:
+            print(save(self._folder.findings, self._target.name, case, fault), flush=True)
+        if rss_bytes() > LARGE_BYTES:
+            os._exit(RECYCLED)
+
+    def on_batch(self, batch: int) -> None:
+        self.status.write(self.status.read()._replace(batch=batch))
+
+
+def limit() -> None:
+    """Bounds that hold even where nobody looks, and a way to be asked where we are."""
+    resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES_BYTES, ADDRESSES_BYTES))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (FILE_BYTES, FILE_BYTES))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("target")
+    parser.add_argument("engine", choices=(*ENGINES, REPLAY))
+    parser.add_argument("seed", type=int)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--inputs", type=int)
+    parser.add_argument("--first-batch", type=int, default=0)
+    options = parser.parse_args()
+    limit()
+    folder = Folder(options.folder)
+    folder.scratch.mkdir(parents=True, exist_ok=True)
+    with folder.stack.open("a", encoding="utf-8") as stack, instrumented(options.engine):
+        faulthandler.enable(stack)
+        faulthandler.register(signal.SIGUSR1, stack, all_threads=True)
+        from tests.fuzz.registry import target_named
+
+        target = target_named(options.target)
+        bench = Bench(target, folder, options.inputs)
+        if options.engine == REPLAY:
+            bench.attempt(folder.kept())
+            return
+        cases = target.cases(folder.base / target.part)
+        try:
+            if options.engine == "atheris":
+                explore_guided(cases, bench.attempt, options.seed, folder.path / "corpus" / target.name)
+            explore(cases, bench.attempt, options.seed, options.first_batch, bench.on_batch)
+        except Enough:
+            sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
