@@ -61,7 +61,8 @@ def fuzz(name: str, options: argparse.Namespace, seconds: float | None) -> list[
         found = len(list((folder.findings / name).glob(f"*/{ABOUT}")))
         edges = str(watch.edges) if engine == "atheris" else "-"
         lines.append(
-            f"{name:<16}{engine:<12}{progress.inputs:>8}{progress.inputs / spent_s:>10.1f}{edges:>8}{found:>10}"
+            f"{name:<16}{engine:<12}{progress.inputs:>8}{progress.inputs / spent_s:>10.1f}"
+            f"{edges:>8}{found:>10}"
         )
         print(lines[-1], flush=True)
     return lines
@@ -74,7 +75,8 @@ def replay(path: Path, options: argparse.Namespace) -> int:
     folder = Folder(options.out / "work" / REPLAY)
     folder.path.mkdir(parents=True, exist_ok=True)
     folder.data.write_bytes((about_file.parent / Path(about["place"]).name).read_bytes())
-    folder.about.write_text(json.dumps([about["call"], about["place"], about["note"]]), encoding="utf-8")
+    named = [about["target"], about["call"], about["place"], about["note"]]
+    folder.about.write_text(json.dumps(named), encoding="utf-8")
     before = {finding.folder: finding.count for finding in all_of(folder.findings)}
     Watch(about["target"], REPLAY, 0, folder, Limits(options.hang, options.memory << 20), inputs=1).run()
     after = [f for f in all_of(folder.findings) if f.count != before.get(f.folder)]

@@ -11,6 +11,7 @@ DRIVE, ARCHIVES, WEIGHTS, NETWORKS, TABLES = "drive", "archives", "weights", "ne
 SETTINGS = (
     *("simulation.duration_s=1", "simulation.warmup_s=5", "vehicles={ego: {}, other: {}}"),
     *("traffic.vehicles=12", "traffic.pedestrians=3", "v2x.penetration=1"),
+    "v2x.radio.building_loss=obstacles",
     *("sensors.lidars.lidar.channels=4", "sensors.lidars.lidar.points_per_second=4000"),
 )
 ATTACKS = {

@@ -19,7 +19,7 @@ from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.stages.attack.run import AttackRequest, attack
 from advpipe.stages.evaluate.v2x.veremi import export_veremi
 from advpipe.stages.verify.run import verify
-from tests.fuzz.case import Call
+from tests.fuzz.case import Call, Fault, Unhandled
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 
@@ -79,7 +79,7 @@ def replay(bag: Path, out: Path) -> None:
         topics = VehicleTopics(vehicle)
         estimator = recorded.estimator(reader, topics)
         for measured in read_measurements(reader, topics):
-            estimator.update(measured)
+            estimator.step(measured)
 
 
 def attacked(**options: object) -> Call:
@@ -111,6 +111,9 @@ def shared(dataset: Path, out: Path) -> None:
     from advpipe.stages.share.run import share
 
     share(dataset, out / "shared")
+    card = (out / "shared" / "README.md").read_text(encoding="utf-8")
+    if "<script" in card:
+        raise Unhandled(Fault("terminal", "<script> of others in the card", "README.md", card))
 
 
 BAG_CALLS: dict[str, Call] = {

@@ -29,8 +29,8 @@ class Fault:
     """How a call ended that did neither return nor fail with a one-line error.
 
     kind: exception, line (an error that is not one bounded line), terminal (raw control characters),
-    leftover (a half-written output), hang, memory or crash. what: in one line. where: the innermost place in
-    advpipe's code. trace: the stack.
+    leftover (a half-written output), exit (a command's code), hang, memory or crash. what: in one line.
+    where: the innermost place in advpipe's code. trace: the stack.
     """
 
     kind: str
@@ -42,6 +42,14 @@ class Fault:
     def key(self) -> tuple[str, str, str]:
         """Equal for faults that have one cause, as far as can be told."""
         return self.kind, self.what.partition(":")[0] if self.kind == "exception" else "", self.where
+
+
+class Unhandled(Exception):  # noqa: N818 - what a call raises that sees by itself how something ended
+    """A fault that a call found in what a process did."""
+
+    def __init__(self, fault: Fault) -> None:
+        super().__init__(fault.what)
+        self.fault = fault
 
 
 @dataclass(frozen=True)

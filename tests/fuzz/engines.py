@@ -85,6 +85,7 @@ def explore_guided(
         for index in range(FIRST_INPUTS):
             (corpus / f"first-{index}").write_bytes(draws.randbytes(draws.choice([128, 512, LONGEST_BYTES])))
     drawn = SETTINGS(given(cases)(attempt))
-    options = [f"-seed={number % 2**31 + 1}", f"-max_len={LONGEST_BYTES}", *LIBFUZZER, str(corpus)]
+    options = [f"-seed={number % 2**31 + 1}", f"-max_len={LONGEST_BYTES}", *LIBFUZZER]
+    options += [f"-artifact_prefix={corpus.parent}/", str(corpus)]
     atheris.Setup([sys.argv[0], *options], drawn.hypothesis.fuzz_one_input)
     atheris.Fuzz()

@@ -11,12 +11,13 @@ from pathlib import Path
 from types import TracebackType
 
 from advpipe.pipeline.errors import AdvpipeError, one_line
-from tests.fuzz.case import Case, Fault, Target
+from tests.fuzz.case import Case, Fault, Target, Unhandled
 
 LONGEST_LINE = 2000
 """Characters of an error: room for a path and some names, and for no document."""
 
 PROJECT = ("pipeline", "stages")
+OUTSIDE = "outside of advpipe"
 ROOT = Path(__file__).parents[2]
 
 
@@ -45,7 +46,11 @@ def judge(target: Target, case: Case, tree: Path, out: Path) -> Fault | None:
         shown = target.calls[case.call](tree, out)
     except AdvpipeError as error:
         return _line_fault(error) or _leftover_fault(out)
+    except Unhandled as error:
+        return error.fault
     except Exception as error:
+        if innermost(error.__traceback__) == OUTSIDE:
+            raise  # a mistake of the fuzzer's own
         return Fault("exception", describe(error), innermost(error.__traceback__), trace_of(error))
     return None if shown is None else _terminal_fault(str(shown))
 
@@ -64,7 +69,7 @@ def innermost(trace: TracebackType | None) -> str:
         path = Path(frame.filename)
         if path.is_relative_to(ROOT) and path.relative_to(ROOT).parts[0] in PROJECT:
             return f"{path.relative_to(ROOT).as_posix()}:{frame.lineno} {frame.name}"
-    return "outside of advpipe"
+    return OUTSIDE
 
 
 def _line_fault(error: AdvpipeError) -> Fault | None:

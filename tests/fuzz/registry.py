@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from importlib import import_module
 
 from tests.fuzz.case import Target
@@ -21,14 +20,13 @@ NAMES = (
 )
 """Of the modules in `targets/`, each of which holds one `TARGET`."""
 
+PLANTED = "planted"
+"""Of the target that the fuzzer itself is tested with."""
+
 
 def target_named(name: str) -> Target:
     """The target; its module is imported now, so that atheris can instrument what that imports."""
-    if name not in NAMES:
+    if name not in (*NAMES, PLANTED):
         raise KeyError(f"no target is named {name!r}; known: {', '.join(NAMES)}")
     target: Target = import_module(f"tests.fuzz.targets.{name}").TARGET
     return target
-
-
-def targets() -> Mapping[str, Target]:
-    return {name: target_named(name) for name in NAMES}

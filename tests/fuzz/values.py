@@ -10,8 +10,9 @@ from typing import Any
 from hypothesis import strategies as st
 
 NUMBERS: tuple[float, ...] = (
-    *(0, -1, 1, 2, 255, 65_536, 2**31 - 1, 2**31, 2**32 - 1, 2**63 - 1, 2**63, 2**64, -(2**63), 10**30, 10**400),
-    *(0.5, -0.0, 1e-300, 5e-324, 1e30, 1e308, -1e308, math.nan, math.inf, -math.inf),
+    *(0, -1, 1, 2, 255, 65_536, 2**31 - 1, 2**31, 2**32 - 1, 2**63 - 1, 2**63, 2**64),
+    *(-(2**63), 10**30, 10**400, 0.5, -0.0, 1e-300, 5e-324, 1e30, 1e308, -1e308),
+    *(math.nan, math.inf, -math.inf),
 )  # fmt: skip
 TEXTS = (
     *("", " ", "\0", "a\0b", "\x1b[31mred\x1b[0m", "\x1b]0;title\x07", "\x9b2J", "\r\n", "\u202e", "\ud800"),
@@ -66,10 +67,12 @@ YAML_RAWS = (
     *(_deep(levels, "{a: ", "}") for levels in (60, 900)),
     *(_laughs(levels=levels) for levels in (3, 5, 9)),
     *map(Raw, ("&a [*a]", "&b {c: *b}", "*nobody", "!!bool x", "!!timestamp x", "!!int ''", "!!float x")),
-    *map(Raw, ("!!binary x", "!!set {a}", "!!omap [a]", "!!pairs [a]", "!!python/object:os.system {}", "!x y")),
-    *map(Raw, ("{<<: {a: b}}", "{<<: 1}", "{<<: [1]}", "{[1]: 2}", "{? {a: b} : c}", "2001-02-30", "0b2", "=")),
-    *map(Raw, (":".join(["1"] * 20_000), "9" * 5000, ".inf", ".nan", '"\\ud800"', '"\\0"', "'", "{", "@", "\t-")),
-    *map(Raw, ("2001-01-01 00:00:00 +99:99", "0000-00-00", "!!timestamp 9999-12-31 23:59:59 -23:59", "!!null x")),
+    *map(Raw, ("!!binary x", "!!set {a}", "!!omap [a]", "!!pairs [a]", "!x y")),
+    *map(Raw, ("!!python/object:os.system {}", "!!null x")),
+    *map(Raw, ("{<<: {a: b}}", "{<<: 1}", "{<<: [1]}", "{[1]: 2}", "{? {a: b} : c}", "2001-02-30")),
+    *map(Raw, ("0b2", "=")),
+    *map(Raw, (":".join(["1"] * 20_000), "9" * 5000, ".inf", ".nan", '"\\ud800"', '"\\0"', "'", "{", "@")),
+    *map(Raw, ("2001-01-01 00:00:00 +99:99", "0000-00-00", "!!timestamp 9999-12-31 23:59:59 -23:59")),
 )  # fmt: skip
 
 

@@ -58,6 +58,7 @@ class Watch:
         """Raises WorkerError where a worker fails outside of an input."""
         self.folder.status.unlink(missing_ok=True)
         self._log.unlink(missing_ok=True)
+        self.folder.deadly.unlink(missing_ok=True)
         status = Status(self.folder.status)
         end_s = None if self.seconds is None else time.monotonic() + self.seconds
         while True:
@@ -68,8 +69,9 @@ class Watch:
             fault = self._worker(status, end_s)
             progress = status.read()
             if fault is not None:
-                case = self.folder.kept()
-                print(save(self.folder.findings, self.target, case, fault), flush=True)
+                label, case = self.folder.kept()
+                self.folder.remember_deadly(case)
+                print(save(self.folder.findings, label, case, fault), flush=True)
                 progress = progress._replace(inputs=progress.inputs + 1, batch=progress.batch + 1)
             status.write(progress._replace(started_s=0.0))
 

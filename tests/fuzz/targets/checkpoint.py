@@ -137,8 +137,9 @@ def other_states(draw: st.DrawFn) -> tuple[bytes, str]:
     """What torch.save makes of other values."""
     names = st.sampled_from(["model_state", "epoch", "backbone_3d.conv_input.0.weight", *TEXTS[:9]])
     tensors = st.sampled_from([
-        torch.zeros(3), torch.zeros(1).expand(1 << 20, 1 << 20), torch.zeros(2, dtype=torch.int64), torch.tensor(1j),
-        torch.zeros(2).to_sparse(), torch.quantize_per_tensor(torch.zeros(2), 0.1, 0, torch.qint8), torch.zeros(0),
+        torch.zeros(3), torch.zeros(1).expand(1 << 20, 1 << 20), torch.zeros(2, dtype=torch.int64),
+        torch.tensor(1j),         torch.zeros(2).to_sparse(),
+        torch.quantize_per_tensor(torch.zeros(2), 0.1, 0, torch.qint8), torch.zeros(0),
     ])  # fmt: skip
     plain = st.one_of(tensors, scalars())
     value = draw(

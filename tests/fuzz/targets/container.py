@@ -40,7 +40,10 @@ SCHEMA_LINES = (
         "\0",
     ),
 )
-IDL = "module a { module msg { struct B { double x; sequence<sequence<B>> b; @key(1) string<5> s[3][4]; }; }; };"
+IDL = (
+    "module a { module msg { struct B { double x; sequence<sequence<B>> b; "
+    "@key(1) string<5> s[3][4]; }; }; };"
+)
 
 
 @st.composite

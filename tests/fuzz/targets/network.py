@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from advpipe.pipeline.scenario.map import Map
 from advpipe.stages.simulate.network import load_network
+from advpipe.stages.simulate.network_repair import repair_lanes
 from tests.fuzz import base
 from tests.fuzz.case import Call, Case, Target
 from tests.fuzz.edits import edited_bytes
@@ -42,12 +43,32 @@ def _load(key: str, name: str) -> Call:
     return call
 
 
-CALLS: dict[str, Call] = {"sumo": _load("sumo_net", SUMO), "opendrive": _load("opendrive", OPENDRIVE)}
+def drive(tree: Path, out: Path) -> None:
+    """A tenth of a second in a world that is built along the network."""
+    from advpipe.pipeline.scenario import load_scenario
+    from advpipe.stages.simulate.run import simulate
+
+    changes = ("simulation.duration_s=0.1", "simulation.warmup_s=0", f"map.sumo_net={tree / SUMO}")
+    simulate(load_scenario("smoke", [*base.SETTINGS, *changes]), out / "drive")
+
+
+def mended(tree: Path, out: Path) -> None:
+    """What an OpenDRIVE map goes through after netconvert, without netconvert: for seeds, since that writes no such file on demand."""
+    repair_lanes(tree / SUMO)
+
+
+CALLS: dict[str, Call] = {
+    "repair": mended,
+    "simulate": drive,
+    "sumo": _load("sumo_net", SUMO),
+    "opendrive": _load("opendrive", OPENDRIVE),
+}
 
 
 @st.composite
-def network_cases(draw: st.DrawFn, call: str, name: str, data: bytes) -> Case:
+def network_cases(draw: st.DrawFn, calls: tuple[str, ...], name: str, data: bytes) -> Case:
     """Elements and attributes changed; now and then bytes."""
+    call = draw(st.sampled_from(calls))
     if draw(st.integers(0, 5)) == 0:
         changed, note = draw(edited_bytes(data))
         return Case(call, name, changed, note)
@@ -80,7 +101,8 @@ def network_cases(draw: st.DrawFn, call: str, name: str, data: bytes) -> Case:
 
 def cases(folder: Path) -> st.SearchStrategy[Case]:
     net, xodr = (folder / SUMO).read_bytes(), (folder / OPENDRIVE).read_bytes()
-    return st.one_of(network_cases("sumo", SUMO, net), network_cases("opendrive", OPENDRIVE, xodr))
+    sumo = network_cases(("sumo", "sumo", "simulate"), SUMO, net)
+    return st.one_of(sumo, sumo, network_cases(("opendrive",), OPENDRIVE, xodr))
 
 
 TARGET = Target("network", base.NETWORKS, cases, CALLS, smoke_inputs=10)

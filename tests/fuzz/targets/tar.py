@@ -11,7 +11,7 @@ from hypothesis import reject
 from hypothesis import strategies as st
 
 from advpipe.pipeline.dataset import tar_header
-from advpipe.pipeline.dataset.archive import _end_bytes, unpack
+from advpipe.pipeline.dataset.archive import unpack
 from tests.fuzz import base, calls
 from tests.fuzz.case import Call, Case, Target
 from tests.fuzz.edits import edited_bytes
@@ -41,6 +41,11 @@ NAMES = (
     ),
     *(f"town/{text}" for text in TEXTS if text != "\ud800"),
 )
+FIELDS = (
+    *(b"77777777777", b"\x80" + b"\0" * 10 + b"\xff", b"-1", b" 0 ", b"00000000000"),
+    *(b"x", b"g", b"L", b"1", b"2", b"3", b"5"),
+)
+"""Octal numbers and others, and the kinds of entries."""
 
 
 def unpacked(tree: Path, out: Path) -> None:
@@ -69,7 +74,8 @@ def archive(files: dict[str, bytes], *, add_sums: bool = True, top: str = "town"
     for name in sorted(files, key=str.encode):
         data += tar_header.header(f"{top}/{name}", len(files[name])) + files[name]
         data += bytes(tar_header.padding(len(files[name])))
-    return data + bytes(_end_bytes(len(data)))
+    end = 2 * tar_header.BLOCK_BYTES
+    return data + bytes(end + -(len(data) + end) % tar_header.RECORD_BYTES)
 
 
 @st.composite
@@ -84,7 +90,7 @@ def header_cases(draw: st.DrawFn, data: bytes) -> Case:
             ("kind", 156, 1), ("link", 157, 100), ("magic", 257, 8), ("prefix", 345, 155),
         ]))  # fmt: skip
         value = draw(st.one_of(
-            st.sampled_from([b"77777777777", b"\x80" + b"\0" * 10 + b"\xff", b"-1", b" 0 ", b"00000000000", b"x", b"2", b"5", b"L"]),
+            st.sampled_from(FIELDS),
             st.sampled_from(NAMES).map(str.encode), st.binary(max_size=12),
         ))  # fmt: skip
         block = block[:first] + value[:length].ljust(length, b"\0") + block[first + length :]
