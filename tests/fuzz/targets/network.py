@@ -53,7 +53,7 @@ def drive(tree: Path, out: Path) -> None:
 
 
 def mended(tree: Path, out: Path) -> None:
-    """What an OpenDRIVE map goes through after netconvert, without netconvert: for seeds, since that writes no such file on demand."""
+    """What a map goes through after netconvert; for seeds, since netconvert writes no such file on demand."""
     repair_lanes(tree / SUMO)
 
 
