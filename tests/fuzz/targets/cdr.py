@@ -44,6 +44,38 @@ def at(value: Any, path: tuple[Any, ...]) -> Any:
     return value
 
 
+def put(message: Any, path: tuple[Any, ...], value: Any) -> None:
+    holder = at(message, path[:-1])
+    if isinstance(path[-1], str):
+        object.__setattr__(holder, path[-1], value)
+    else:
+        holder[path[-1]] = value
+
+
+def parts(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """Every place in a message that holds a message, its own first."""
+    if isinstance(value, list):
+        return [part for index, item in enumerate(value[:8]) for part in parts(item, (*path, index))]
+    if not is_dataclass(value):
+        return []
+    names = [f.name for f in fields(value) if f.name != "__msgtype__"]
+    return [path, *(part for name in names for part in parts(getattr(value, name), (*path, name)))]
+
+
+@st.composite
+def filled_part(draw: st.DrawFn, message: Any) -> str:
+    """One number in all fields of a message inside the message: a quaternion of zeros, a box of NaN."""
+    part = draw(st.sampled_from(parts(message)))
+    number = draw(st.sampled_from([0, 0, *NUMBERS]))
+    for leaf in leaves(at(message, part), part):
+        old = at(message, leaf)
+        if isinstance(old, float) and (isinstance(number, float) or abs(number) < 2**65):
+            put(message, leaf, float(number))
+        elif isinstance(old, int) and isinstance(number, int):
+            put(message, leaf, number)
+    return f"all of {'.'.join(map(str, part)) or 'it'} = {number!r:.40}"
+
+
 @st.composite
 def other_values(draw: st.DrawFn, value: Any) -> Any:
     """Another value that a field of this kind can hold, or nearly."""
@@ -96,14 +128,13 @@ def edited_fields(draw: st.DrawFn, raw: RawMessage) -> tuple[RawMessage, str]:
         places = leaves(message)
         if not places:
             reject()
+        if draw(st.integers(0, 2)) == 0:
+            notes.append(draw(filled_part(message)))
+            continue
         path = draw(st.sampled_from(places))
-        holder, old = at(message, path[:-1]), at(message, path)
-        value = draw(other_values(old))
+        value = draw(other_values(at(message, path)))
         notes.append(f"{'.'.join(map(str, path))} = {value!r:.60}")
-        if isinstance(path[-1], str):
-            object.__setattr__(holder, path[-1], value)
-        else:
-            holder[path[-1]] = value
+        put(message, path, value)
     try:
         cdr = serialise(message, raw.topic.type)
     except Exception:
