@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import random
 import sys
 from collections.abc import Callable
@@ -84,7 +85,15 @@ def explore_guided(
         draws = random.Random(number)
         for index in range(FIRST_INPUTS):
             (corpus / f"first-{index}").write_bytes(draws.randbytes(draws.choice([128, 512, LONGEST_BYTES])))
-    drawn = SETTINGS(given(cases)(attempt))
+
+    def one(case: Case) -> None:
+        try:
+            attempt(case)
+        except Enough:  # which libFuzzer would take for a crash
+            sys.stdout.flush()
+            os._exit(0)
+
+    drawn = SETTINGS(given(cases)(one))
     options = [f"-seed={number % 2**31 + 1}", f"-max_len={LONGEST_BYTES}", *LIBFUZZER]
     options += [f"-artifact_prefix={corpus.parent}/", str(corpus)]
     atheris.Setup([sys.argv[0], *options], drawn.hypothesis.fuzz_one_input)

