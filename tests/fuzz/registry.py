@@ -20,6 +20,9 @@ NAMES = (
 )
 """Of the modules in `targets/`, each of which holds one `TARGET`."""
 
+WITHOUT_COVERAGE = frozenset({"command_line"})
+"""Of those whose calls run in other processes, of which atheris sees nothing."""
+
 PLANTED = "planted"
 """Of the target that the fuzzer itself is tested with."""
 

@@ -9,11 +9,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from mcap.records import Channel
+
 from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.types import serialise, typestore
 from tests.fuzz import base
 from tests.fuzz.case import Case
-from tests.fuzz.targets import checkpoint, embedded_text, network, tables, trajectories
+from tests.fuzz.mcap_tree import body_of, put_together, take_apart
+from tests.fuzz.targets import checkpoint, container, embedded_text, network, tables, tar, trajectories
 from tests.fuzz.targets import scenario as scenarios
 from tests.fuzz.targets.bag_edit import BagDocument, mcap_bytes
 from tests.fuzz.values import Raw, document
@@ -179,6 +182,21 @@ def lane_shapes(call: str, shape: str) -> Callable[[Path], Case]:
     return make
 
 
+def bad_qos(folder: Path) -> Case:
+    """A bag whose summary tells a quality of service that is no YAML."""
+    nodes = take_apart((folder / base.DRIVE / "clean" / container.MCAP).read_bytes())
+    for node in nodes:
+        if isinstance(channel := node.value(), Channel):
+            channel.metadata["offered_qos_profiles"] = "\0"
+            node.body = body_of(channel)
+    return Case("recover", container.MCAP, put_together(nodes))
+
+
+def long_name(folder: Path) -> Case:
+    """An archive, good but for a file whose name no file system takes."""
+    return Case("unpack", tar.ARCHIVE, tar.archive({"n" * 300: b""}))
+
+
 def laughs(levels: int = 9) -> str:
     """A page of YAML that stands for 9**levels values."""
     lines = ["&a0 [" + ",".join(["lol"] * 9) + "]"]
@@ -220,6 +238,8 @@ SEEDS = (
     Seed("many messages, verify", "parquet", parquet_bomb("verify cam", "cam/v2x_labels.parquet")),
     Seed("many messages, export", "parquet", parquet_bomb("export cam", "cam/v2x_labels.parquet")),
     Seed("many points, verify", "parquet", parquet_bomb("verify detach", "detach/labels.parquet")),
+    Seed("QoS of no kind, recover", "container", bad_qos),
+    Seed("name of 300 letters", "tar", long_name),
     Seed("zip of zeros", "checkpoint", zip_bomb),
     Seed("checkpoint of a deep text", "checkpoint", checkpoint_about(lambda about: DEEP)),
     Seed("checkpoint of a list", "checkpoint", checkpoint_about(lambda about: [about])),
