@@ -5,8 +5,5 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import pytest
-
-pytest.importorskip("hypothesis", reason="pip install hypothesis, or the extra `fuzz`")
 if (root := str(Path(__file__).parents[2])) not in sys.path:
     sys.path.insert(0, root)

@@ -118,6 +118,17 @@ def no_turn(told: Any) -> None:
             object.__setattr__(station.pose.orientation, name, 0.0)
 
 
+def no_place(told: Any) -> None:
+    """Positions that are no numbers."""
+    for station in told.stations:
+        object.__setattr__(station.pose.position, "x", float("nan"))
+
+
+def of_a_stranger(told: Any) -> None:
+    """A sender that no list of stations knows."""
+    object.__setattr__(told, "station_id", 0)
+
+
 def yaml_file(value: str, place: str = "attacks") -> Callable[[Path], Case]:
     attack = "{laughs: [{type: detach, parameters: {ratio: %s}}]}" if place == "attacks" else "%s"
     text = f"name: a\nmap: {{sumo_net: boulevard.net.xml}}\n{place}: {attack % value}\n"
@@ -226,6 +237,11 @@ SEEDS = (
     Seed("no rotation, replay", CDR, message("replay", "/v2x/stations", no_turn)),
     Seed("no rotation, export", CDR, message("export", "/v2x/stations", no_turn)),
     Seed("no rotation, cam", CDR, message("cam", "/v2x/stations", no_turn)),
+    Seed("position of no number, cam", CDR, message("cam", "/v2x/stations", no_place)),
+    Seed("position of no number, export", CDR, message("export", "/v2x/stations", no_place)),
+    Seed("a stranger's message, cam", CDR, message("cam", "/v2x/sent", of_a_stranger)),
+    Seed("a stranger's message, export", CDR, message("export", "/v2x/sent", of_a_stranger)),
+    Seed("estimates twice, gnss", CDR, twice("gnss", "/ego/odometry")),
     Seed("sent twice, export", CDR, twice("export", "/v2x/sent")),
     Seed("stations twice, export", CDR, twice("export", "/v2x/stations")),
     Seed("aliases in a scenario", "scenario", yaml_file(laughs())),

@@ -25,6 +25,24 @@ TRUE_TEXTS = [text for text in TEXTS if text != "\ud800"]  # CDR holds UTF-8
 INTEGERS = [int(number) for number in NUMBERS if abs(number) < 2**65]
 FLOATS = [float(number) for number in NUMBERS if isinstance(number, float) or abs(number) < 2**65]
 
+CALLS = [word for word in sorted(calls.BAG_CALLS) for _ in range(1 if word in ("read", "recover") else 3)]
+WEIGHTS = {
+    "/v2x/st": 8,
+    "/v2x/se": 8,
+    "odometry": 3,
+    "initialpose": 3,
+    "imu": 3,
+    "gnss": 3,
+    "truth": 3,
+    "tf": 3,
+    "lidar": 3,
+}
+"""Of topics by a part of their names: what most calls read is drawn most often."""
+
+
+def weight(topic: str) -> int:
+    return next((number for part, number in WEIGHTS.items() if part in topic), 1)
+
 
 def leaves(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     """Every place in a message that holds a number, a text or a sequence."""
@@ -168,9 +186,10 @@ def edited_message(draw: st.DrawFn, raw: RawMessage) -> tuple[RawMessage, str]:
 def bag_cases(draw: st.DrawFn, document: BagDocument) -> Case:
     """A bag in which some messages of a topic are changed, come twice, not at all or in another order."""
     messages, notes = list(document.messages), []
-    call = draw(st.sampled_from(sorted(calls.BAG_CALLS)))
+    call = draw(st.sampled_from(CALLS))
+    topics = [topic for topic in document.topics for _ in range(weight(topic))]
     for _ in range(draw(st.integers(1, 3))):
-        topic = draw(st.sampled_from(document.topics))
+        topic = draw(st.sampled_from(topics))
         places = [place for place, raw in enumerate(messages) if raw.topic.name == topic]
         if not places:
             continue
