@@ -94,7 +94,9 @@ def edited_trees(draw: st.DrawFn, tree: Any, raws: tuple[Raw, ...], most: int = 
     """The tree with some changes, at most so many, and what they are."""
     tree, notes = deepcopy(tree), []
     for _ in range(draw(st.integers(1, most))):
-        path = draw(st.sampled_from(paths(tree)))
+        places = paths(tree)
+        upper = [path for path in places if len(path) <= 2]  # most places are numbers deep inside
+        path = draw(st.one_of(st.sampled_from(upper), st.sampled_from(places)))
         edit = draw(st.sampled_from(EDITS))
         value = draw(st.one_of(scalars(), st.sampled_from(raws), st.sampled_from(raws[:10])))
         notes.append(f"{edit} {'/'.join(map(str, path))} {value!r:.60}")

@@ -81,7 +81,7 @@ class Bench:
     def __init__(self, folder: Folder, most: int | None) -> None:
         self._folder, self._most = folder, most
         self.status = Status(folder.status)
-        self._deadly = set(folder.deadly.read_text().split()) if folder.deadly.exists() else set()
+        self._tried = set(folder.deadly.read_text().split()) if folder.deadly.exists() else set()
 
     def attempt(self, target: Target, label: str, case: Case) -> None:
         """Runs an input, and files what is wrong with how it ends under the label."""
@@ -90,8 +90,9 @@ class Bench:
 
         if self._most is not None and self.status.read().inputs >= self._most:
             raise Enough
-        if digest_of(case) in self._deadly:
+        if (digest := digest_of(case)) in self._tried:
             return
+        self._tried.add(digest)
         self._folder.keep(case, label)
         self.status.begin()
         fault = attempt(target, case, self._folder.base, self._folder.scratch)

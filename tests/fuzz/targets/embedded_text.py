@@ -73,6 +73,24 @@ CALLS: dict[str, Call] = {
 WEIGHTED = [word for word in CALLS for _ in range(1 if word.startswith("evaluate") or word == "share" else 4)]
 
 
+READERS = {
+    "/scenario/info": ["replay", "cam", "gnss", "replay", "export"],
+    "/v2x/statistics": ["inspect", "inspect", "plot"],
+    "/v2x/buildings": ["replay", "cam", "export"],
+}
+"""Which calls read a topic's text."""
+
+WHOLE = ["run", "share", "verify", "recover", "run", "verify"]
+"""Those that read a data set's own files."""
+
+
+def bag_of(call: str, drawn: str) -> str:
+    """The bag that a call reads, where it reads one."""
+    if call in ("inspect", "verify", "share", "run", "recover"):
+        return drawn
+    return "cam" if call == "export" else call.partition(" ")[2] or "clean"
+
+
 @dataclass(frozen=True)
 class _Drive:
     """The bags of the data set, by name."""
@@ -103,9 +121,10 @@ def other_texts(draw: st.DrawFn, text: str) -> tuple[str, str]:
 @st.composite
 def message_cases(draw: st.DrawFn, drive: _Drive) -> Case:
     """Another text in a message."""
-    call, bag = draw(st.sampled_from(WEIGHTED)), draw(st.sampled_from(BAGS))
+    topic = draw(st.sampled_from(TOPICS))
+    call = draw(st.sampled_from([*READERS[topic] * 12, *WEIGHTED]))
+    bag = bag_of(call, draw(st.sampled_from(BAGS)))
     found = drive.bags[bag]
-    topic = draw(st.sampled_from([topic for topic in TOPICS if topic in found.topics]))
     (place, *_), changed = found.of_topic(topic), list(found.messages)
     old = typestore().deserialize_cdr(changed[place].cdr, STRING).data
     text, note = draw(other_texts(old))
@@ -116,7 +135,8 @@ def message_cases(draw: st.DrawFn, drive: _Drive) -> Case:
 @st.composite
 def provenance_cases(draw: st.DrawFn, drive: _Drive) -> Case:
     """Another record of where a bag comes from, its checksum right."""
-    call, bag = draw(st.sampled_from(WEIGHTED)), draw(st.sampled_from(BAGS))
+    call = draw(st.sampled_from(WEIGHTED))
+    bag = bag_of(call, draw(st.sampled_from(BAGS)))
     found = drive.bags[bag]
     key = draw(st.sampled_from(sorted(found.provenance)))
     text, note = draw(other_texts(found.provenance[key]))
@@ -149,7 +169,10 @@ def name_cases(draw: st.DrawFn, drive: _Drive) -> Case:
 @st.composite
 def file_cases(draw: st.DrawFn, drive: _Drive) -> Case:
     """Another YAML file beside a bag."""
-    call, place = draw(st.sampled_from(WEIGHTED)), draw(st.sampled_from(FILES))
+    place = draw(st.sampled_from(FILES))
+    call = draw(st.sampled_from(WEIGHTED if place.endswith("metadata.yaml") else WHOLE))
+    if place.endswith("metadata.yaml"):
+        place = f"{bag_of(call, place.partition('/')[0])}/metadata.yaml"
     if draw(st.integers(0, 4)) == 0:
         data, note = draw(edited_bytes(drive.files[place]))
     else:
