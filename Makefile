@@ -4,8 +4,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 DEMO_FRAMES ?= ::10
+FUZZ_SECONDS ?= 3600
+FUZZ_SEED ?= 0
 
-.PHONY: install demo test nightly lint format checkpoint clean
+.PHONY: install demo test nightly fuzz lint format checkpoint clean
 .DEFAULT_GOAL := install
 
 install: $(INSTALLED)
@@ -30,6 +32,11 @@ test: $(INSTALLED) lint
 
 nightly: $(INSTALLED)
 	$(BIN)/python -m pytest tests
+
+# Hostile inputs of every kind; docs/fuzzing.md says how to run one again. Exit code 1 for findings.
+fuzz: $(INSTALLED)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,fuzz]'
+	nice -n 15 $(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED)
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .

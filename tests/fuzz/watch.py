@@ -1,0 +1,181 @@
+"""Keeps a worker within its time and memory, saves the input that went beyond, and lets a new one go on."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from tests.fuzz.case import Fault
+from tests.fuzz.findings import save
+from tests.fuzz.status import Progress, Status
+from tests.fuzz.worker import RECYCLED, Folder, rss_bytes
+
+ROOT = Path(__file__).parents[2]
+LOOK_S, SESSION_LOOKS = 0.05, 10
+"""How often a worker is looked at, and after how many looks the processes that it started."""
+
+STARTING_S = 180
+"""The longest that a worker may take before and between inputs; our own fault if it takes longer."""
+
+_FRAME = re.compile(r'File "([^"]+)", line (\d+) in (\w+)')
+_COVERED = re.compile(rb"cov: (\d+)")
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Of one input."""
+
+    hang_s: float = 30.0
+    memory_bytes: int = 2 << 30
+
+
+class WorkerError(RuntimeError):
+    """A worker failed by itself: a mistake in the fuzzer, not in what it tries."""
+
+
+@dataclass
+class Watch:
+    """One target and engine, for some time or a number of inputs; over as many workers as it takes."""
+
+    target: str
+    engine: str
+    seed: int
+    folder: Folder
+    limits: Limits
+    seconds: float | None = None
+    inputs: int | None = None
+    on_tick: Callable[[Progress], None] = lambda progress: None
+
+    def run(self) -> Progress:
+        """Raises WorkerError where a worker fails outside of an input."""
+        self.folder.status.unlink(missing_ok=True)
+        self._log.unlink(missing_ok=True)
+        self.folder.deadly.unlink(missing_ok=True)
+        status = Status(self.folder.status)
+        end_s = None if self.seconds is None else time.monotonic() + self.seconds
+        while True:
+            self.folder.stack.unlink(missing_ok=True)
+            progress = status.read()
+            if self._is_done(progress, end_s):
+                return progress
+            fault = self._worker(status, end_s)
+            progress = status.read()
+            if fault is not None:
+                label, case = self.folder.kept()
+                self.folder.remember_deadly(case)
+                print(save(self.folder.findings, label, case, fault), flush=True)
+                progress = progress._replace(inputs=progress.inputs + 1, batch=progress.batch + 1)
+            status.write(progress._replace(started_s=0.0))
+
+    @property
+    def edges(self) -> int:
+        """Edges of advpipe's code that inputs reached, as atheris last said; 0 of another engine."""
+        found = _COVERED.findall(self._log.read_bytes()[-100_000:]) if self._log.is_file() else []
+        return int(found[-1]) if found else 0
+
+    @property
+    def _log(self) -> Path:
+        return self.folder.path / f"{self.target}-{self.engine}.log"
+
+    def _is_done(self, progress: Progress, end_s: float | None) -> bool:
+        has_all = self.inputs is not None and progress.inputs >= self.inputs
+        return has_all or (end_s is not None and time.monotonic() >= end_s)
+
+    def _worker(self, status: Status, end_s: float | None) -> Fault | None:
+        """Starts a worker and looks after it to its end; the fault of the input that ended it, if any."""
+        batch = status.read().batch
+        command = [sys.executable, "-m", "tests.fuzz.worker", self.target, self.engine, str(self.seed)]
+        command += [str(self.folder.path), "--first-batch", str(batch)]
+        command += ["--inputs", str(self.inputs)] if self.inputs is not None else []
+        with self._log.open("ab") as log:
+            process = subprocess.Popen(
+                command,
+                cwd=ROOT,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                stdin=subprocess.DEVNULL,
+                start_new_session=True,
+                env={**os.environ, "OMP_NUM_THREADS": "1", "MPLBACKEND": "agg"},
+            )
+        try:
+            return self._look_after(process, status, end_s)
+        finally:
+            kill(process)
+
+    def _look_after(
+        self, process: subprocess.Popen[bytes], status: Status, end_s: float | None
+    ) -> Fault | None:
+        last, last_s, looks = status.read(), time.monotonic(), 0
+        while process.poll() is None:
+            time.sleep(LOOK_S)
+            now_s, progress, looks = time.monotonic(), status.read(), looks + 1
+            self.on_tick(progress)
+            if end_s is not None and now_s > end_s:
+                return None
+            if progress.started_s and now_s - progress.started_s > self.limits.hang_s:
+                return self._stopped(process, "hang", f"still busy after {self.limits.hang_s:g} s")
+            used = rss_bytes(process.pid) if looks % SESSION_LOOKS else session_bytes(process.pid)
+            if used > self.limits.memory_bytes:
+                return self._stopped(
+                    process, "memory", f"more than {self.limits.memory_bytes >> 20} MB in use"
+                )
+            if progress != last or progress.started_s:
+                last, last_s = progress, now_s
+            elif now_s - last_s > STARTING_S:
+                raise WorkerError(f"the worker of {self.target} draws no input; see {self._log}")
+        if process.returncode in (0, RECYCLED):
+            return None
+        if status.read().started_s:
+            return Fault("crash", _ending(process.returncode), *self._stack())
+        raise WorkerError(f"the worker of {self.target} failed; see {self._log}:\n{_tail(self._log)}")
+
+    def _stopped(self, process: subprocess.Popen[bytes], kind: str, what: str) -> Fault:
+        os.kill(process.pid, signal.SIGUSR1)
+        time.sleep(0.5)  # in which it writes where it is
+        kill(process)
+        return Fault(kind, what, *self._stack())
+
+    def _stack(self) -> tuple[str, str]:
+        """The innermost place in advpipe's code, and the stacks of all threads."""
+        text = self.folder.stack.read_text(encoding="utf-8", errors="replace")
+        for path, line, name in _FRAME.findall(text):  # the innermost first
+            inside = path.removeprefix(f"{ROOT}/")
+            if inside.startswith(("pipeline/", "stages/")):
+                return f"{inside}:{line} {name}", text
+        return "outside of advpipe", text
+
+
+def kill(process: subprocess.Popen[bytes]) -> None:
+    """A worker and all that it started."""
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+
+
+def session_bytes(session: int) -> int:
+    """Resident memory of all processes of a session."""
+    total = 0
+    for pid in filter(str.isdigit, os.listdir("/proc")):
+        try:
+            with open(f"/proc/{pid}/stat", encoding="utf-8", errors="replace") as file:
+                fields: Sequence[str] = file.read().rpartition(")")[2].split()
+        except OSError:
+            continue
+        total += rss_bytes(pid) if len(fields) > 3 and int(fields[3]) == session else 0
+    return total
+
+
+def _ending(code: int) -> str:
+    return f"ended by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
+
+
+def _tail(log: Path) -> str:
+    return log.read_bytes()[-1500:].decode(errors="replace")
