@@ -11,6 +11,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any, TypeVar
 
 from advpipe.pipeline.errors import AdvpipeError, os_error_line
+from advpipe.pipeline.missing_library import missing_library_line
 from advpipe.pipeline.progress import track
 
 Work = Callable[[int], None]
@@ -119,6 +120,12 @@ def _serve(pipe: Connection, prepare: Callable[[], Callable[[int], Any]], jobs: 
         return
     except AdvpipeError as error:
         pipe.send(AdvpipeError(str(error)))
-    except OSError as error:
+    except (ImportError, OSError) as error:
+        line = missing_library_line(error)
+        if line is not None:
+            pipe.send(AdvpipeError(line))
+            return
+        if isinstance(error, ImportError):
+            raise
         # A full disk has no name: whoever knows the output gives it one.
         pipe.send(AdvpipeError(os_error_line(error)) if error.filename else OSError(*error.args))

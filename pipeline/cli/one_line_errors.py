@@ -16,6 +16,7 @@ class OneLineErrors(TyperGroup):
 
     def invoke(self, ctx: typer.Context) -> object:  # type: ignore[override]
         from advpipe.pipeline.errors import AdvpipeError, one_line, os_error_line
+        from advpipe.pipeline.missing_library import missing_library_line
 
         try:
             result = super().invoke(ctx)
@@ -24,9 +25,14 @@ class OneLineErrors(TyperGroup):
         except AdvpipeError as error:
             print(f"advpipe: {one_line(error)}", file=sys.stderr)
             raise typer.Exit(error.exit_code) from None
-        except OSError as error:
+        except (ImportError, OSError) as error:
+            line = missing_library_line(error)
+            if line is None and isinstance(error, ImportError):
+                raise
+            if line is None and isinstance(error, OSError):
+                line = os_error_line(error)
             if not (isinstance(error, BrokenPipeError) and _is_unread(sys.stdout)):
-                print(f"advpipe: {one_line(os_error_line(error))}", file=sys.stderr)
+                print(f"advpipe: {one_line(line)}", file=sys.stderr)
             raise typer.Exit(1) from None
         except KeyboardInterrupt:
             print("advpipe: interrupted", file=sys.stderr)

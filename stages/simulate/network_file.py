@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.missing_library import loader_line
 from advpipe.pipeline.scenario.map import Generator, Map
 from advpipe.stages.simulate.network_repair import repair_lanes
 
@@ -66,6 +67,15 @@ def sumo_program(name: str) -> str:
     return str(Path(sumo.SUMO_HOME) / "bin" / name)
 
 
+def run_sumo_program(name: str, arguments: list[str]) -> subprocess.CompletedProcess[str]:
+    """Raises AdvpipeError where the program cannot even start."""
+    done = subprocess.run([sumo_program(name), *arguments], capture_output=True, text=True)
+    missing = loader_line(done.stderr) if done.returncode == 127 else None
+    if missing is not None:
+        raise AdvpipeError(f"{name}: {missing}")
+    return done
+
+
 def last_error(done: subprocess.CompletedProcess[str]) -> str:
     """What a SUMO program that failed said, in one line."""
     if done.returncode < 0:
@@ -84,7 +94,7 @@ def _convert_opendrive(path: Path, scratch: Path) -> Path:
     command = ["--opendrive-files", str(path), "--output-file", str(out), "--no-warnings"]
     if root.find(".//signal") is None:
         command += [*GUESSED_LIGHTS]
-    done = subprocess.run([sumo_program("netconvert"), *command], capture_output=True, text=True)
+    done = run_sumo_program("netconvert", command)
     if done.returncode != 0 or not out.is_file():
         raise AdvpipeError(f"{path}: netconvert cannot read it: {last_error(done)}")
     repair_lanes(out)
@@ -106,7 +116,7 @@ def _generate(generator: Generator, scratch: Path, seed: int) -> Path:
     command = [*shapes[generator.kind], "--seed", str(seed % 2**31), "--output-file", str(out)]
     command += ["--default.lanenumber", str(generator.lanes), "--default.speed", str(generator.speed_mps)]
     command += [*GUESSED_LIGHTS, "--no-turnarounds.except-deadend", "true"]
-    done = subprocess.run([sumo_program("netgenerate"), *command], capture_output=True, text=True)
+    done = run_sumo_program("netgenerate", command)
     if done.returncode != 0 or not out.is_file():
         raise AdvpipeError(f"map.generator: netgenerate cannot make this network: {last_error(done)}")
     text = re.sub(r"<!--.*?-->\s*", "", out.read_text(encoding="utf-8"), flags=re.DOTALL)
@@ -125,6 +135,6 @@ def _check_contents(prepared: NetworkFile) -> None:
     # SUMO loads it in a process of its own: a file that crashes it must not crash us.
     command = ["--net-file", str(prepared.sumo_file), "--begin", "0", "--end", "0.1"]
     command += ["--no-step-log", "--no-warnings"]
-    done = subprocess.run([sumo_program("sumo"), *command], capture_output=True, text=True)
+    done = run_sumo_program("sumo", command)
     if done.returncode != 0:
         raise AdvpipeError(f"{prepared.origin}: SUMO cannot load the network: {last_error(done)}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ from pathlib import Path
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.stages.simulate.network import RoadNetwork
-from advpipe.stages.simulate.network_file import check_xml, last_error, sumo_program
+from advpipe.stages.simulate.network_file import check_xml, last_error, run_sumo_program
 from advpipe.stages.simulate.routes import Routes
 from advpipe.stages.simulate.vehicle_types import BODIES_OF_CLASS
 
@@ -145,9 +144,9 @@ def _counts(flow: str, names: Collection[str]) -> bool:
 
 def _probe(key: str, options: Sequence[str], network: RoadNetwork) -> None:
     """SUMO reads all of it in a process of its own, whose words we can catch."""
-    command = [sumo_program("sumo"), "--net-file", str(network.sumo_file), *options]
+    command = ["--net-file", str(network.sumo_file), *options]
     begin_s = float(options[options.index("--begin") + 1])
     command += ["--end", str(begin_s + 1.0), "--no-step-log", "--no-warnings"]
-    done = subprocess.run(command, capture_output=True, text=True)
+    done = run_sumo_program("sumo", command)
     if done.returncode != 0:
         raise AdvpipeError(f"{key}: SUMO refuses it: {last_error(done)}")
