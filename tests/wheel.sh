@@ -64,6 +64,7 @@ try() {  # PYTHON
         all_commands
         note "$name" "simulate, attack and evaluate ran; $((SECONDS - start)) s, $(size_mb) MB"
     else
+        pip install "${pip_options[@]}" --upgrade pip  # older ones download all that they would install
         pip install "${pip_options[@]}" --dry-run "$wheel"
         without_torch
         commands_without_torch

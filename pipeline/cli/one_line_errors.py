@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import select
 import sys
-from typing import TextIO
+from typing import Any, TextIO
 
 import typer
 from typer.core import TyperGroup
@@ -13,6 +13,18 @@ from typer.core import TyperGroup
 
 class OneLineErrors(TyperGroup):
     """A user's mistake becomes one line and a non-zero exit code."""
+
+    def make_context(self, *args: Any, **extra: Any) -> typer.Context:
+        from advpipe.pipeline.missing_library import missing_library_line
+
+        try:
+            return super().make_context(*args, **extra)  # type: ignore[return-value]
+        except ImportError as error:  # typer loads libraries of its own
+            line = missing_library_line(error)
+            if line is None:
+                raise
+            print(f"advpipe: {line}", file=sys.stderr)
+            raise typer.Exit(1) from None
 
     def invoke(self, ctx: typer.Context) -> object:  # type: ignore[override]
         from advpipe.pipeline.errors import AdvpipeError, one_line, os_error_line
