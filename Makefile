@@ -6,8 +6,14 @@ INSTALLED := $(VENV)/.installed
 DEMO_FRAMES ?= ::10
 FUZZ_SECONDS ?= 3600
 FUZZ_SEED ?= 0
+# PyTorch's own index has a CPU build for Linux, which takes 4.5 GB less than PyPI's, with CUDA: TORCH_INDEX=
+# (empty) takes that one. docs/install.md has a table of what takes how much.
+TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
+TORCH := $(shell sed -n '/^torch==/p' constraints.txt)
+# Without --no-compile, pip makes bytecode of all modules, 0.5 GB; Python makes it of those that are used.
+PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile
 
-.PHONY: install demo test nightly fuzz lint format checkpoint clean
+.PHONY: install demo test wheel-test nightly fuzz lint format checkpoint clean
 .DEFAULT_GOAL := install
 
 install: $(INSTALLED)
@@ -17,9 +23,17 @@ $(INSTALLED): pyproject.toml constraints.txt
 		{ echo "advpipe needs Python 3.10 or later; set PYTHON=python3.11, for instance"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || \
 		{ echo "cannot make a virtual environment; on Debian or Ubuntu: apt-get install python3-venv"; exit 1; }
-	$(BIN)/python -m pip install --quiet --upgrade --constraint constraints.txt --editable '.[dev]'
-	@$(BIN)/python -c 'import open3d' || \
-		{ echo "open3d does not import; from Python 3.13 on it needs: apt-get install libusb-1.0-0"; exit 1; }
+	@echo "installing into $(VENV): 3 GB, mostly PyTorch, SUMO and Open3D (docs/install.md)"
+	@test "$$(uname -s)" != Linux || test -z "$(TORCH_INDEX)" || \
+		$(PIP_INSTALL) --no-deps --retries 0 --index-url $(TORCH_INDEX) $(TORCH) 2> /dev/null || \
+		echo "$(TORCH_INDEX) has no $(TORCH) for this Python, or cannot be reached:" \
+			"PyTorch comes from pip's usual index; on Linux that is the CUDA build, 4.5 GB more"
+	$(PIP_INSTALL) --upgrade --constraint constraints.txt --editable '.[dev]'
+	@# eclipse-sumo and libsumo bring the same 111 libraries, 230 MB: kept once.
+	@! command -v hardlink > /dev/null || \
+		hardlink -t $(VENV)/lib/python*/site-packages/eclipse_sumo.libs \
+			$(VENV)/lib/python*/site-packages/libsumo.libs > /dev/null 2>&1 || true
+	@$(BIN)/python -m advpipe.pipeline.missing_library
 	@touch $@
 
 demo: $(INSTALLED)
@@ -29,6 +43,9 @@ demo: $(INSTALLED)
 
 test: $(INSTALLED) lint
 	$(BIN)/python -m pytest -n 2 -m "not nightly" tests
+
+wheel-test:
+	PYTHON=$(PYTHON) TORCH_INDEX=$(TORCH_INDEX) tests/wheel.sh
 
 nightly: $(INSTALLED)
 	$(BIN)/python -m pytest tests

@@ -20,10 +20,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import open3d as o3d
 
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.localisation.onboard import OnBoard
+from advpipe.pipeline.open3d_library import o3d
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.stages.simulate import rig, run
 from advpipe.stages.simulate.lidar import Lidar

@@ -12,6 +12,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any, TypeVar
 
 from advpipe.pipeline.errors import AdvpipeError, UsageError, os_error_line
+from advpipe.pipeline.missing_library import missing_library_line
 from advpipe.pipeline.process import signals
 from advpipe.pipeline.progress import track
 from advpipe.pipeline.verbosity import detail, quieten_warnings
@@ -149,12 +150,19 @@ def _serve(pipe: Connection, pickled: bytes, jobs: list[int]) -> None:
     except AdvpipeError as error:
         kind = UsageError if isinstance(error, UsageError) else AdvpipeError
         pipe.send(kind(str(error)))
-    except OSError as error:
-        # A full disk has no name: whoever knows the output gives it one.
-        pipe.send(AdvpipeError(os_error_line(error)) if error.filename else OSError(*error.args))
     except Exception as error:
-        summary = traceback.format_exception_only(error)[-1].strip()
-        pipe.send(UnexpectedInWorkerError(summary, traceback.format_exc()))
+        pipe.send(_in_parent(error))
+
+
+def _in_parent(error: Exception) -> Exception:
+    """What the parent raises for an error of a worker."""
+    if isinstance(error, ImportError | OSError) and (line := missing_library_line(error)):
+        return AdvpipeError(line)
+    if isinstance(error, OSError):
+        # A full disk has no name: whoever knows the output gives it one.
+        return AdvpipeError(os_error_line(error)) if error.filename else OSError(*error.args)
+    summary = traceback.format_exception_only(error)[-1].strip()
+    return UnexpectedInWorkerError(summary, traceback.format_exc())
 
 
 def _end_with_parent() -> None:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from advpipe.pipeline.dataset import checksums
 from advpipe.pipeline.errors import AdvpipeError, UsageError
+from advpipe.pipeline.missing_library import missing_library_line
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
@@ -122,7 +123,6 @@ def _pem(path: Path) -> bytes:
 def _library() -> Iterator[None]:
     try:
         yield
-    except ImportError:
-        raise NoLibraryError(
-            "signatures need the library cryptography: pip install 'advpipe[sign]'"
-        ) from None
+    except ImportError as error:
+        line = missing_library_line(error) or f"the library cryptography cannot be loaded: {error}"
+        raise NoLibraryError(line) from None

@@ -11,6 +11,7 @@ import sys
 from contextlib import suppress
 
 from advpipe.pipeline.errors import AdvpipeError, os_error_line
+from advpipe.pipeline.missing_library import missing_library_line
 from advpipe.pipeline.process import signals, streams
 from advpipe.pipeline.process.last_resort import unexpected
 from advpipe.pipeline.text import one_line
@@ -38,6 +39,8 @@ def _told(error: BaseException) -> tuple[str, int]:
     match error:
         case AdvpipeError():
             return str(error), error.exit_code
+        case ImportError() | OSError() if line := missing_library_line(error):
+            return line, FAILED
         case OSError() if _folder_is_gone():
             return "the working folder was deleted; go to one that exists (cd)", FAILED
         case OSError():

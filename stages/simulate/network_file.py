@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.missing_library import loader_line
 from advpipe.pipeline.scenario.map import Generator, Map
 from advpipe.stages.simulate.bounded_xml import refuse_bombs
 from advpipe.stages.simulate.network_check import check_network
@@ -82,12 +83,12 @@ def sumo_program(name: str) -> str:
 def run_sumo(
     name: str, options: Sequence[str], origin: str, patience_s: float = PATIENCE_S
 ) -> subprocess.CompletedProcess[str]:
-    """Runs a SUMO program to its end; raises AdvpipeError where it takes longer than `patience_s`.
+    """Runs a SUMO program to its end; raises AdvpipeError where it cannot start or takes over `patience_s`.
 
     `origin` is how messages name its input.
     """
     try:
-        return subprocess.run(
+        done = subprocess.run(
             [sumo_program(name), *options],
             capture_output=True,
             encoding="utf-8",
@@ -96,6 +97,9 @@ def run_sumo(
         )
     except subprocess.TimeoutExpired:
         raise AdvpipeError(f"{origin}: {name} did not finish with it within {patience_s:g} s") from None
+    if done.returncode == 127 and (missing := loader_line(done.stderr)):
+        raise AdvpipeError(f"{name}: {missing}")
+    return done
 
 
 def last_error(done: subprocess.CompletedProcess[str]) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import subprocess
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.shown import shown
 from advpipe.stages.simulate.demand import check_demand, seconds
 from advpipe.stages.simulate.network import RoadNetwork
-from advpipe.stages.simulate.network_file import check_xml, last_error, sumo_program
+from advpipe.stages.simulate.network_file import check_xml, last_error, run_sumo
 from advpipe.stages.simulate.routes import Routes
 from advpipe.stages.simulate.vehicle_types import BODIES_OF_CLASS
 
@@ -166,9 +165,9 @@ def _counts(flow: str, names: Collection[str]) -> bool:
 
 def _probe(key: str, options: Sequence[str], network: RoadNetwork) -> None:
     """SUMO reads all of it in a process of its own, whose words we can catch."""
-    command = [sumo_program("sumo"), "--net-file", str(network.sumo_file), *options]
+    command = ["--net-file", str(network.sumo_file), *options]
     begin_s = float(options[options.index("--begin") + 1])
     command += ["--end", str(begin_s + 1.0), "--no-step-log", "--no-warnings"]
-    done = subprocess.run(command, capture_output=True, text=True)
+    done = run_sumo("sumo", command, key)
     if done.returncode != 0:
         raise AdvpipeError(f"{key}: SUMO refuses it: {last_error(done)}")

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
-import open3d as o3d
 
+from advpipe.pipeline.open3d_library import o3d
 from advpipe.stages.simulate.world.materials import TRANSMITTANCE
 from advpipe.stages.simulate.world.mesh import Mesh
 

@@ -56,6 +56,8 @@ def _read(file: Path, modified_ns: int) -> tuple[Float64, npt.NDArray[np.int64]]
     Open3D reads it in a process of its own: a damaged .ply can crash it, and must not crash us.
     `modified_ns` is the file's: a mesh that stands in many places is read once.
     """
+    import advpipe.pipeline.open3d_library  # noqa: F401  here a missing library is an error that says so
+
     nothing = np.empty((0, 3)), np.empty((0, 3), np.int64)
     if _is_cut_off(file):
         return nothing
@@ -73,8 +75,9 @@ _READER = """
 import sys
 file, arrays = sys.argv[1:3]
 sys.path[:] = sys.argv[3:]
-import numpy, open3d
-mesh = open3d.io.read_triangle_mesh(file)
+import numpy
+from advpipe.pipeline.open3d_library import o3d
+mesh = o3d.io.read_triangle_mesh(file)
 vertices, triangles = numpy.array(mesh.vertices, numpy.float64), numpy.array(mesh.triangles, numpy.int64)
 numpy.savez(arrays, vertices=vertices, triangles=triangles)
 """

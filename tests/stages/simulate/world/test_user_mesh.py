@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import open3d as o3d
 import pytest
 
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.open3d_library import o3d
 from advpipe.pipeline.scenario.traffic import UserBody
 from advpipe.stages.simulate.world.bodies import BODIES, VARIANTS, draw_variants
 from advpipe.stages.simulate.world.materials import MATERIAL_ID

@@ -7,10 +7,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import open3d as o3d
 import pytest
 
 from advpipe.pipeline.geometry.transforms import transform_points
+from advpipe.pipeline.open3d_library import o3d
 from advpipe.stages.simulate.road_users import RoadUser
 from advpipe.stages.simulate.world.materials import TRANSMITTANCE
 from advpipe.stages.simulate.world.mesh import Mesh
