@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,12 +14,14 @@ import numpy.typing as npt
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.recorded_filter import vehicles_with_filter
 from advpipe.pipeline.bag.v2x_drive import V2xDrive
+from advpipe.pipeline.bounded_parquet import Kind, batches, rows
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.evaluate.detection.told import read_told
 from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns
 from advpipe.stages.evaluate.v2x.labels import read_labels
 
 CLOUDS, POINTS = "frames.parquet", "labels.parquet"
+COLUMNS: dict[str, Kind] = {"topic": "text", "stamp_ns": "whole"}
 
 Int64 = npt.NDArray[np.int64]
 
@@ -57,13 +60,17 @@ def read_struck(clean: BagReader, bag: Path) -> dict[str, tuple[Struck, ...]]:
 
 def touched_points(bag: Path, vehicle: str) -> dict[int, int]:
     """How many points were touched of each of a vehicle's clouds in the bag, by stamp; 0 where none was."""
+    import pyarrow
+
     if not _beside(bag, CLOUDS).exists():
         return {}
-    counts = {row["stamp_ns"]: 0 for row in _rows(bag, CLOUDS) if _vehicle(row["topic"]) == vehicle}
-    touched = _table(bag, POINTS).group_by(["topic", "stamp_ns"]).aggregate([([], "count_all")])
-    for row in touched.to_pylist():
-        if _vehicle(row["topic"]) == vehicle:
-            counts[row["stamp_ns"]] = counts.get(row["stamp_ns"], 0) + row["count_all"]
+    counts = {row["stamp_ns"]: 0 for row in _clouds_of(bag) if _vehicle(row["topic"]) == vehicle}
+    with _labels(bag, POINTS) as path:
+        for batch in batches(path, COLUMNS):
+            by_cloud = pyarrow.Table.from_batches([batch]).group_by(list(COLUMNS))
+            for row in by_cloud.aggregate([([], "count_all")]).to_pylist():
+                if _vehicle(row["topic"]) == vehicle:
+                    counts[row["stamp_ns"]] = counts.get(row["stamp_ns"], 0) + row["count_all"]
     return counts
 
 
@@ -89,27 +96,25 @@ def _messages(reader: BagReader, bag: Path, told: list[_Told]) -> Iterator[Struc
 def _clouds(bag: Path) -> Iterator[Struck]:
     if not _beside(bag, CLOUDS).exists():
         return
-    struck = [row for row in _rows(bag, CLOUDS) if row["attack"]]
+    struck = [row for row in _clouds_of(bag) if row["attack"]]
     for vehicle in sorted({_vehicle(row["topic"]) for row in struck}):
         own = [row for row in struck if _vehicle(row["topic"]) == vehicle]
         words = dict.fromkeys(row["attack"] for row in own)
         yield Struck(vehicle, tuple(words), "clouds", np.array(sorted(row["stamp_ns"] for row in own)))
 
 
-def _rows(bag: Path, name: str) -> list[dict[str, Any]]:
-    rows: list[dict[str, Any]] = _table(bag, name).to_pylist()
-    return rows
+def _clouds_of(bag: Path) -> list[dict[str, Any]]:
+    with _labels(bag, CLOUDS) as path:
+        return list(rows(path, {**COLUMNS, "attack": "text"}))
 
 
-def _table(bag: Path, name: str) -> Any:
-    import pyarrow.parquet as pq
-
-    path, columns = _beside(bag, name), ["topic", "stamp_ns", *(["attack"] if name == CLOUDS else [])]
+@contextmanager
+def _labels(bag: Path, name: str) -> Iterator[Path]:
+    path = _beside(bag, name)
     try:
-        return pq.read_table(path, columns=columns)
-    except (OSError, ValueError, KeyError) as error:
-        reason = str(error).splitlines()[0]
-        raise AdvpipeError(f"{path} holds no labels of clouds: {reason}; attack again") from None
+        yield path
+    except AdvpipeError as error:
+        raise AdvpipeError(f"{path} holds no labels of clouds: {error}; attack again") from None
 
 
 def _vehicle(topic: str) -> str:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from advpipe.pipeline.bounded_parquet import Kind, flat_columns, rows
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.misbehaviour.scores import Bools
 
@@ -16,8 +19,14 @@ NOT_SENT, CORRUPT = "dropped", "corrupt"
 PART = "part"
 """The column, where there is one, that says which attack of a mix a message was touched by."""
 
+COLUMNS: dict[str, Kind] = {
+    **dict.fromkeys(("number", "time_ns", "station_id"), "whole"),
+    **dict.fromkeys(("attack", "attacker", "action", PART), "text"),
+    "mattered": "truth",
+}
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, slots=True)
 class MessageLabel:
     """One message that an attack touched: who lies by which attack, how, and whether it mattered."""
 
@@ -58,16 +67,16 @@ def read_labels(bag: Path) -> list[MessageLabel]:
     if not has_labels(bag):
         return []
     path = _path(bag)
-    import pyarrow.parquet as pq
-
-    names = ["number", "attack", "attacker", "action", "mattered", "time_ns", "station_id"]
     try:
-        names += [name for name in (PART,) if name in pq.read_schema(path).names]
-        rows = pq.read_table(path, columns=names).to_pylist()
-    except (OSError, ValueError, KeyError) as error:
-        reason = str(error).splitlines()[0]
-        raise AdvpipeError(f"{path} holds no labels of messages: {reason}; attack again") from None
-    return [MessageLabel(*(row[name] for name in names)) for row in rows]
+        columns = COLUMNS if PART in flat_columns(path) else {k: v for k, v in COLUMNS.items() if k != PART}
+        return [_label(row) for row in rows(path, columns)]
+    except AdvpipeError as error:
+        raise AdvpipeError(f"{path} holds no labels of messages: {error}; attack again") from None
+
+
+def _label(row: dict[str, Any]) -> MessageLabel:
+    """The label, which shares its texts with the others: there may be a million of them."""
+    return MessageLabel(**{k: sys.intern(v) if isinstance(v, str) else v for k, v in row.items()})
 
 
 def has_labels(bag: Path) -> bool:

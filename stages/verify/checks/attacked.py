@@ -22,9 +22,9 @@ from advpipe.pipeline.bag.topics import (
     RawMessage,
     VehicleTopics,
 )
+from advpipe.pipeline.bounded_parquet import rows
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.verify.subject import Bag
-from advpipe.stages.verify.tables import rows
 
 POINT_LABELS, FRAMES = "labels.parquet", "frames.parquet"
 MESSAGE_LABELS, FIX_LABELS = "v2x_labels.parquet", "gnss_labels.parquet"
@@ -70,7 +70,8 @@ class Attacked:
         if "lidar_topics" in self.bag.provenance:
             found = json.loads(self.bag.provenance["lidar_topics"])
         else:
-            found = [topic for topic, _ in groupby(row["topic"] for row in rows(self.table(FRAMES)))]
+            told = rows(self.table(FRAMES), ["topic"])
+            found = [topic for topic, _ in groupby(row["topic"] for row in told)]
         first = next(one for one in self.attacks if _family(one["type"]) == "lidar")
         leading = first.get("lidar") or VehicleTopics(first.get("victim") or "ego").lidar_points.name
         return tuple(sorted(dict.fromkeys(found), key=lambda name: name != leading))

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.topics import V2X_SENT
 from advpipe.pipeline.bag.v2x import sent_of_message
+from advpipe.pipeline.bounded_parquet import flat_columns, rows
 from advpipe.pipeline.v2x.cam_values import FIELDS
 from advpipe.stages.verify.checks.attacked import MESSAGE_LABELS, Attacked
 from advpipe.stages.verify.checks.base import BagCheck
@@ -16,7 +17,6 @@ from advpipe.stages.verify.ledger import Ledger
 from advpipe.stages.verify.liars import Liars
 from advpipe.stages.verify.message_labels import NEWER, MessageLabels
 from advpipe.stages.verify.result import Fault, Gap, Result
-from advpipe.stages.verify.tables import flat_columns, rows
 
 _COLUMNS = (
     *("number", "station_id", "time_ns", "sent_ns", "attack", "attacker", "sender", "action", "mattered"),

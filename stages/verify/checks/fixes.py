@@ -14,6 +14,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.recorded_filter import read_filter
 from advpipe.pipeline.bag.topics import VehicleTopics
 from advpipe.pipeline.bag.types import serialise
+from advpipe.pipeline.bounded_parquet import rows
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.localisation.gnss import squared_sigmas
@@ -24,7 +25,6 @@ from advpipe.stages.verify.checks.base import BagCheck
 from advpipe.stages.verify.ledger import Row
 from advpipe.stages.verify.liars import victims
 from advpipe.stages.verify.result import Fault, Gap, Result
-from advpipe.stages.verify.tables import rows
 
 _PLACE = ("latitude_deg", "longitude_deg", "altitude_m")
 _OFFSETS = ("offset_east_m", "offset_north_m", "offset_up_m")

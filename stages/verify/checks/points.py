@@ -10,18 +10,21 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.bag.cloud import Cloud, xyz, xyzi
+from advpipe.pipeline.bounded_parquet import batches, rows
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.verify.checks.attacked import FRAMES, POINT_LABELS, Attacked
 from advpipe.stages.verify.checks.base import BagCheck
 from advpipe.stages.verify.result import Fault, Gap, Result
-from advpipe.stages.verify.tables import batches, rows
 
 ROUNDING_M = 1e-6
 """Labels are in single precision; budgets hold to the last bit of the cloud's own."""
 
 
-MOST_LABELS = 1 << 25
-"""Of one frame: more points than the largest chunk holds."""
+MOST_LABELS = 1 << 22
+"""Of one frame: twice the rays of the largest LiDAR that is simulated; real ones have a tenth."""
+
+
+COLUMNS = ("topic", "frame", "point", "action", "displacement_m")
 
 
 class Labels(NamedTuple):
@@ -47,7 +50,7 @@ class Points(BagCheck):
         present = [name for name in topics if name in attacked.adversarial.topics]
         clean = attacked.kept(attacked.clean.raw_messages(topics))
         adversarial = attacked.adversarial.raw_messages(present)
-        labels = frame_labels(batches(path))
+        labels = frame_labels(batches(path, COLUMNS))
         row_of = rows(attacked.table(FRAMES))
         following = next(labels, None)
         place = self.bag.subject.place(path)
@@ -92,8 +95,7 @@ def frame_labels(tables: Iterator[Any]) -> Iterator[Labels]:
     held: list[Labels] = []
     count = 0
     for batch in tables:
-        names = ("topic", "frame", "point", "action", "displacement_m")
-        columns = [batch.column(name).to_numpy(zero_copy_only=False) for name in names]
+        columns = [batch.column(name).to_numpy(zero_copy_only=False) for name in COLUMNS]
         topics, frames = columns[0], columns[1]
         ends = np.flatnonzero((topics[1:] != topics[:-1]) | (frames[1:] != frames[:-1])) + 1
         for start, end in zip([0, *ends.tolist()], [*ends.tolist(), len(frames)], strict=True):
