@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from array import array
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64
-
-if TYPE_CHECKING:
-    import pyarrow
+from advpipe.pipeline.shown import shown
+from advpipe.stages.simulate.trajectory_rows import name_in, number_in, table_rows
 
 REQUIRED = ("time_s", "x_m", "y_m", "z_m", "yaw_rad")
 OPTIONAL = ("pitch_rad", "roll_rad")
 DEFAULT_BODY = "sedan"
+MOST_IDS = 20_000
+"""Four times as many as `traffic.vehicles` lets drive at a time."""
+
 LARGEST = 1e7
 """Numbers beyond it are no places on a map, nor times in a drive."""
 
@@ -32,115 +36,80 @@ class Rows:
 def read_trajectory_table(path: Path, bodies: frozenset[str]) -> dict[str, Rows]:
     """The rows of each id, sorted by id.
 
-    Raises AdvpipeError, with row and column, for a file that is no table, a missing column, a number that
-    is none or not finite, times of one id that do not rise, an unknown body, and an id with a single row.
+    Raises AdvpipeError, with line and column, for a file that is no table, a missing column, a number that
+    is none or not finite, times of one id that do not rise, an unknown body, an id with a single row, and
+    more rows or ids than are held in memory.
     """
-    where = f"trajectories.file: {path}"
-    columns = _columns(path, where)
-    for name in ("id", *REQUIRED):
-        if name not in columns:
-            raise AdvpipeError(f"{where} has no column {name}; it has {', '.join(columns) or 'none'}")
-    ids = _texts(columns["id"], "id", where)
-    if not len(ids):
-        raise AdvpipeError(f"{where} has no rows")
-    present = [_numbers(columns[name], name, where) for name in REQUIRED]
-    angles = [
-        _numbers(columns[name], name, where) if name in columns else np.zeros(len(ids)) for name in OPTIONAL
-    ]
-    values = np.stack([*present, *angles], axis=1)
-    named = _texts(columns["body"], "body", where) if "body" in columns else [DEFAULT_BODY] * len(ids)
-    for row, body in enumerate(named):
-        if body not in bodies:
-            raise AdvpipeError(
-                f"{where}, row {row + 1}, column body: {body!r} is no body; known: "
-                f"{', '.join(sorted(bodies))}"
-            )
-    rows_of: dict[str, list[int]] = {}
-    for row, name in enumerate(ids):
-        rows_of.setdefault(name, []).append(row)
-    return {name: _rows(name, rows, values, named, where) for name, rows in sorted(rows_of.items())}
+    columns, rows = table_rows(path, ("id", *REQUIRED), ("id", *REQUIRED, *OPTIONAL, "body"))
+    read = _Reading(f"trajectories.file: {path}", columns, bodies)
+    for place, values in rows:
+        read.add(place, values)
+    return read.finished()
 
 
-def _rows(name: str, rows: list[int], values: Float64, bodies: list[str], where: str) -> Rows:
-    late = np.flatnonzero(np.diff(values[rows, 0]) <= 0)
-    if len(late):
-        row = rows[int(late[0]) + 1]
-        before_s, time_s = values[rows[int(late[0])], 0], values[row, 0]
-        raise AdvpipeError(
-            f"{where}, row {row + 1}, column time_s: {time_s:g} does not come after {before_s:g}, "
-            f"the row of {name!r} before; sort the rows of each id and drop repeated times"
-        )
-    if len(rows) == 1:
-        raise AdvpipeError(f"{where}, row {rows[0] + 1}: {name!r} has only this row; give it two at least")
-    other = next((row for row in rows if bodies[row] != bodies[rows[0]]), None)
-    if other is not None:
-        raise AdvpipeError(
-            f"{where}, row {other + 1}, column body: {name!r} is a {bodies[rows[0]]} in its first row"
-        )
-    return Rows(values[rows], bodies[rows[0]])
+@dataclass
+class _Own:
+    """What one id has so far, seven numbers a row; place: of its first."""
+
+    place: str
+    body: str
+    values: array[float] = field(default_factory=lambda: array("d"))
+    last_s: float = -np.inf
 
 
-def _columns(path: Path, where: str) -> dict[str, pyarrow.ChunkedArray]:
-    import pyarrow
-    import pyarrow.csv
-    import pyarrow.parquet
+class _Reading:
+    """Takes row after row, and keeps its numbers alone."""
 
-    if not path.is_file():
-        raise AdvpipeError(f"{where} {'is no file' if path.exists() else 'does not exist'}")
-    try:
-        with path.open("rb") as file:
-            is_parquet = file.read(4) == b"PAR1"
-        if is_parquet:
-            table = pyarrow.parquet.read_table(path)
-        else:
-            header = path.open(encoding="utf-8-sig", newline="").readline()
-            names = [name.strip().strip('"') for name in header.split(",")]
-            texts = {name: pyarrow.string() for name in names}
-            convert = pyarrow.csv.ConvertOptions(column_types=texts, strings_can_be_null=False)
-            read = pyarrow.csv.ReadOptions(column_names=names, skip_rows=1)
-            table = pyarrow.csv.read_csv(path, convert_options=convert, read_options=read)
-    except (pyarrow.ArrowException, OSError, UnicodeDecodeError, ValueError) as error:
-        raise AdvpipeError(f"{where} is no CSV or Parquet table: {_first_line(error)}") from None
-    if len(set(table.column_names)) < len(table.column_names):
-        raise AdvpipeError(f"{where} has two columns of the same name")
-    return {name: table[name] for name in table.column_names}
+    def __init__(self, where: str, columns: Sequence[str], bodies: frozenset[str]) -> None:
+        self._where, self._columns, self._bodies = where, columns, bodies
+        self._of: dict[str, _Own] = {}
 
+    def add(self, place: str, values: Sequence[Any]) -> None:
+        given = dict(zip(self._columns, values, strict=True))
+        name = self._name(place, "id", given["id"])
+        body = self._name(place, "body", given.get("body", DEFAULT_BODY))
+        if body not in self._bodies:
+            known = ", ".join(sorted(self._bodies))
+            raise self._error(place, "body", f"{shown(body)} is no body; known: {known}")
+        numbers = [self._number(place, one, given.get(one, 0.0)) for one in (*REQUIRED, *OPTIONAL)]
+        own = self._of.get(name)
+        if own is None:
+            if len(self._of) >= MOST_IDS:
+                raise AdvpipeError(f"{self._where}, {place}: more than {MOST_IDS} ids, too many to drive")
+            own = self._of[name] = _Own(place, body)
+        if numbers[0] <= own.last_s:
+            rises = f"{numbers[0]:g} does not come after {own.last_s:g}, the row of {shown(name)} before"
+            hint = "sort the rows of each id and drop repeated times"
+            raise self._error(place, "time_s", f"{rises}; {hint}")
+        if body != own.body:
+            raise self._error(place, "body", f"{shown(name)} is a {own.body} in its first row")
+        own.last_s = numbers[0]
+        own.values.extend(numbers)
 
-def _first_line(error: Exception) -> str:
-    return " ".join(str(error).split())[:200]
+    def finished(self) -> dict[str, Rows]:
+        if not self._of:
+            raise AdvpipeError(f"{self._where} has no rows")
+        found: dict[str, Rows] = {}
+        for name in sorted(self._of):
+            own = self._of.pop(name)
+            values = np.frombuffer(own.values, np.float64).reshape(-1, len(REQUIRED) + len(OPTIONAL))
+            if len(values) == 1:
+                only = f"{self._where}, {own.place}: {shown(name)} has only this row"
+                raise AdvpipeError(f"{only}; give it two at least")
+            found[name] = Rows(values, own.body)
+        return found
 
+    def _name(self, place: str, column: str, value: object) -> str:
+        try:
+            return name_in(value)
+        except ValueError as error:
+            raise self._error(place, column, str(error)) from None
 
-def _texts(column: pyarrow.ChunkedArray, name: str, where: str) -> list[str]:
-    texts = [None if value is None else str(value).strip() for value in column.to_pylist()]
-    for row, text in enumerate(texts):
-        if (
-            not text
-            or len(text) > 100
-            or any(ord(character) < 33 or character in "<>&\"'" for character in text)
-        ):
-            raise AdvpipeError(
-                f"{where}, row {row + 1}, column {name}: {text!r} is no name (1 to 100 characters, no spaces)"
-            )
-    return [text for text in texts if text]
+    def _number(self, place: str, column: str, value: object) -> float:
+        number = number_in(value)
+        if not abs(number) <= LARGEST:
+            raise self._error(place, column, f"{shown(value)} is no finite number within {LARGEST:g}")
+        return number
 
-
-def _numbers(column: pyarrow.ChunkedArray, name: str, where: str) -> Float64:
-    values = column.to_pylist()
-    try:
-        numbers = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        numbers = np.array([_number(value) for value in values])
-    bad = np.flatnonzero(~(np.abs(numbers) <= LARGEST))
-    if len(bad):
-        value = values[int(bad[0])]
-        raise AdvpipeError(
-            f"{where}, row {int(bad[0]) + 1}, column {name}: {value!r} is no finite number within {LARGEST:g}"
-        )
-    return numbers
-
-
-def _number(value: object) -> float:
-    try:
-        return float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        return float("nan")
+    def _error(self, place: str, column: str, what: str) -> AdvpipeError:
+        return AdvpipeError(f"{self._where}, {place}, column {column}: {what}")
