@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 import inspect
 import os
@@ -15,6 +14,7 @@ from advpipe.pipeline.detector.device import CPU, open_device
 from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import CLASSES
+from advpipe.pipeline.hashing import sha256_of
 from advpipe.pipeline.shown import shown
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def detector_sha256(name_or_path: str) -> str:
     file: Path | None = SHIPPED.get(name_or_path, Path(name_or_path))
     if file is not None and not file.is_file():
         file = _source_file(name_or_path)
-    return hashlib.sha256(file.read_bytes()).hexdigest() if file else ""
+    return sha256_of(file) if file else ""
 
 
 def _source_file(name: str) -> Path | None:

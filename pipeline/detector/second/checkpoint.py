@@ -14,10 +14,17 @@ from safetensors.torch import save
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import preset_named
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
+from advpipe.pipeline.shown import cut, shown
 
 KIND = "advpipe-second-1"
 SHIPPED = {"small": Path(__file__).parent / "checkpoints" / "small.safetensors"}
 """Checkpoints that come with the package."""
+
+MOST_BYTES = 1 << 28
+"""The largest preset has 21 MB of weights in single precision."""
+
+MOST_HEADER_BYTES = 1 << 20
+"""Ours have 16 kB; readers take some hundred times that."""
 
 
 def save_checkpoint(
@@ -51,14 +58,44 @@ def load_checkpoint(path: Path, device: torch.device | None = None) -> Second:
     """The detector in a checkpoint file, its weights in single precision, on the device (the CPU)."""
     if not path.is_file():
         raise AdvpipeError(f"no detector checkpoint at {path}; train one with `advpipe train`")
+    _check_size(path)
     try:
         with safe_open(path, framework="pt") as file:
-            metadata = file.metadata() or {}
-            tensors = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118
-    except (SafetensorError, OSError) as error:
+            net, provenance = _told_by(path, file.metadata() or {})
+            ours = {k: v.shape for k, v in net.state_dict().items() if v.is_floating_point()}
+            # By what the file declares, before any of it is unpacked.
+            shapes = {name: file.get_slice(name).get_shape() for name in file.keys()}  # noqa: SIM118
+            if {name: torch.Size(shape) for name, shape in shapes.items()} != ours:
+                preset = net.preset.name
+                raise AdvpipeError(
+                    f"the weights in {path} do not fit preset {preset!r} of this version; train again"
+                )
+            tensors = {name: file.get_tensor(name).float() for name in ours}
+    except (SafetensorError, OSError, RuntimeError) as error:
+        reason = cut(" ".join(str(error).split()), 200)
         raise AdvpipeError(
-            f"{path} is not a whole safetensors file ({error}); train or copy it again"
+            f"{path} is not a whole safetensors file ({reason}); train or copy it again"
         ) from None
+    if not all(bool(torch.isfinite(weights).all()) for weights in tensors.values()):
+        raise AdvpipeError(f"the weights in {path} are not all finite; train or copy it again")
+    net.load_state_dict(tensors, strict=False)
+    return Second(net.to(device), provenance)
+
+
+def _check_size(path: Path) -> None:
+    """The header's length and the file's, before either is read."""
+    size_bytes = path.stat().st_size
+    with path.open("rb") as file:
+        header_bytes = int.from_bytes(file.read(8), "little")
+    if size_bytes > MOST_BYTES:
+        raise AdvpipeError(f"{path} has {size_bytes} bytes; no checkpoint of advpipe has over {MOST_BYTES}")
+    if header_bytes > MOST_HEADER_BYTES:
+        reason = f"a header of {header_bytes} bytes"
+        raise AdvpipeError(f"{path} is not a whole safetensors file ({reason}); train or copy it again")
+
+
+def _told_by(path: Path, metadata: Mapping[str, str]) -> tuple[SecondNet, dict[str, str]]:
+    """The network that a checkpoint is of, its weights not set, and how it was trained."""
     try:
         about = json.loads(metadata["advpipe"])
         if about["kind"] != KIND:
@@ -66,19 +103,15 @@ def load_checkpoint(path: Path, device: torch.device | None = None) -> Second:
         name, classes, provenance = about["preset"], about["classes"], about["provenance"]
         if not (isinstance(name, str) and isinstance(classes, list) and isinstance(provenance, dict)):
             raise TypeError
-    except (KeyError, TypeError, ValueError):
+        if not all(isinstance(text, str) for text in provenance.values()):
+            raise TypeError
+    except (KeyError, TypeError, ValueError, RecursionError):
         raise AdvpipeError(
             f"{path} is no detector checkpoint of advpipe; make one with `advpipe train`"
         ) from None
     net = SecondNet(preset_named(name))
-    if tuple(classes) != net.preset.classes:
+    if classes != list(net.preset.classes):
         raise AdvpipeError(
-            f"{path} finds {classes}, preset {name!r} finds {list(net.preset.classes)}; train again"
+            f"{path} finds {shown(classes)}, preset {name!r} finds {list(net.preset.classes)}; train again"
         )
-    ours = {k: v.shape for k, v in net.state_dict().items() if v.is_floating_point()}
-    if ours != {k: v.shape for k, v in tensors.items()}:
-        raise AdvpipeError(f"the weights in {path} do not fit preset {name!r} of this version; train again")
-    if not all(bool(torch.isfinite(weights).all()) for weights in tensors.values()):
-        raise AdvpipeError(f"the weights in {path} are not all finite; train or copy it again")
-    net.load_state_dict(tensors, strict=False)
-    return Second(net.to(device), provenance)
+    return net, provenance

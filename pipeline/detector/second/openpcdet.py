@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import pickle
 import re
 import warnings
@@ -15,7 +14,10 @@ from torch import Tensor
 from advpipe.pipeline.detector.second.backbone3d import STRIDED
 from advpipe.pipeline.detector.second.model import SecondNet
 from advpipe.pipeline.detector.second.presets import KITTI
+from advpipe.pipeline.detector.second.torch_archive import check_archive
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.hashing import sha256_of
+from advpipe.pipeline.shown import cut
 
 LAYERS_3D = {
     "stage1.0": "conv_input",
@@ -24,6 +26,9 @@ LAYERS_3D = {
     "fold": "conv_out",
 }
 """Sparse layers here and there, where `.0` is the convolution and `.1` its batch norm."""
+
+MOST_VALUES = 20_000_000
+"""Of all weights: four times as many as there are, so that those of a wrong shape are named."""
 
 HEADS = ("conv_cls", "conv_box", "conv_dir_cls")
 COUNTERS = re.compile(r"(^|\.)(global_step|num_batches_tracked)$")
@@ -50,8 +55,7 @@ def import_openpcdet(path: Path) -> tuple[SecondNet, dict[str, str]]:
     stacked = converted[first].reshape(rows, channels, layers, *kernel).transpose(1, 2)
     converted[first] = stacked.reshape(rows, columns, *kernel)
     net.load_state_dict(converted, strict=False)
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    return net, {"source": "an OpenPCDet checkpoint", "source_sha256": digest}
+    return net, {"source": "an OpenPCDet checkpoint", "source_sha256": sha256_of(path)}
 
 
 def their_names(name: str) -> tuple[str, ...]:
@@ -81,6 +85,9 @@ def _read_weights(path: Path, wanted: set[str]) -> dict[str, Tensor]:
     wrong = [f"{verb} {_some(names)}" for verb, names in found.items() if names]
     if wrong:
         raise AdvpipeError(f"{path} is no SECOND of OpenPCDet's second.yaml: it {' and '.join(wrong)}")
+    # A tensor of any shape lies in a single number, repeated: it is told by its shape before it is looked at.
+    if sum(state[name].numel() for name in wanted) > MOST_VALUES:
+        raise AdvpipeError(f"{path} is no SECOND of OpenPCDet's second.yaml: its weights are too large")
     for name in sorted(wanted):
         value = state[name]
         is_plain = value.layout is torch.strided and value.device.type == "cpu" and value.is_floating_point()
@@ -93,24 +100,19 @@ def _some(names: Iterable[str], shown: int = 3) -> str:
     """The first names and how many more there are."""
     ordered = sorted(names)
     more = f" and {len(ordered) - shown} more" if len(ordered) > shown else ""
-    return ", ".join(ordered[:shown]) + more
+    return ", ".join(map(cut, ordered[:shown])) + more
 
 
 def _load(path: Path) -> object:
     if not path.is_file():
         raise AdvpipeError(f"no OpenPCDet checkpoint at {path}")
+    check_archive(path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return torch.load(path, map_location="cpu", weights_only=True)
-    except pickle.UnpicklingError as error:
-        code = re.search(r"GLOBAL ([\w.]+)", str(error))
-        if code is None:
-            raise AdvpipeError(f"{path} is no checkpoint that torch.save wrote") from None
-        raise AdvpipeError(
-            f"{path} holds {code[1]}, and what is no plain tensor is not loaded, since it could run code; if "
-            "you trust the file, save its `model_state` alone, as {'model_state': ...}, with torch.save"
-        ) from None
+    except pickle.UnpicklingError:
+        raise AdvpipeError(f"{path} is no checkpoint that torch.save wrote") from None
     except Exception as error:  # whatever bytes that are no checkpoint lead torch.load into
         raise AdvpipeError(
             f"{path} is cut off or no checkpoint of torch.save ({type(error).__name__}); copy it again"

@@ -8,6 +8,7 @@ from math import pi
 from advpipe.pipeline.detector.protocol import Range
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import CLASSES
+from advpipe.pipeline.shown import shown
 
 
 @dataclass(frozen=True)
@@ -173,5 +174,5 @@ PRESETS = {"small": SMALL, "360": ALL_AROUND, "kitti": KITTI}
 def preset_named(name: str) -> Preset:
     """The preset of that name, or an error that lists the known ones."""
     if name not in PRESETS:
-        raise AdvpipeError(f"unknown detector preset {name!r}; known: {', '.join(PRESETS)}")
+        raise AdvpipeError(f"unknown detector preset {shown(name)}; known: {', '.join(PRESETS)}")
     return PRESETS[name]

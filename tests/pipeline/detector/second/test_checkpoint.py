@@ -9,7 +9,7 @@ import torch
 from safetensors import safe_open
 from safetensors.torch import save_file
 
-from advpipe.pipeline.detector.second.checkpoint import load_checkpoint, save_checkpoint
+from advpipe.pipeline.detector.second.checkpoint import MOST_BYTES, load_checkpoint, save_checkpoint
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import SMALL
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
@@ -96,3 +96,36 @@ def test_other_safetensors_and_missing_files(tmp_path):
         load_checkpoint(tmp_path / "x.safetensors")
     with pytest.raises(AdvpipeError, match="no detector checkpoint at"):
         load_checkpoint(tmp_path / "none.safetensors")
+
+
+def test_what_a_file_declares_is_bounded_before_it_is_read(saved, tmp_path):
+    _, path = saved
+    whole = path.read_bytes()
+    for content, message in [
+        ((1 << 40).to_bytes(8, "little") + whole[8:], "a header of 1099511627776 bytes"),
+        ((1 << 21).to_bytes(8, "little") + b" " * (1 << 21), "a header of 2097152 bytes"),
+    ]:
+        path.write_bytes(content)
+        with pytest.raises(AdvpipeError, match=message):
+            load_checkpoint(path)
+    with path.open("wb") as file:
+        file.truncate(MOST_BYTES + 1)
+    with pytest.raises(AdvpipeError, match="no checkpoint of advpipe has over"):
+        load_checkpoint(path)
+
+
+def test_tensors_of_other_shapes_are_told_by_the_header(saved, monkeypatch):
+    _, path = saved
+    rewritten(path, lambda about, tensors: tensors.update(more=torch.zeros(30_000_000, dtype=torch.int8)))
+    monkeypatch.setattr(torch.Tensor, "float", lambda tensor: pytest.fail("was unpacked"))
+    with pytest.raises(AdvpipeError, match="do not fit preset 'small'"):
+        load_checkpoint(path)
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"kind": ' * 50_000, "NaN", "[1]", "x" * 100_000])
+def test_metadata_that_is_none(saved, text):
+    _, path = saved
+    save_file({"a": torch.zeros(1)}, path, metadata={"advpipe": text})
+    with pytest.raises(AdvpipeError, match="no detector checkpoint of advpipe") as caught:
+        load_checkpoint(path)
+    assert len(str(caught.value)) < 300
