@@ -10,6 +10,7 @@ from pathlib import Path
 
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.scenario.map import Generator, Map
+from advpipe.stages.simulate.bounded_xml import refuse_bombs
 from advpipe.stages.simulate.network_repair import repair_lanes
 
 GUESSED_LIGHTS = ("--tls.guess", "--tls.default-type", "actuated", "--tls.max-dur", "25")
@@ -48,6 +49,7 @@ def check_xml(path: Path, key: str, root_tags: tuple[str, ...], kind: str) -> El
         raise AdvpipeError(f"{key}: {path} {'is no file' if path.exists() else 'does not exist'}; {hint}")
     if path.stat().st_size == 0:
         raise AdvpipeError(f"{key}: {path} is empty")
+    refuse_bombs(path, f"{key}: {path}")
     try:
         root = ElementTree.parse(path).getroot()
     except (ElementTree.ParseError, ValueError, UnicodeError, LookupError) as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection, Iterator, Sequence
@@ -10,12 +11,22 @@ from pathlib import Path
 
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.scenario.models import Scenario
+from advpipe.pipeline.shown import shown
+from advpipe.stages.simulate.demand import check_demand, seconds
 from advpipe.stages.simulate.network import RoadNetwork
 from advpipe.stages.simulate.network_file import check_xml, last_error, sumo_program
 from advpipe.stages.simulate.routes import Routes
 from advpipe.stages.simulate.vehicle_types import BODIES_OF_CLASS
 
 ROUTE_FILE = "a SUMO route file (.rou.xml)"
+ADDITIONAL_FILE = "a SUMO additional file (.add.xml)"
+MOST_FILES = 100
+LATEST_S = 1e9
+"""SUMO counts milliseconds; nobody's day has so many."""
+
+MOST_WAITED_S = 120.0
+"""For room on the network, beyond the warm-up, as `Traffic` does."""
+
 OUR_NAMES = ("pedestrian", "parked")
 """Of the people on foot and the parked cars, as in `parked.7`."""
 
@@ -60,13 +71,10 @@ def own_traffic(
     else:
         return OwnTraffic()
     key = "traffic.routes" if scenario.traffic.routes is not None else "traffic.sumo_config"
-    roots = [
-        *((path, check_xml(path, key, ("routes", "additional"), ROUTE_FILE)) for path in own.route_files),
-        *(
-            (path, check_xml(path, key, ("additional", "routes"), "a SUMO additional file (.add.xml)"))
-            for path in own.additional_files
-        ),
-    ]
+    roots = list(_roots(own, key))
+    clock = scenario.simulation
+    last_s = own.begin_s + clock.warmup_s + MOST_WAITED_S + clock.duration_s
+    check_demand([root for _, root in roots], key, last_s)
     known = DEFAULT_TYPES | {str(root.get("id")) for root in ElementTree.parse(types).getroot()}
     for path, root in roots:
         known |= set(_types(root, f"{key}: {path}"))
@@ -74,6 +82,18 @@ def own_traffic(
         _check(root, f"{key}: {path}", scenario, routes, known, moved)
     _probe(key, own.options(types), network)
     return own
+
+
+def _roots(own: OwnTraffic, key: str) -> Iterator[tuple[Path, ElementTree.Element]]:
+    """Every file of the user's, and those that they include."""
+    waiting = [(path, ROUTE_FILE) for path in own.route_files]
+    waiting += [(path, ADDITIONAL_FILE) for path in own.additional_files]
+    for count, (path, kind) in enumerate(waiting, 1):
+        if count > MOST_FILES:
+            raise AdvpipeError(f"{key}: {path} is one of more than {MOST_FILES} files, or includes itself")
+        root = check_xml(path, key, ("routes", "additional"), kind)
+        yield path, root
+        waiting += [(path.parent / str(found.get("href")), kind) for found in root.iter("include")]
 
 
 def _configured(path: Path) -> OwnTraffic:
@@ -88,10 +108,11 @@ def _configured(path: Path) -> OwnTraffic:
     if not route_files:
         raise AdvpipeError(f"traffic.sumo_config: {path} names no route-files")
     begin = next((found.get("value", "0") for name in ("begin", "b") for found in root.iter(name)), "0")
-    try:
-        begin_s = float(begin)
-    except ValueError:
-        raise AdvpipeError(f"traffic.sumo_config: {path}: begin {begin!r} is no number of seconds") from None
+    begin_s = seconds(begin, math.nan)
+    if not 0 <= begin_s <= LATEST_S:
+        raise AdvpipeError(
+            f"traffic.sumo_config: {path}: begin {shown(begin)} is no number of seconds, 0 to {LATEST_S:g}"
+        )
     return OwnTraffic(route_files, files("additional-files", "a"), begin_s)
 
 

@@ -7,6 +7,7 @@ from contextlib import suppress
 
 import numpy as np
 
+from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.stages.simulate.network import Edge, RoadNetwork
@@ -25,6 +26,9 @@ SHORT_ROUTE_M = 500.0
 
 STRANDED_AFTER_S = 4.0
 
+LEAST_ROOM_M = 2.0
+"""That a vehicle takes up of a lane: a bicycle's length. Cars that stand take 7.5 m."""
+
 
 class Population:
     """Inserts vehicles with random walks that outlast the recording, so that none vanishes in sight
@@ -42,10 +46,23 @@ class Population:
         self._scenario, self._network, self._variants = scenario, network, variants
         self._routes, self._rng = routes, rng
         simulation = scenario.simulation
+        self._check_room()
         fastest_mps = max(edge.speed_mps for edge in network.drivable)
         self._enough_m = 1.2 * fastest_mps * (simulation.warmup_s + simulation.duration_s) + 500.0
         self._added = 0
         self._waited_s: dict[str, float] = {}
+
+    def _check_room(self) -> None:
+        """AdvpipeError for more vehicles than there is room for: they would be tried anew in every step."""
+        lanes_m = sum(
+            edge.length_m * sum(lane.for_cars for lane in edge.lanes) for edge in self._network.drivable
+        )
+        wanted, most = self._scenario.traffic.vehicles, int(lanes_m / LEAST_ROOM_M)
+        if wanted > most:
+            raise AdvpipeError(
+                f"traffic.vehicles is {wanted}; bumper to bumper, {lanes_m / 1000:.1f} km of lanes hold "
+                f"{most}; lower it, or take a larger map"
+            )
 
     def insert_instrumented(self, name: str) -> None:
         """Adds a vehicle that carries sensors, on its own route or one drawn on a wide road."""

@@ -112,6 +112,80 @@ def test_routes_and_trajectories_share_no_name(
         drive(scenario(tmp_path, road(300), text, f"trajectories={{file: {table}}}"), 1)
 
 
+LAUGHS = (
+    "<!DOCTYPE routes ["
+    + '<!ENTITY a0 "ha">'
+    + "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 10}">' for i in range(1, 10))
+    + "]><routes>&a9;</routes>"
+)
+BOMBS = {
+    '<routes><flow id="f" begin="0" end="9" number="1000000000" from="ab" to="bc"/></routes>': (
+        r"traffic\.routes: 1,000,000,000 vehicles would depart during the drive; at most 100,000"
+    ),
+    '<routes><flow id="f" begin="0" period="0.00001" from="ab" to="bc"/></routes>': "vehicles would depart",
+    '<routes><include href="own.rou.xml"/></routes>': r"one of more than 100 files, or includes itself",
+    '<routes><include href="gone.rou.xml"/></routes>': r"gone\.rou\.xml does not exist",
+    LAUGHS: r"own\.rou\.xml declares a document type \(<!DOCTYPE>\)",
+    f"<routes>{'<a>' * 200}{'</a>' * 200}</routes>": "is nested too deeply: more than 100 levels",
+}
+
+
+@pytest.mark.parametrize(("text", "message"), BOMBS.items(), ids=range(len(BOMBS)))
+def test_bombs_are_refused_before_sumo_reads_them(
+    tmp_path: Path,
+    road: Callable[..., Path],
+    drive: Driver,
+    monkeypatch: pytest.MonkeyPatch,
+    text: str,
+    message: str,
+) -> None:
+    monkeypatch.setattr("advpipe.stages.simulate.own_traffic._probe", lambda *_: pytest.fail("SUMO read it"))
+    with pytest.raises(AdvpipeError, match=message):
+        drive(scenario(tmp_path, road(200), text), 1)
+
+
+def test_files_that_routes_include_count_and_are_checked(
+    tmp_path: Path, road: Callable[..., Path], drive: Driver
+) -> None:
+    (tmp_path / "more.rou.xml").write_text(ROUTES.replace('"three"', '"four"'))
+    text = '<routes><include href="more.rou.xml"/><trip id="three" from="bc" to="bc" depart="1"/></routes>'
+    state = drive(scenario(tmp_path, road(600), text), 1)[-1]
+    assert {"one", "two", "three", "four"} <= set(state)
+    (tmp_path / "more.rou.xml").write_text('<routes><flow id="f" end="9" number="1e9" from="ab"/></routes>')
+    with pytest.raises(AdvpipeError, match="1,000,000,000 vehicles would depart"):
+        drive(scenario(tmp_path, road(600), text), 1)
+
+
+@pytest.mark.parametrize("begin", ["-1", "nan", "1e300", "soon", "x" * 100_000])
+def test_a_begin_that_is_no_time(
+    tmp_path: Path, road: Callable[..., Path], drive: Driver, begin: str
+) -> None:
+    (tmp_path / "own.rou.xml").write_text(ROUTES)
+    config = tmp_path / "own.sumocfg"
+    config.write_text(
+        '<configuration><input><route-files value="own.rou.xml"/></input>'
+        f'<time><begin value="{begin}"/></time></configuration>'
+    )
+    settings = [f"map.sumo_net={road(200)}", f"traffic.sumo_config={config}"]
+    with pytest.raises(AdvpipeError, match=r"begin '.{1,110} is no number of seconds"):
+        drive(load_scenario("smoke", settings), 1)
+
+
+def test_a_network_with_entities_is_refused(tmp_path: Path, road: Callable[..., Path], drive: Driver) -> None:
+    net = tmp_path / "a.net.xml"
+    net.write_text(LAUGHS.replace("routes", "net"))
+    with pytest.raises(AdvpipeError, match=r"map\.sumo_net: .*a\.net\.xml declares a document type"):
+        drive(load_scenario("smoke", [f"map.sumo_net={net}"]), 1)
+
+
+def test_more_vehicles_than_there_is_room_for(
+    tmp_path: Path, road: Callable[..., Path], drive: Driver
+) -> None:
+    settings = [f"map.sumo_net={road(200)}", "traffic.vehicles=5000"]
+    with pytest.raises(AdvpipeError, match=r"traffic\.vehicles is 5000; bumper to bumper, .* km of"):
+        drive(load_scenario("smoke", settings), 1)
+
+
 ROUTES_OF_EGO = {
     "[ab, xx]": r"vehicles\.ego\.route: no edge 'xx' on this network; the nearest name is",
     "[nb, ab]": r"vehicles\.ego\.route: edge 'nb' does not lead to 'ab'; it leads to bc",
