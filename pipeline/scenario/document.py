@@ -102,7 +102,7 @@ def _check_events(text: str) -> None:
     """Bounds what is about to be composed, before it takes memory: how much, and how deep."""
     count = level = 0
     for event in yaml.parse(text, Loader=_Fastest):
-        line = event.start_mark.line + 1
+        line = event.start_mark.line + 1 if event.start_mark else None
         count += isinstance(event, yaml.NodeEvent)
         level += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
         if level > MOST_LEVELS:

@@ -58,7 +58,7 @@ def _named(path: Path, where: str) -> set[str]:
     try:
         return flat_columns(path)
     except AdvpipeError as error:
-        raise _no_table(where, error) from None
+        raise _unread(path, where, error) from None
 
 
 def _parquet_rows(path: Path, columns: Sequence[str], where: str) -> Iterator[Row]:
@@ -69,7 +69,7 @@ def _parquet_rows(path: Path, columns: Sequence[str], where: str) -> Iterator[Ro
                 number += 1
                 yield f"row {number}", values
     except AdvpipeError as error:
-        raise _no_table(where, error) from None
+        raise _unread(path, where, error) from None
 
 
 def _csv_rows(
@@ -103,6 +103,11 @@ def _bounded(file: TextIO, where: str) -> Iterator[str]:
         if len(line) > LONGEST_LINE:
             raise AdvpipeError(f"{where}, line {number} has more than {LONGEST_LINE} characters")
         yield line
+
+
+def _unread(path: Path, where: str, error: AdvpipeError) -> AdvpipeError:
+    reason = str(error).removeprefix(f"{path}: ").removeprefix("no whole Parquet table ")
+    return AdvpipeError(f"{where} is no CSV or Parquet table: {reason}")
 
 
 def _no_table(where: str, error: Exception) -> AdvpipeError:

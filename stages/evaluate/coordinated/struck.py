@@ -114,7 +114,8 @@ def _labels(bag: Path, name: str) -> Iterator[Path]:
     try:
         yield path
     except AdvpipeError as error:
-        raise AdvpipeError(f"{path} holds no labels of clouds: {error}; attack again") from None
+        reason = str(error).removeprefix(f"{path}: ")
+        raise AdvpipeError(f"{path} holds no labels of clouds: {reason}; attack again") from None
 
 
 def _vehicle(topic: str) -> str:

@@ -71,12 +71,15 @@ def read_labels(bag: Path) -> list[MessageLabel]:
         columns = COLUMNS if PART in flat_columns(path) else {k: v for k, v in COLUMNS.items() if k != PART}
         return [_label(row) for row in rows(path, columns)]
     except AdvpipeError as error:
-        raise AdvpipeError(f"{path} holds no labels of messages: {error}; attack again") from None
+        reason = str(error).removeprefix(f"{path}: ")
+        raise AdvpipeError(f"{path} holds no labels of messages: {reason}; attack again") from None
 
 
 def _label(row: dict[str, Any]) -> MessageLabel:
     """The label, which shares its texts with the others: there may be a million of them."""
-    return MessageLabel(**{k: sys.intern(v) if isinstance(v, str) else v for k, v in row.items()})
+    for name, value in row.items():
+        row[name] = sys.intern(value) if isinstance(value, str) else value
+    return MessageLabel(**row)
 
 
 def has_labels(bag: Path) -> bool:

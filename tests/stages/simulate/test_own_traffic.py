@@ -152,7 +152,7 @@ def test_files_that_routes_include_count_and_are_checked(
     state = drive(scenario(tmp_path, road(600), text), 1)[-1]
     assert {"one", "two", "three", "four"} <= set(state)
     (tmp_path / "more.rou.xml").write_text('<routes><flow id="f" end="9" number="1e9" from="ab"/></routes>')
-    with pytest.raises(AdvpipeError, match="1,000,000,000 vehicles would depart"):
+    with pytest.raises(AdvpipeError, match="1,000,000,001 vehicles would depart"):
         drive(scenario(tmp_path, road(600), text), 1)
 
 
