@@ -16,17 +16,20 @@ from advpipe.pipeline.detector.second.torch_archive import MOST_BYTES, MOST_PICK
 from advpipe.pipeline.errors import AdvpipeError
 
 IMPORT = """
-import resource, sys
+import sys
 from pathlib import Path
 import torch
 from advpipe.pipeline.detector.second.openpcdet import import_openpcdet
 from advpipe.pipeline.errors import AdvpipeError
-before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+def peak_kib():  # that of `resource` is at least what the process that started this one held
+    with open("/proc/self/status") as file:
+        return next(int(line.split()[1]) for line in file if line.startswith("VmHWM"))
+before = peak_kib()
 try:
     import_openpcdet(Path(sys.argv[1]))
 except AdvpipeError as error:
     print(error)
-peak_mib = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) >> 10
+peak_mib = (peak_kib() - before) >> 10
 print(peak_mib < 200, peak_mib, "MiB")
 """
 
