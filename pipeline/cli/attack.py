@@ -104,7 +104,7 @@ def _parameters(options: dict[str, Any], settings: list[str]) -> dict[str, Any]:
     """Those given as options, and the values of `name=value`, each read as YAML."""
     from advpipe.pipeline.errors import AdvpipeError
     from advpipe.pipeline.scenario.document import DocumentError, read_document
-    from advpipe.pipeline.shown import shown
+    from advpipe.pipeline.shown import cut, shown
 
     found = dict(options)
     for setting in settings:
@@ -114,8 +114,7 @@ def _parameters(options: dict[str, Any], settings: list[str]) -> dict[str, Any]:
             raise AdvpipeError(f"--set {shown(setting)}: write name=value, such as rounds=20")
         if name in found:
             raise AdvpipeError(
-                f"--set {shown(setting)}: {shown(name)} is {shown(found[name])} already; "
-                "leave one of them out"
+                f"--set {shown(setting)}: {cut(name)} is {shown(found[name])} already; leave one of them out"
             )
         try:
             found[name] = read_document(text).tree

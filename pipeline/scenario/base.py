@@ -95,6 +95,6 @@ def written_number(value: Any, kind: type) -> Any:
     if isinstance(value, dict):
         return {key: written_number(item, kind) for key, item in value.items()}
     number = number_of_word(value)
-    if kind is int and isinstance(number, float) and number.is_integer():
+    if kind is int and isinstance(number, float) and number.is_integer() and abs(number) < 2**53:
         return int(number)
     return number

@@ -108,6 +108,32 @@ def test_bad_parameters_are_one_line(parameters, line):
 
 
 @pytest.mark.parametrize(
+    ("word", "parameters", "line"),
+    [
+        (
+            "perturb",
+            {"eps_cm": 1, "weight": 1e9},
+            "weight is 1000000000.0: it may be 1e[+]06",
+        ),
+        ("attach", {"eps_m": 0.1, "decay_m": 1e7}, "decay_m is 10000000.0: it may be 1e[+]06 at most"),
+        ("cam-drop", {"braking_mps2": 1e4}, "braking_mps2 is 10000.0: it may be 1000 at most"),
+        ("cam-sybil-grid", {"jitter_m": 1e9}, "jitter_m is 1000000000.0: it may be 1e[+]06 at most"),
+        ("detach", {"ratio": 0.1, "max_points": 10**12}, "max_points is 1000000000000: it may be"),
+    ],
+)
+def test_parameters_of_ours_are_bounded_by_their_units(word, parameters, line):
+    with pytest.raises(AdvpipeError, match=line):
+        resolved_parameters(AttackSpec(type=word, parameters=parameters))
+
+
+def test_words_stand_for_numbers_where_numbers_are_taken():
+    given = {"ratio": "1e-2", "rounds": "1e1", "objects": "1e1"}
+    found = resolved_parameters(AttackSpec(type="detach", parameters=given))
+    assert (found["ratio"], found["rounds"], found["objects"]) == (0.01, 10, ("1e1",))
+    assert type(found["rounds"]) is int
+
+
+@pytest.mark.parametrize(
     ("objects", "names"),
     [("suv.3", ("suv.3",)), (["a", "b"], ("a", "b")), (7, ("7",)), ([7, "a"], ("7", "a"))],
 )
