@@ -14,8 +14,6 @@ def inspect(
     bag: Annotated[Path, typer.Argument(help="Data set, rosbag2 folder or .mcap.")],
 ) -> Answer:
     """What is in a bag: topics, rates, clouds, road users, V2X, provenance, checksums."""
-    from dataclasses import asdict
-
     from advpipe.pipeline.bag.inspect import describe
     from advpipe.pipeline.bag.locate import resolve_bag
     from advpipe.pipeline.errors import wrong_use
@@ -23,7 +21,7 @@ def inspect(
     with wrong_use():
         resolve_bag(bag)
     description = describe(bag)
-    return Answer(asdict(description), description.print)
+    return Answer(vars(description), description.print)
 
 
 def plot(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -43,4 +42,4 @@ def simulate(
         for name, value in summary.v2x.lines() if summary.v2x else ():
             print(f"{name}: {value}")
 
-    return Answer({"data_set": folder, **asdict(summary)}, show)
+    return Answer({"data_set": folder, **vars(summary)}, show)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, is_dataclass
+from dataclasses import fields, is_dataclass
+from pathlib import PurePath
 from typing import Any
 
 
@@ -25,7 +26,7 @@ def strict_json(document: Mapping[str, Any]) -> str:
 def plain(value: Any) -> Any:
     """The value with nothing but what JSON has: dataclasses, paths and numpy's numbers are turned into it."""
     if is_dataclass(value) and not isinstance(value, type):
-        return plain(asdict(value))
+        return {one.name: plain(getattr(value, one.name)) for one in fields(value)}
     if isinstance(value, Mapping):
         return {plain(str(key)): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple | set | frozenset):
@@ -37,5 +38,6 @@ def plain(value: Any) -> Any:
         return value if math.isfinite(value) else None
     if value is None or isinstance(value, bool | int):
         return value
-    text = str(value)
-    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+    if isinstance(value, str | PurePath):
+        return str(value).encode("utf-8", "backslashreplace").decode("utf-8")
+    raise TypeError(f"{type(value).__name__} is nothing that JSON has")

@@ -21,6 +21,7 @@ FAILED, WRONG_USE = 1, 2
 
 def ended(error: BaseException) -> int:
     """Prints the line of an error that ended a command; returns the exit code."""
+    signals.uninstall()
     number = signals.received()
     if number is None and isinstance(error, KeyboardInterrupt):
         number = getattr(error, "number", 2)

@@ -26,6 +26,7 @@ _IMPORT_SYSTEM = ("<frozen importlib._bootstrap>", "<frozen importlib._bootstrap
 _COMMAND_LINE = ("advpipe.__main__", "advpipe.pipeline.cli", "__main__")
 
 _received: int | None = None
+_is_waiting = False
 
 
 class Stopped(KeyboardInterrupt):
@@ -62,10 +63,10 @@ def install() -> None:
 
 def uninstall() -> None:
     """The command has ended: one more signal ends the process without a word, whatever it tidies up."""
-    if hasattr(signal, "setitimer"):
-        signal.setitimer(signal.ITIMER_REAL, 0)
+    global _is_waiting
+    _is_waiting = False
     for number in WORDS:
-        if signal.getsignal(number) in (_stop, signal.default_int_handler):
+        if signal.getsignal(number) is _stop:
             signal.signal(number, signal.SIG_DFL)
 
 
@@ -90,25 +91,32 @@ def _stop(number: int, frame: FrameType | None) -> None:
     """
     global _received
     is_first, _received = _received is None, number
-    if not is_first or not hasattr(signal, "setitimer"):
+    importer = _importer(frame) if is_first and hasattr(signal, "setitimer") else None
+    if importer is None:
         raise Stopped(number)
-    signal.setitimer(signal.ITIMER_REAL, _AGAIN_S, _AGAIN_S)
-    _end_if_possible(number, frame)
+    if importer.startswith(_COMMAND_LINE):
+        _end_now(number)
+    _wait()
+
+
+def _wait() -> None:
+    global _is_waiting
+    _is_waiting = True
+    signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
 
 
 def _try_again(_alarm: int, frame: FrameType | None) -> None:
     """The library is loaded, perhaps."""
-    if _received is not None:
-        _end_if_possible(_received, frame)
-
-
-def _end_if_possible(number: int, frame: FrameType | None) -> None:
+    global _is_waiting
+    if not _is_waiting or _received is None:
+        return
     importer = _importer(frame)
     if importer is None:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        raise Stopped(number)
+        _is_waiting = False
+        raise Stopped(_received)
     if importer.startswith(_COMMAND_LINE):
-        _end_now(number)
+        _end_now(_received)
+    _wait()
 
 
 def _importer(frame: FrameType | None) -> str | None:
@@ -134,7 +142,7 @@ def _end_now(number: int) -> None:
 def _unraisable(unraisable: Any) -> None:
     """A signal that arrived in a destructor or callback, which cannot raise, is raised a moment later."""
     if isinstance(unraisable.exc_value, Stopped) and hasattr(signal, "setitimer"):
-        signal.setitimer(signal.ITIMER_REAL, _AGAIN_S, _AGAIN_S)
+        _wait()
     else:
         sys.__unraisablehook__(unraisable)
 
