@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
+from weakref import WeakSet
 
 try:
     import fcntl
@@ -21,6 +22,19 @@ LOCK_NAME = ".lock"
 HAS_LOCKS = fcntl is not None
 
 _PATIENCE_S, _PAUSE_S = 0.2, 0.02  # others hold a lock for an instant to see whether its run is alive
+
+
+_taken: WeakSet[IO[bytes]] = WeakSet()
+
+
+def _close_taken() -> None:
+    for stream in tuple(_taken):
+        stream.close()
+
+
+if hasattr(os, "register_at_fork"):
+    # A forked worker that outlives its killed parent for a moment would keep the parent's locks.
+    os.register_at_fork(after_in_child=_close_taken)
 
 
 def take_lock(file: Path, patience_s: float = _PATIENCE_S) -> IO[bytes] | None:
@@ -39,6 +53,7 @@ def take_lock(file: Path, patience_s: float = _PATIENCE_S) -> IO[bytes] | None:
             if fcntl is not None:
                 fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if os.path.samestat(os.fstat(stream.fileno()), file.stat()):
+                _taken.add(stream)
                 return stream
         except OSError:  # held by another run, or removed by it meanwhile
             pass

@@ -102,8 +102,12 @@ def gradients(net: SecondNet, examples: Examples, workers: int) -> Iterator[Grad
             torch.set_num_threads(threads)
         return
 
-    rows.share_memory_()  # type: ignore[no-untyped-call]
-    net.share_memory()
+    try:
+        rows.share_memory_()  # type: ignore[no-untyped-call]
+        net.share_memory()
+    except RuntimeError as error:
+        reason = str(error).splitlines()[0]
+        raise AdvpipeError(f"no shared memory for {workers} processes: {reason}; make room there") from None
     # Forking is quick and needs no guard in a caller's script; elsewhere it is not safe.
     context: Any = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
     with ExitStack() as stack:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import select
 import signal
 import subprocess
 import sys
@@ -113,34 +114,50 @@ def _child(job: dict[str, Any], noted: int) -> int:
 
 
 def _serve() -> None:
-    import tempfile
-
     preload()
     for line in sys.stdin:
         job = json.loads(line)
-        with (
-            tempfile.TemporaryFile() as out,
-            tempfile.TemporaryFile() as error,
-            tempfile.TemporaryFile() as noted,
-        ):
-            if (pid := os.fork()) == 0:
-                os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
-                os.dup2(out.fileno(), 1)
-                os.dup2(error.fileno(), 2)
-                code = 70
-                try:
-                    code = _child(job, noted.fileno())
-                finally:
-                    sys.stdout.flush()
-                    sys.stderr.flush()
-                    os._exit(code)
-            _, status = os.waitpid(pid, 0)
-            texts = []
-            for stream in (out, error, noted):
-                stream.seek(0)
-                texts.append(stream.read().decode(errors="replace"))
-        done = {"code": os.waitstatus_to_exitcode(status), "out": texts[0], "error": texts[1]}
-        print(json.dumps({**done, "moments": texts[2].split()}), flush=True)
+        pipes = [os.pipe() for _ in range(3)]  # a limit on the size of files does not bound them
+        if (pid := os.fork()) == 0:
+            _become(job, [theirs for _, theirs in pipes])
+        for _, theirs in pipes:
+            os.close(theirs)
+        out, error, moments = _read_all([ours for ours, _ in pipes])
+        _, status = os.waitpid(pid, 0)
+        done = {"code": os.waitstatus_to_exitcode(status), "out": out, "error": error}
+        print(json.dumps({**done, "moments": moments.split()}), flush=True)
+
+
+def _become(job: dict[str, Any], pipes: list[int]) -> None:
+    import traceback
+
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    for number, pipe in enumerate(pipes[:2], start=1):
+        os.dup2(pipe, number)
+        os.close(pipe)
+    code = 70
+    try:
+        code = _child(job, pipes[2])
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def _read_all(pipes: list[int]) -> list[str]:
+    """What comes out of each until its end; processes that outlive the command hold none of them for long."""
+    texts = dict.fromkeys(pipes, b"")
+    waiting = set(pipes)
+    while waiting:
+        for pipe in select.select(waiting, [], [])[0]:
+            block = os.read(pipe, 1 << 16)
+            texts[pipe] += block
+            if not block:
+                waiting.remove(pipe)
+                os.close(pipe)
+    return [texts[pipe].decode(errors="replace") for pipe in pipes]
 
 
 def preload() -> None:
