@@ -148,7 +148,7 @@ def evaluate(
                 ]
                 summaries.append(summarise(each, known_classes(model), bootstrap_draws, seed, remarks))
         sections = [*attacked_sections(summaries)]
-        sections += _added_sections(clean, adversarial, options)
+        sections += added_sections(clean, adversarial, options)
         comparisons = [summary.comparison for summary in of_first_detector(summaries)]
         if not models and any(section.key == COOPERATIVE for section in sections):
             models = [load_detector(options.detectors[0], device)]  # it looked for that section alone
@@ -187,7 +187,8 @@ def evaluate(
     return report
 
 
-def _added_sections(clean: Path, adversarial: Sequence[Path], options: Options) -> list[Section]:
+def added_sections(clean: Path, adversarial: Sequence[Path], options: Options) -> list[Section]:
+    """What all families add; where frames were chosen, with a note on parts that these do not bound."""
     sections: list[Section] = []
     for family, note in families(options):
         noted = (note,) if note and options.frames != ALL_FRAMES else ()

@@ -17,6 +17,9 @@ from advpipe.stages.simulate.network_file import prepare_network_file
 
 CAR = "passenger"
 WALKER = "pedestrian"
+FAR_M = 1e5
+"""From the origin; float32 has steps of 8 mm there."""
+
 MOST_INNER_LANES = 100
 """Of one turn over a junction; SUMO itself makes two at most."""
 
@@ -83,8 +86,9 @@ class RoadNetwork:
     """The file that SUMO drives on, and its geometry in the map's frame.
 
     The map's frame is that of the road map which the network was made from: map = network -
-    `offset_m`. A geo-referenced network keeps its own frame (a zero offset): without its offset it
-    would lie thousands of kilometres from its origin, where float32 has steps of half a metre.
+    `offset_m`. A network that is geo-referenced, or moved by more than `FAR_M`, keeps its own frame (a zero
+    offset): without its offset it would lie thousands of kilometres from its origin, where float32 has
+    steps of half a metre.
     `map_sha256` is the digest of the user's map file, or of the generated network.
     """
 
@@ -146,7 +150,8 @@ def _read(sumo_file: Path, origin: str, map_file: Path) -> RoadNetwork:
 
     try:
         net = sumolib.net.readNet(str(sumo_file), withInternal=True)
-        offset = np.array([*net.getLocationOffset(), 0.0], dtype=np.float64) * (not net.hasGeoProj())
+        offset = np.array([*net.getLocationOffset(), 0.0], dtype=np.float64)
+        offset *= not net.hasGeoProj() and np.abs(offset).max() <= FAR_M
         edges = {}
         for edge in net.getEdges(withInternal=False):
             lanes = tuple(
@@ -176,8 +181,12 @@ def _read(sumo_file: Path, origin: str, map_file: Path) -> RoadNetwork:
         )
     except (KeyError, ValueError, TypeError, AttributeError, IndexError) as error:
         raise AdvpipeError(f"{origin}: the network cannot be read: {one_line(repr(error))}") from None
-    if not all(np.isfinite(lane.centre_m).all() for edge in edges.values() for lane in edge.lanes):
-        raise AdvpipeError(f"{origin}: the network has coordinates that are not finite")
+    for edge in edges.values():
+        if any(np.abs(lane.centre_m).max() > FAR_M for lane in edge.lanes):
+            raise AdvpipeError(
+                f"{origin}: edge {edge.id!r} lies more than {FAR_M / 1000:g} km from the map's origin, where "
+                "points would be rounded; move the network with netconvert --offset.x and --offset.y"
+            )
     still = next((edge for edge in edges.values() if edge.for_cars and not edge.speed_mps > 0), None)
     if still is not None:
         raise AdvpipeError(f"{origin}: edge {still.id!r} is for cars, but its speed is {still.speed_mps:g}")

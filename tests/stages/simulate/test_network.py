@@ -17,7 +17,7 @@ from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.map import Generator, Map
 from advpipe.stages.simulate.network import Edge, endless_edges, load_network
-from advpipe.stages.simulate.network_file import sumo_program
+from advpipe.stages.simulate.network_file import run_sumo, sumo_program
 
 BOULEVARD = load_scenario("boulevard").map
 TOWN06 = Path(os.environ.get("ADVPIPE_TOWN06", "Town06.xodr"))
@@ -192,6 +192,57 @@ def test_an_opendrive_map_without_signals_gets_traffic_lights(tmp_path: Path) ->
         network = load_network(Map(opendrive=str(path)), tmp_path)
         lights = {link.light[0] for edge in network.drivable for link in edge.connections if link.light}
         assert len(lights) >= 4
+
+
+RISING = """<?xml version="1.0"?>
+<OpenDRIVE{namespace}>
+  <header revMajor="1" revMinor="4" name="rising"/>
+  <road name="r" length="200" id="1" junction="-1">
+    <type s="0" type="town"/>
+    <planView><geometry s="0" x="{x}" y="0" hdg="0" length="200"><line/></geometry></planView>
+    <elevationProfile>
+      <elevation s="0" a="0" b="0" c="0" d="0"/>
+      <elevation s="100" a="0" b="0.05" c="0" d="0"/>
+    </elevationProfile>
+    <lanes><laneSection s="0">
+      <center><lane id="0" type="none" level="false"/></center>
+      <right>
+        <lane id="-1" type="driving" level="false"><width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane>
+        <lane id="-2" type="driving" level="false"><width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane>
+      </right>
+    </laneSection></lanes>
+  </road>
+</OpenDRIVE>
+"""
+"""Flat for 100 m, then rising by 5 %: netconvert writes its first points without z."""
+
+
+@pytest.mark.parametrize("namespace", ["", ' xmlns="http://www.opendrive.org"'])
+def test_an_opendrive_road_that_begins_flat_and_climbs(tmp_path: Path, namespace: str) -> None:
+    path = tmp_path / "rising.xodr"
+    path.write_text(RISING.format(namespace=namespace, x=0))
+    network = load_network(Map(opendrive=str(path)), tmp_path)
+    (edge,) = network.drivable
+    text = network.sumo_file.read_text()
+    assert re.search(r'shape="[-.0-9]+,[-.0-9]+ [^"]*[-.0-9]+,[-.0-9]+,[.0-9]+"', text)  # with and without z
+    assert len(edge.lanes) == 2
+    for lane in edge.lanes:
+        assert lane.centre_m[[0, -1], 2] == pytest.approx([0, 5], abs=0.05)
+        assert np.interp(100, lane.centre_m[:, 0], lane.centre_m[:, 2]) == pytest.approx(0, abs=0.3)
+
+
+def test_a_map_far_from_its_origin_keeps_the_networks_frame(tmp_path: Path) -> None:
+    """Of UTM coordinates without a projection, float32 would leave steps of half a metre."""
+    path = tmp_path / "far.xodr"
+    path.write_text(RISING.format(namespace="", x=5_300_000))
+    network = load_network(Map(opendrive=str(path)), tmp_path)
+    assert np.all(network.offset_m == 0)
+    assert np.abs(network.drivable[0].lanes[0].centre_m).max() < 300
+
+
+def test_a_program_that_never_ends_is_stopped() -> None:
+    with pytest.raises(AdvpipeError, match=r"m\.xodr: sumo did not finish with it within 0\.001 s"):
+        run_sumo("sumo", ["--help"], "m.xodr", patience_s=0.001)
 
 
 def test_connections_join_the_lanes_that_they_name(tmp_path: Path) -> None:

@@ -61,3 +61,18 @@ def test_a_bend_is_followed_at_its_distance(tmp_path: Path) -> None:
     lane = next(lane for lane in ElementTree.parse(path).getroot().iter("lane") if lane.get("id") == "e_1")
     points = np.array([[float(v) for v in point.split(",")] for point in str(lane.get("shape")).split()])
     assert np.linalg.norm(points, axis=1) == pytest.approx(np.full(60, 16.8), abs=0.05)
+
+
+def test_a_lane_that_begins_flat_and_climbs(tmp_path: Path) -> None:
+    """z is named where it is not 0: a sound network is left alone, and a lane that was cut off climbs too."""
+    climbing = NET.replace("0.00,-1.60 100.00,-1.60", "0.00,-1.60 50.00,-1.60 100.00,-1.60,3.00")
+    sound, cut = tmp_path / "sound.net.xml", tmp_path / "cut.net.xml"
+    sound.write_text(climbing.replace("0.00,1.60 5.00,1.60", "0.00,1.60 50.00,1.60 100.00,1.60,3.00"))
+    cut.write_text(climbing)
+    before = sound.read_bytes()
+    assert repair_lanes(sound) == 0
+    assert sound.read_bytes() == before
+    assert repair_lanes(cut) == 1
+    lanes = {lane.get("id"): lane for lane in ElementTree.parse(cut).getroot().iter("lane")}
+    assert lanes["e_1"].get("shape") == "0.00,1.60 50.00,1.60 100.00,1.60,3.00"
+    assert lanes[":j_0_1"].get("shape") == "100.00,1.60,3.00 102.00,1.60"

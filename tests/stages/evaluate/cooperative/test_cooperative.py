@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.cloud import POINT_DTYPE, cloud_to_cdr
+from advpipe.pipeline.bag.frame_slice import FrameSlice
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import TF_STATIC, VehicleTopics
 from advpipe.pipeline.bag.writer import BagWriter
@@ -17,6 +19,7 @@ from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.transforms import invert, se3_from_yaw, transform_points
 from advpipe.stages.evaluate.cooperative.fusion import fuse_detections, without_oneself
+from advpipe.stages.evaluate.cooperative.instants import asked_for, fused_instants
 from advpipe.stages.evaluate.cooperative.pair import Alignment, find_pair, misalignment_deg, misalignment_m
 from advpipe.stages.evaluate.cooperative.section import cooperative_rows, sections
 
@@ -178,3 +181,47 @@ def test_a_section_where_gps_was_attacked(tmp_path: Path) -> None:
 def test_no_section_with_one_vehicle(tmp_path: Path) -> None:
     clean = write(tmp_path / "clean", vehicles=(EGO,))
     assert sections(clean, [clean], 0, DETECTOR) == ()
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_frames_choose_the_clouds_that_are_fused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The place is false in the last two frames of three; a bar counts what is fused, and no more is."""
+    clean = write(tmp_path / "clean")
+    attacked = write(tmp_path / "paa", (1.0, 0.0), false_from=1)
+    for chosen, frames in (("::", 2), ("0:2", 1), ("2", 1), ("0::2", 1)):
+        monkeypatch.setattr("sys.stderr", terminal := Terminal())
+        (section,) = sections(clean, [attacked], 0, DETECTOR, frames=FrameSlice.parse(chosen))
+        assert {record["frames"] for record in section.records} == {frames}
+        assert "cooperative perception" in terminal.getvalue()
+        assert f"{frames}/{frames}" in terminal.getvalue()
+
+
+def test_frames_at_which_all_poses_are_right_need_no_detector(tmp_path: Path) -> None:
+    clean = write(tmp_path / "clean")
+    attacked = write(tmp_path / "paa", (1.0, 0.0), false_from=1)
+    (section,) = sections(clean, [attacked], 0, "there is none", frames=FrameSlice(0, 1))
+    expected = "No poses are false at the frames 0:1:1: nothing was fused. Choose later or more frames."
+    assert section.lead == expected
+    assert not section.records
+    with pytest.raises(AdvpipeError, match="choose none of the bag's 3 frames"):
+        sections(clean, [attacked], 0, DETECTOR, frames=FrameSlice(7, 9))
+
+
+def test_frames_count_in_the_clouds_that_are_named(tmp_path: Path) -> None:
+    """Both LiDARs turn together here; the ego's clouds in the time of the other's are meant."""
+    reader = BagReader(write(tmp_path / "clean"))
+    pair, topic = find_pair(reader), OTHER.lidar_points.name
+    assert asked_for(reader, pair, FrameSlice(1, 3), topic) == range(1, 3)
+    assert asked_for(reader, pair, FrameSlice(0, None, 2), topic) == range(0, 3, 2)
+    assert asked_for(reader, pair) == range(3)
+
+
+def test_at_most_fifty_of_those_asked_for_and_false() -> None:
+    assert fused_instants(range(0, 1000, 10), range(105, 305)) == FrameSlice(110, 301, 10)
+    thinned = fused_instants(range(1000), range(200, 330))
+    assert thinned == FrameSlice(200, 330, 3)
+    assert fused_instants(range(4), range(12, 36)) is None

@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from advpipe.pipeline.bag.frame_slice import FrameSlice
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.stages.attack.run import AttackRequest, attack
 from advpipe.stages.evaluate.cooperative.pair import Alignment, find_pair, misalignment_m
+from advpipe.stages.evaluate.run import evaluate
 from advpipe.stages.simulate.run import simulate
 
 PLAIN = [
@@ -71,3 +73,22 @@ def test_attacks_misplace_it_by_what_they_draw(
     before_m, held_m = (off_m(clean, tmp_path / name, *span) for span in ((3, 6), (12, 18)))
     assert before_m.max() < 0.5
     assert least_m < np.median(held_m) < most_m
+
+
+def test_a_report_of_some_frames_is_of_these_and_says_what_is_not(
+    clean: Path, scenario, tmp_path: Path
+) -> None:
+    """Two clouds a second and GPS false from 6 s on: frames 0 to 3 fuse nothing, 16 and 17 are fused."""
+    attack(clean, tmp_path / "rba", AttackRequest(scenario.attacks["rba"], scenario.simulation.seed))
+    localisation = []
+    for chosen, frames in (("0:4", set()), ("16:18", {2})):
+        out = tmp_path / chosen.replace(":", "-")
+        report = evaluate(clean, [tmp_path / "rba"], out, frames=FrameSlice.parse(chosen))
+        sections = {each.key: each for each in report.sections}
+        assert set(sections) == {"localisation", "cooperative"}
+        assert {record["frames"] for record in sections["cooperative"].records} == frames
+        assert "cooperative perception are of the clouds chosen alone" in report.formulas["frames"]
+        assert sections["localisation"].notes[-1].startswith("This part is of the whole drive")
+        assert "This part is of the whole drive" in (out / "report.html").read_text()
+        localisation.append(sections["localisation"].records)
+    assert localisation[0] == localisation[1]

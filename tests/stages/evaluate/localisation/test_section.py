@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from advpipe.pipeline.bag.frame_slice import FrameSlice
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.evaluate.localisation.section import sections
 from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns, read_track
+from advpipe.stages.evaluate.options import Options
+from advpipe.stages.evaluate.run import added_sections
 
 FAR = {
     "type": "gnss-relocate",
@@ -89,3 +92,17 @@ def test_refuses_a_bag_of_some_frames(clean, attacked, tmp_path: Path):
             bag.copy(raw)
     with pytest.raises(AdvpipeError, match="holds other estimates of ego"):
         sections(clean, [tmp_path / "cut"], 0)
+
+
+def test_a_report_of_some_frames_says_that_this_part_is_of_the_whole_drive(clean, attacked, tmp_path):
+    """The track's filter runs from the beginning; the same figures, and a note."""
+    bag = attacked("far", **FAR)
+    some, whole = (families_sections(clean, [bag], FrameSlice.parse(frames)) for frames in ("0:4", "::"))
+    assert [one.records for one in some] == [one.records for one in whole]
+    assert all(one.notes[-1].startswith("This part is of the whole drive") for one in some)
+    assert not any("whole drive" in note for one in whole for note in one.notes)
+    assert [one.key for one in some] == ["localisation"]
+
+
+def families_sections(clean, bags, frames):
+    return added_sections(clean, bags, Options(frames=frames))
