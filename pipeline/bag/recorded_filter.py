@@ -12,7 +12,7 @@ from advpipe.pipeline.bag.latched import FilterInfo, read_scenario_info
 from advpipe.pipeline.bag.localisation import read_initial_pose
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import SCENARIO_INFO, VehicleTopics
-from advpipe.pipeline.errors import UsageError
+from advpipe.pipeline.errors import AdvpipeError, UsageError
 from advpipe.pipeline.localisation.estimator import Estimator
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.scenario.map import Origin
