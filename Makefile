@@ -21,7 +21,7 @@ $(INSTALLED): pyproject.toml constraints.txt
 		{ echo "advpipe needs Python 3.10 or later; set PYTHON=python3.11, for instance"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || \
 		{ echo "cannot make a virtual environment; on Debian or Ubuntu: apt-get install python3-venv"; exit 1; }
-	@echo "installing into $(VENV): 3 GB, mostly PyTorch, SUMO and Open3D (docs/install.md)"
+	@echo "installing into $(VENV): 2.7 GB, mostly PyTorch, SUMO and Open3D (docs/install.md)"
 	@test "$$(uname -s)" != Linux || test -z "$(TORCH_INDEX)" || \
 		$(PIP_INSTALL) --no-deps --retries 0 --index-url $(TORCH_INDEX) $(TORCH) 2> /dev/null || \
 		echo "$(TORCH_INDEX) has no $(TORCH) for this Python, or cannot be reached:" \
