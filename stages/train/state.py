@@ -32,8 +32,8 @@ class TrainState:
         """What to say where the loss or the weights have left the numbers."""
         rate = float(self.optimiser.param_groups[0]["lr"])
         return AdvpipeError(
-            f"the loss is not finite at step {self.step}, at a learning rate of {rate:.3g}: lower "
-            "--learning-rate (3e-3 by default), and pass --overwrite if the folder has steps that went well"
+            f"the loss is not finite at step {self.step}, at a learning rate of {rate:.3g}; "
+            "lower --learning-rate (3e-3 by default)"
         )
 
     def require_finite(self) -> None:

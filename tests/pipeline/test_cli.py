@@ -71,7 +71,7 @@ MISTAKES = {
     "nothing to recover from": (["recover", "nowhere"], "nowhere holds no .mcap file, and no killed run"),
     "no recording at all": (["recover", "file"], "file is empty"),
     "schema over a file": (["schema", "-o", "file"], "--overwrite"),
-    "schema nowhere": (["schema", "-o", "nowhere/x"], "nowhere/.x.partial: No such file"),
+    "schema nowhere": (["schema", "-o", "nowhere/x"], "nowhere/x: No such file"),
     "missing bag to attack": (["attack", "nowhere"], "nowhere"),
     "no bag in the folder": (["attack", "empty"], "empty is no bag"),
     "output in /proc": (["simulate", "smoke", "-o", "/proc/foo/x"], "/proc/foo: No such file or directory"),

@@ -266,3 +266,54 @@ def test_learning_rate_warms_up_and_fades():
     config = TrainConfig(bags=(Path("a"),), out=Path("b"), learning_rate=1.0, warmup=0.1)
     rates = [run.learning_rate(step, 100, config) for step in (0, 5, 10, 55, 99)]
     assert rates == pytest.approx([0.1, 0.55, 1.0, 0.5005, 0.0013], abs=1e-3)
+
+
+def test_two_runs_at_one_folder(drive, tiny, tmp_path, monkeypatch):
+    """The second one is refused at once, and the first one finishes as if it had been alone."""
+    alone = run.train(configured(drive, tmp_path / "alone", steps=1)).checkpoint.read_bytes()
+    config, step = configured(drive, tmp_path / "run", steps=1), run.train_step
+
+    def meanwhile(*arguments):
+        monkeypatch.setattr(run, "train_step", step)
+        for overwrite in (False, True):
+            with pytest.raises(AdvpipeError, match="run is locked by another run; wait until it ends"):
+                run.train(config, overwrite=overwrite)
+        return step(*arguments)
+
+    monkeypatch.setattr(run, "train_step", meanwhile)
+    assert run.train(config).checkpoint.read_bytes() == alone
+    assert not list(config.out.glob(".*"))
+
+
+@pytest.mark.parametrize("rate", [1e30, 1e6])
+def test_a_run_that_diverges_at_once_leaves_nothing(drive, tiny, tmp_path, rate):
+    for steps in (1, 4):
+        with pytest.raises(AdvpipeError, match=r"not finite at step [1-4], .*lower --learning-rate"):
+            run.train(configured(drive, tmp_path / "new" / "run", learning_rate=rate, steps=steps))
+        assert not (tmp_path / "new").exists()
+    run.train(configured(drive, tmp_path / "new" / "run", steps=1))
+
+
+def test_a_failure_before_the_first_state_leaves_nothing(drive, tiny, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    (tmp_path / "run").mkdir()
+    for name in ("store_frames", "gradients", "train_step"):
+        with monkeypatch.context() as patch:
+            patch.setattr(run, name, full)
+            with pytest.raises(OSError, match="No space left"):
+                run.train(configured(drive, tmp_path / "run"))
+        assert not list((tmp_path / "run").iterdir())
+
+
+def test_a_run_killed_before_its_first_state_is_no_obstacle(drive, tiny, tmp_path):
+    """As it lies there after a kill: with another configuration, nothing is lost."""
+    out = tmp_path / "run"
+    (out / ".frames.partial-abcdefgh").mkdir(parents=True)
+    (out / ".lock").touch()
+    (out / ".config.json.advpipe-partial-01234567").touch()
+    run.train(configured(drive, out, steps=1))
+    assert not list(out.glob(".*"))
+    (out / "detector.safetensors").unlink()  # killed when config.json and the logs were there
+    run.train(configured(drive, out, steps=1, seed=2))
