@@ -298,10 +298,14 @@ def ros2_topic(path: Path, channel: Channel, schema: Schema) -> Topic:
         raise AdvpipeError(f"{path}: {channel.topic} has the type {schema.name!r}, which is no type's name")
     if len(schema.data) > SCHEMA_LIMIT_BYTES:
         raise AdvpipeError(f"{path}: the definition of {schema.name} has {len(schema.data)} bytes")
+    try:
+        qos = _qos(channel.metadata.get("offered_qos_profiles", ""))
+    except ValueError as error:
+        raise AdvpipeError(f"{path}: {channel.topic}: {error}") from None
     return Topic(
         name=channel.topic,
         type=schema.name,
-        qos=_qos(channel.metadata.get("offered_qos_profiles", "")),
+        qos=qos,
         type_hash=channel.metadata.get("topic_type_hash", ""),
     )
 
