@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import TextIO
 
 from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.text import one_line
@@ -95,6 +96,11 @@ def quieten_warnings() -> None:
 
 
 def _show_warning(
-    message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: object
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
 ) -> None:
     detail(f"{category.__name__}: {message} ({filename}, line {lineno})")

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
@@ -31,16 +31,10 @@ class OneLineErrors(TyperGroup):
         with _in_one_line():
             return super().invoke(ctx)
 
-    def main(  # type: ignore[override]  # releases of typer differ in what it takes
-        self,
-        args: Sequence[str] | None = None,
-        prog_name: str | None = None,
-        complete_var: str | None = None,
-        standalone_mode: bool = True,
-        **extra: Any,
-    ) -> Any:
+    def main(self, *args: Any, **options: Any) -> NoReturn:
+        """Runs the command line, and ends the process."""
         try:
-            code = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
+            code = super().main(*args, **{**options, "standalone_mode": False})
             flush_output()
         except ClickException as error:
             code = _misused(error)

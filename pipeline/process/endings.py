@@ -13,6 +13,7 @@ from contextlib import suppress
 from advpipe.pipeline.errors import AdvpipeError, os_error_line
 from advpipe.pipeline.missing_library import missing_library_line
 from advpipe.pipeline.process import signals, streams
+from advpipe.pipeline.process.folder import undecodable
 from advpipe.pipeline.process.last_resort import unexpected
 from advpipe.pipeline.text import one_line
 
@@ -56,9 +57,7 @@ def _unwritable(error: UnicodeEncodeError) -> str:
     """Of a name that is not UTF-8 and would have to go into a text, or that the locale cannot spell."""
     before, after = error.object[: error.start], error.object[error.start :]
     name = re.split(r"[\n\"']", before)[-1] + re.split(r"[\n\"']", after)[0]
-    if error.encoding.lower().replace("-", "") == "utf8":
-        return f"{name}: this name is not UTF-8, which it would have to be here; rename it"
-    return f"{name}: this locale has no such characters ({error.encoding}); set LC_ALL=C.UTF-8"
+    return undecodable(name, error.encoding)
 
 
 def _folder_is_gone() -> bool:

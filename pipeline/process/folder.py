@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -44,7 +45,11 @@ def refuse_undecodable(*paths: Path | None) -> None:
         try:
             str(path).encode()
         except UnicodeEncodeError:
-            raise UsageError(
-                f"{path}: this name is not UTF-8, and tables, reports and checkpoints cannot hold it; "
-                "rename it, or choose another one"
-            ) from None
+            raise UsageError(undecodable(path)) from None
+
+
+def undecodable(name: object, encoding: str = "utf-8") -> str:
+    """What to do about a name that cannot be written with an encoding; the locale may be to blame."""
+    if "utf" in encoding.lower() and "utf" in sys.getfilesystemencoding():
+        return f"{name}: is not UTF-8, and tables, reports and checkpoints cannot hold it; rename it"
+    return f"{name}: this locale cannot spell it; set LC_ALL=C.UTF-8"

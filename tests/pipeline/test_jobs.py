@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.jobs import Work, map_jobs, run_jobs
+from advpipe.pipeline.jobs import UnexpectedInWorkerError, Work, map_jobs, run_jobs
 
 CODE = """
 import os, time
@@ -28,6 +28,8 @@ def prepare(folder, fault):
             raise AdvpipeError("job 5 is bad")
         if job == fault == 6:
             os._exit(1)
+        if job == fault == 9:
+            [].pop()
         if job == fault == 8:
             open(folder / "nowhere" / "a")
         if fault == 7:
@@ -95,26 +97,88 @@ def test_a_worker_that_dies_is_said(prepare: partial[Work]) -> None:
         run_jobs(partial(prepare, 6), range(10), "squares", 2)
 
 
-@pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks for processes in /proc")
-def test_workers_end_with_a_parent_that_is_killed(prepare: partial[Work], tmp_path: Path) -> None:
-    code = (
-        "from functools import partial; from pathlib import Path; import squares\n"
-        "from advpipe.pipeline.jobs import run_jobs\n"
-        "if __name__ == '__main__':\n"
-        f"    folder = Path({str(tmp_path / 'out')!r})\n"
-        "    run_jobs(partial(squares.prepare, folder, 7), range(1000), '', 2)\n"
-    )
-    script = tmp_path / "parent.py"
-    script.write_text(code)
-    parent = subprocess.Popen([sys.executable, str(script)], cwd=tmp_path)
+def test_an_unexpected_error_comes_with_its_traceback(prepare: partial[Work]) -> None:
+    with pytest.raises(
+        UnexpectedInWorkerError, match=r"^IndexError: pop from .* \(in a worker process\)$"
+    ) as raised:
+        run_jobs(partial(prepare, 9), range(10), "squares", 2)
+    assert "in work\n    [].pop()" in str(raised.value.__cause__)
+
+
+PARENT = """
+import sys
+from functools import partial
+from pathlib import Path
+import squares
+from advpipe.pipeline.jobs import run_jobs
+from advpipe.pipeline.process import signals
+from advpipe.pipeline.process.endings import ended
+
+if __name__ == "__main__":
+    signals.install()
+    try:
+        run_jobs(partial(squares.prepare, Path("out"), 7), range(1000), "", 2)
+    except BaseException as error:
+        sys.exit(ended(error))
+"""
+
+
+def parent_of_workers(folder: Path) -> subprocess.Popen[str]:
+    """In a process group of its own, as a terminal's job is."""
+    (folder / "parent.py").write_text(PARENT)
+    command = [sys.executable, "parent.py"]
+    return subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True)
+
+
+needs_proc = pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks for processes in /proc")
+
+
+@needs_proc
+@pytest.mark.usefixtures("prepare")
+def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    wait_until(lambda: len(list(out.glob("*.txt"))) >= 2)
-    workers = [int(path.name.split("-")[1]) for path in out.glob("process-*")]
-    assert len(workers) == 2
-    parent.send_signal(signal.SIGKILL)
-    parent.wait()
-    wait_until(lambda: not any(map(is_alive, workers)))
-    assert not any(map(is_alive, workers))
+    with parent_of_workers(tmp_path) as parent:
+        wait_until(lambda: len(list(out.glob("*.txt"))) >= 2)
+        workers = [int(path.name.split("-")[1]) for path in out.glob("process-*")]
+        assert len(workers) == 2
+        parent.send_signal(signal.SIGKILL)
+        parent.wait()
+        wait_until(lambda: not any(map(is_alive, workers)))
+        assert not any(map(is_alive, workers))
+        assert parent.communicate()[1] == ""
+
+
+@needs_proc
+@pytest.mark.usefixtures("prepare")
+@pytest.mark.parametrize(
+    ("number", "line"),
+    [
+        (signal.SIGINT, "advpipe: interrupted\n"),
+        (signal.SIGTERM, "advpipe: terminated\n"),
+        (signal.SIGHUP, "advpipe: hung up\n"),
+    ],
+)
+@pytest.mark.parametrize("to_all", [False, True], ids=["parent", "group"])
+def test_a_signal_ends_all_with_one_line(
+    tmp_path: Path, number: signal.Signals, line: str, to_all: bool
+) -> None:
+    """While the workers start, and while they work; whether only the parent gets it or, as by ctrl-C, all."""
+    for is_reached in (
+        lambda: is_child_there(parent.pid),
+        lambda: len(list((tmp_path / "out").glob("process-*"))) == 2,
+    ):
+        with parent_of_workers(tmp_path) as parent:
+            wait_until(is_reached)
+            (os.killpg if to_all else os.kill)(parent.pid, number)
+            assert parent.communicate(timeout=60)[1] == line
+        assert parent.returncode == 128 + number
+        for path in (tmp_path / "out").glob("process-*"):
+            assert not is_alive(int(path.name.split("-")[1]))
+            path.unlink()
+
+
+def is_child_there(pid: int) -> bool:
+    return bool(Path(f"/proc/{pid}/task/{pid}/children").read_text().strip())
 
 
 def wait_until(reached: Callable[[], bool], patience_s: float = 60) -> None:
