@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.progress import track
 from advpipe.stages.evaluate.coordinated.effects import Effect, effects
 from advpipe.stages.evaluate.coordinated.picture import draw_coordinated
@@ -26,10 +27,12 @@ FORMULAS = (
 )
 
 
-def sections(clean: Path, adversarial: Sequence[Path], seed: int = 0) -> tuple[Section, ...]:
+def sections(
+    clean: Path, adversarial: Sequence[Path], seed: int = 0, window: Window = WHOLE_DRIVE
+) -> tuple[Section, ...]:
     """One section on the vehicles that attacks of two kinds or three strike in one bag; else none.
 
-    `seed` serves no draw here. Raises AdvpipeError for labels that cannot be read.
+    window: what strikes outside of it counts for nothing. `seed` serves no draw here. Raises AdvpipeError for labels that cannot be read.
     """
     del seed
     reader = BagReader(clean)
@@ -42,12 +45,12 @@ def sections(clean: Path, adversarial: Sequence[Path], seed: int = 0) -> tuple[S
     outcomes: list[tuple[str, ...]] = []
     pictures: list[Picture] = []
     records: list[Row] = []
-    struck = [(bag, *each) for bag in adversarial for each in read_struck(reader, bag).items()]
+    struck = [(bag, *each) for bag in adversarial for each in read_struck(reader, bag, window).items()]
     together_on = [each for each in struck if len(each[2]) > 1]
     if together_on:
         for bag, vehicle, strikes in track(together_on, "coordinated attacks", len(together_on)):
             name = bag_name(bag)
-            span_ns, told = together(strikes), list(effects(reader, bag, vehicle))
+            span_ns, told = together(strikes), list(effects(reader, bag, vehicle, window))
             leads.append(_lead(name, vehicle, strikes, span_ns, start_ns))
             lines += [_line(name, one, start_ns) for one in strikes]
             if span_ns is not None:
