@@ -58,13 +58,14 @@ REPORT = FolderKind(
 
 
 FRAMES = (
-    "detection and cooperative perception are of the chosen clouds; localisation, V2X and coordinated attacks "
-    "are of the window from the first of these to one period after the last, in which a step leaves out "
-    "clouds alone"
+    "detection and cooperative perception are of the chosen clouds; localisation, V2X and coordinated "
+    "attacks are of the window from the first of these to one period after the last, in which a step leaves "
+    "out clouds alone"
 )
 OF_WINDOW = (
-    "All figures of this part are of the window of {length_s:.1f} s from the first chosen cloud to one period "
-    "after the last. Filters, radio, maps and detectors ran from the beginning of the drive to its end."
+    "All figures of this part are of the window of {length_s:.1f} s from the first chosen cloud to one "
+    "period after the last. Filters, radio, maps and detectors ran from the beginning of the drive to the "
+    "window's end."
 )
 
 

@@ -62,8 +62,8 @@ def effects(clean: BagReader, bag: Path, vehicle: str, window: Window = WHOLE_DR
         (_map, "map_wrong", "wrong in its map: ghosts, missing, displaced", 1),
     ):
         if all(name in one.topics for one in (clean, reader) for name in needed[measure]):
-            measured = (measure(one, vehicle, window).within(window) for one in (clean, reader))
-            yield Effect(key, title, digits, *measured)
+            before, after = (measure(one, vehicle, window).within(window) for one in (clean, reader))
+            yield Effect(key, title, digits, before, after)
     if counts := touched_points(bag, vehicle):
         touched = _series(counts).within(window)
         none = Series(touched.times_ns, np.zeros(len(touched.values)))

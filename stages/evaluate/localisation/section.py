@@ -60,7 +60,8 @@ def sections(
 ) -> tuple[Section, ...]:
     """One section on all adversarial bags in which fixes were attacked; none where there are none.
 
-    window: its figures count; filters run from the beginning of the drive to its end. `seed` serves no draw here. Raises AdvpipeError for bags from which a filter cannot be run again.
+    window: its figures count; filters run from the beginning of the drive to its end. `seed` serves no
+    draw here. Raises AdvpipeError for bags from which a filter cannot be run again.
     """
     rows: list[LocalisationRow] = []
     pictures: list[Picture] = []

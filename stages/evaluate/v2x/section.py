@@ -84,8 +84,8 @@ def sections(
 ) -> tuple[Section, ...]:
     """One section on all adversarial bags in which messages were attacked; none where there are none.
 
-    config, parameters: of our detector and of the baseline. window: as `read_drive` takes it. `seed` serves no draw here. Raises AdvpipeError
-    for bags whose V2X or labels cannot be read.
+    config, parameters: of our detector and of the baseline. window: as `read_drive` takes it. `seed` serves
+    no draw here. Raises AdvpipeError for bags whose V2X or labels cannot be read.
     """
     del seed
     labelled = [bag for bag in adversarial if has_v2x(bag) and has_labels(bag)]
