@@ -41,7 +41,7 @@ class Struck:
 
 
 def read_struck(clean: BagReader, bag: Path, window: Window = WHOLE_DRIVE) -> dict[str, tuple[Struck, ...]]:
-    """By vehicle, whatever strikes it in a window; messages that aim at nobody strike all listeners but their senders.
+    """By vehicle, whatever strikes it in a window; messages that aim at nobody strike all but their senders.
 
     bag: the adversarial bag's folder, or the file in it. Raises AdvpipeError for labels that cannot be read.
     """
