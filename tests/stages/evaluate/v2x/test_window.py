@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -10,10 +11,11 @@ import pytest
 
 from advpipe.pipeline.bag.frame_slice import FrameSlice
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.v2x_drive import V2xDrive
+from advpipe.pipeline.bag.v2x_drive import V2xDrive, V2xStep
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window, window_of
 from advpipe.pipeline.misbehaviour.config import DetectorConfig
 from advpipe.pipeline.misbehaviour.detector import judge_all
+from advpipe.pipeline.v2x.air import Air, Heard, Sent
 from advpipe.stages.evaluate.options import Options
 from advpipe.stages.evaluate.run import added_sections
 from advpipe.stages.evaluate.v2x.collision import warnings
@@ -77,7 +79,7 @@ def test_messages_of_both_bags_are_those_of_the_same_time(
 
 
 def test_the_channel_of_the_parts_is_that_of_the_whole(smoke: Path) -> None:
-    """Counted once each: messages of the first part and of the rest, and the busy ratios one after another."""
+    """Counted once each: the messages of two parts, and their busy ratios one after another."""
     whole = send_again(BagReader(smoke)).statistics
     parts = [
         send_again(BagReader(smoke), window=seconds(smoke, *span)).statistics for span in ((0, 1.6), (1.6, 9))
@@ -115,13 +117,12 @@ def test_nothing_after_the_window_is_sent_again(
     """A quarter of the drive sends a quarter of its messages; so late ones cost nothing."""
     sent: list[int] = []
     send = V2xDrive.send
-    monkeypatch.setattr(
-        V2xDrive,
-        "send",
-        lambda self, air, step, some: (
-            sent.extend(one.request_ns for one in some) or send(self, air, step, some)
-        ),
-    )
+
+    def counted(self: V2xDrive, air: Air, step: V2xStep, some: Sequence[Sent]) -> Heard:
+        sent.extend(one.request_ns for one in some)
+        return send(self, air, step, some)
+
+    monkeypatch.setattr(V2xDrive, "send", counted)
     read_drive(offset, "offset")
     whole = len(sent)
     sent.clear()
