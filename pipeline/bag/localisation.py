@@ -103,8 +103,10 @@ def read_initial_pose(reader: BagReader, topics: VehicleTopics) -> InitialPose:
     raise AdvpipeError(f"{reader.path}: {topics.initial_pose.name} is empty; record it again")
 
 
-def read_measurements(reader: BagReader, topics: VehicleTopics) -> Iterator[Measurements]:
-    """What the filter of a recorded vehicle saw, for each of its recorded estimates.
+def read_measurements(
+    reader: BagReader, topics: VehicleTopics, last_ns: int | None = None
+) -> Iterator[Measurements]:
+    """What the filter of a recorded vehicle saw, for each of its recorded estimates up to `last_ns`.
 
     A message counts for the first estimate at or after its log time, the time at which it arrived; of fixes
     and wheel odometry the last one. A fix without a place is none. Raises AdvpipeError for a bag without
@@ -113,6 +115,8 @@ def read_measurements(reader: BagReader, topics: VehicleTopics) -> Iterator[Meas
     if topics.odometry.name not in reader.topics:
         raise UsageError(f"{reader.path} has no topic {topics.odometry.name}: no filter to run again")
     stamps_ns = reader.log_times_ns(topics.odometry.name)
+    if last_ns is not None:
+        stamps_ns = stamps_ns[stamps_ns <= last_ns]
     (again,) = np.nonzero(np.diff(stamps_ns) <= 0)
     if len(again):
         raise AdvpipeError(
@@ -120,7 +124,8 @@ def read_measurements(reader: BagReader, topics: VehicleTopics) -> Iterator[Meas
             "again"
         )
     names = [topics.imu.name, topics.gnss_fix.name, topics.wheel_odometry.name]
-    arrivals = ((raw.log_time_ns, raw.topic.name, reader.decode(raw)) for raw in reader.raw_messages(names))
+    found = reader.raw_messages(names, last_ns=last_ns)
+    arrivals = ((raw.log_time_ns, raw.topic.name, reader.decode(raw)) for raw in found)
     arrival = next(arrivals, None)
     for stamp_ns in stamps_ns.tolist():
         samples: list[Any] = []

@@ -79,11 +79,11 @@ class BagReader:
         """
         return in_time_order([file.raw_messages(topics, first_ns, last_ns) for file in self._files])
 
-    def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
-        """Log time in ns and decoded message of one topic, in log-time order."""
+    def messages(self, topic: str, last_ns: int | None = None) -> Iterator[tuple[int, Any]]:
+        """Log time in ns and decoded message of one topic, in log-time order; up to `last_ns`, included."""
         if topic not in self.topics:
             raise UsageError(f"{self.path} has no topic {topic}; it has {', '.join(sorted(self.topics))}")
-        for raw in self.raw_messages([topic]):
+        for raw in self.raw_messages([topic], last_ns=last_ns):
             yield raw.log_time_ns, self.decode(raw)
 
     def log_times_ns(self, topic: str) -> npt.NDArray[np.int64]:

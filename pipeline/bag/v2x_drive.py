@@ -44,17 +44,18 @@ class V2xDrive:
     ...     heard = drive.send(air, step, step.sent)  # or other messages instead
 
     v2x, seed, origin: those of the scenario. stations: all vehicles that had a radio, by its number.
-    listeners: the instrumented ones among them. Raises AdvpipeError for a bag without V2X.
+    listeners: the instrumented ones among them. until_ns: nothing is read of what comes after the step in
+    which this time lies. Raises AdvpipeError for a bag without V2X.
     """
 
-    def __init__(self, reader: BagReader) -> None:
+    def __init__(self, reader: BagReader, until_ns: int | None = None) -> None:
         for topic in (SCENARIO_INFO, V2X_STATIONS):
             if topic.name not in reader.topics:
                 raise UsageError(f"{reader.path} has no {topic.name}: no V2X to send again")
-        self._reader = reader
+        self._reader, self._until_ns = reader, until_ns
         info: V2xInfo = read_scenario_info(reader, V2xInfo)
         self.v2x, self.origin, self.seed = info.v2x, info.map.origin, info.simulation.seed
-        self.stations = _stations(reader)
+        self.stations = _stations(reader, until_ns)
         self.listeners = {number: name for number, name in self.stations.items() if name in info.vehicles}
 
     def air(self, decoder: Callable[[bytes], CamTree] | None = None) -> Air:
@@ -63,7 +64,7 @@ class V2xDrive:
         return Air(self.v2x, self.seed, geodesy, self.listeners, self._buildings(), decoder)
 
     def steps(self) -> Iterator[V2xStep]:
-        """All steps of the drive, in order.
+        """All steps of the drive, in order; with `until_ns` to the first one that ends then or later.
 
         Raises AdvpipeError for a message that no station of its step can have sent, and for two of a number.
         """
@@ -85,6 +86,8 @@ class V2xDrive:
                 due = [one for one in sent if one.request_ns < raw.log_time_ns]
                 self._check(due, begin_ns, radios)
                 yield V2xStep(begin_ns, raw.log_time_ns, radios, tuple(due))
+                if self._until_ns is not None and raw.log_time_ns >= self._until_ns:
+                    return
                 sent = [one for one in sent if one.request_ns >= raw.log_time_ns]
             begin_ns, radios = raw.log_time_ns, stations_of_message(message)
         if begin_ns is not None:
@@ -125,11 +128,11 @@ class V2xDrive:
         )
 
 
-def _stations(reader: BagReader) -> dict[int, str]:
+def _stations(reader: BagReader, last_ns: int | None) -> dict[int, str]:
     """Names of all stations of a drive, by number. Raises AdvpipeError where one has two of either."""
     names: dict[int, str] = {}
     ids: dict[str, int] = {}
-    for time_ns, message in reader.messages(V2X_STATIONS.name):
+    for time_ns, message in reader.messages(V2X_STATIONS.name, last_ns):
         for station in message.stations:
             number, name = station.station_id, station.vehicle
             if names.setdefault(number, name) != name or ids.setdefault(name, number) != number:

@@ -30,7 +30,8 @@ def evaluate(
         str,
         typer.Option(
             help="start:stop:step, counted in the clean bag: which clouds detection and cooperative "
-            "perception look at. Localisation, V2X and coordinated attacks are scored on the whole drive."
+            "perception look at. Localisation, V2X and coordinated attacks are scored on the time from the "
+            "first to one period after the last; a step leaves out clouds alone."
         ),
     ] = "::",
     defence: Annotated[

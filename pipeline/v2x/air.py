@@ -120,8 +120,12 @@ class Air:
         return self._maps[listener].snapshot(now_ns)
 
     def statistics(self) -> Statistics:
-        """All that has happened so far."""
+        """All that has happened so far, or since `restart_statistics`."""
         return self._tally.statistics()
+
+    def restart_statistics(self) -> None:
+        """Counts from now on; what is on the air stays there."""
+        self._tally = Tally()
 
     def _receive(self, fates: Fates, until_ns: int, stations: Stations) -> tuple[Received, ...]:
         """Those who listen get what has arrived until now; forgets the messages that are through."""

@@ -19,8 +19,8 @@ class Options:
     baselines and the defences. baseline: whether the same budget is spent at random beside each attack; and
     the best of how many tries, None for as many as the attack itself looked at. defences: as
     `parse_defences` reads them. frames: of the clean bag; those of the adversarial bags that are among them
-    are scored. lidar_topic: the clouds, where a bag has those of several LiDARs. detections, with_clouds:
-    bags to view for the first detector, and the clouds in them.
+    are scored, and of all else the time that they span. lidar_topic: the clouds, where a bag has those of
+    several LiDARs. detections, with_clouds: bags to view for the first detector, and the clouds in them.
     device: where detectors compute, as `open_device` takes it.
     """
 

@@ -12,6 +12,7 @@ from advpipe.pipeline.bag.ground_truth import BOX_TYPES
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.window import window_of
 from advpipe.pipeline.detector.device import CPU, device_record
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.errors import UsageError
@@ -56,15 +57,25 @@ REPORT = FolderKind(
 )
 
 
-WHOLE_DRIVE = "of the whole drive: its filters, radio and checks run from the beginning to the end"
-FRAMES = f"detection and cooperative perception are of the clouds chosen alone; all else is {WHOLE_DRIVE}"
+FRAMES = (
+    "detection and cooperative perception are of the chosen clouds; localisation, V2X and coordinated "
+    "attacks are of the window from the first of these to one period after the last, in which a step leaves "
+    "out clouds alone"
+)
+OF_WINDOW = (
+    "All figures of this part are of the window of {length_s:.1f} s from the first chosen cloud to one "
+    "period after the last. Filters, radio, maps and detectors ran from the beginning of the drive to the "
+    "window's end."
+)
 
 
-def families(options: Options) -> tuple[tuple[Family, str], ...]:
-    """What the families of attacks add besides detection, and what to note where frames were chosen.
+def families(clean: Path, options: Options) -> tuple[tuple[Family, str], ...]:
+    """What the families of attacks add besides detection, and what to note on the time that they look at.
 
-    A family adds no section where it has nothing to say.
+    A family adds no section where it has nothing to say. Raises AdvpipeError for frames that choose none.
     """
+    window = window_of(BagReader(clean), options.frames, options.lidar_topic)
+    timed = [partial(family, window=window) for family in (coordinated, localisation, v2x)]
     fused = partial(
         cooperative,
         detector=options.detectors[0],
@@ -72,8 +83,9 @@ def families(options: Options) -> tuple[tuple[Family, str], ...]:
         frames=options.frames,
         lidar_topic=options.lidar_topic,
     )
-    note = f"This part is {WHOLE_DRIVE}, whatever frames were chosen."
-    return ((coordinated, note), (localisation, note), (v2x, note), (fused, ""))
+    length_s = (window.end_ns - window.begin_ns) / 1e9 if window.end_ns is not None else None
+    note = OF_WINDOW.format(length_s=length_s) if length_s is not None else ""
+    return (*((family, note) for family in timed), (fused, ""))
 
 
 def evaluate(
@@ -128,7 +140,8 @@ def evaluate(
     is_looked_at = bool(on_clouds) or not adversarial
     if is_looked_at:
         _require_ground_truth(clean, lidar_topic)
-        chosen_indices(clean, frames, lidar_topic)  # refuses a choice of none
+        chosen_indices(clean, frames, lidar_topic)  # refuses a bag without clouds
+    window_of(BagReader(clean), frames, lidar_topic)  # refuses a choice of none
     models = [load_detector(name, device) for name in options.detectors] if is_looked_at else []
     with staged_folder(out, overwrite, REPORT) as folder:
         clean_sha256 = parent_sha256(clean)
@@ -188,10 +201,10 @@ def evaluate(
 
 
 def added_sections(clean: Path, adversarial: Sequence[Path], options: Options) -> list[Section]:
-    """What all families add; where frames were chosen, with a note on parts that these do not bound."""
+    """What all families add; where frames were chosen, with a note on the time of each part."""
     sections: list[Section] = []
-    for family, note in families(options):
-        noted = (note,) if note and options.frames != ALL_FRAMES else ()
+    for family, note in families(clean, options):
+        noted = (note,) if note else ()
         sections += [
             replace(each, notes=(*each.notes, *noted)) for each in family(clean, adversarial, options.seed)
         ]

@@ -68,11 +68,11 @@ def shared_frames(reader: BagReader, pair: Pair, chosen: FrameSlice) -> Iterator
             yield SharedFrame(frame, stamped.cloud)
 
 
-def poses(reader: BagReader, topic: str) -> Poses:
-    """Of an odometry topic."""
+def poses(reader: BagReader, topic: str, last_ns: int | None = None) -> Poses:
+    """Of an odometry topic, up to `last_ns`."""
     return {
         messages.stamp_ns(message): messages.se3_from_pose(message.pose.pose)
-        for _, message in reader.messages(topic)
+        for _, message in reader.messages(topic, last_ns)
     }
 
 

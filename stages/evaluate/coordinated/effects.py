@@ -11,6 +11,7 @@ import numpy as np
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import V2X_STATIONS, VehicleTopics
 from advpipe.pipeline.bag.v2x_drive import V2xDrive
+from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.stages.evaluate.cooperative.pair import poses
 from advpipe.stages.evaluate.coordinated.struck import Int64, touched_points
@@ -23,6 +24,10 @@ class Series:
 
     times_ns: Int64
     values: Float64
+
+    def within(self, window: Window) -> Series:
+        inside = window.holds(self.times_ns)
+        return Series(self.times_ns[inside], self.values[inside])
 
     def mean(self, from_ns: int, to_ns: int) -> float:
         """From one time to another, both included; NaN where nothing is known."""
@@ -45,8 +50,8 @@ class Effect:
     is_by_cloud: bool = False
 
 
-def effects(clean: BagReader, bag: Path, vehicle: str) -> Iterator[Effect]:
-    """Of its estimate, its map and its clouds, those that both bags tell of."""
+def effects(clean: BagReader, bag: Path, vehicle: str, window: Window = WHOLE_DRIVE) -> Iterator[Effect]:
+    """Of its estimate, its map and its clouds in a window, those that both bags tell of."""
     reader, topics = BagReader(bag), VehicleTopics(vehicle)
     needed = {
         _own_place: (topics.odometry.name, topics.true_odometry.name),
@@ -57,24 +62,26 @@ def effects(clean: BagReader, bag: Path, vehicle: str) -> Iterator[Effect]:
         (_map, "map_wrong", "wrong in its map: ghosts, missing, displaced", 1),
     ):
         if all(name in one.topics for one in (clean, reader) for name in needed[measure]):
-            yield Effect(key, title, digits, measure(clean, vehicle), measure(reader, vehicle))
+            before, after = (measure(one, vehicle, window).within(window) for one in (clean, reader))
+            yield Effect(key, title, digits, before, after)
     if counts := touched_points(bag, vehicle):
-        touched = _series(counts)
+        touched = _series(counts).within(window)
         none = Series(touched.times_ns, np.zeros(len(touched.values)))
         yield Effect("points_touched", "points touched in a cloud", 0, none, touched, True)
 
 
-def _own_place(reader: BagReader, vehicle: str) -> Series:
+def _own_place(reader: BagReader, vehicle: str, window: Window) -> Series:
     topics = VehicleTopics(vehicle)
-    true = poses(reader, topics.true_odometry.name)
-    told = poses(reader, topics.odometry.name)
+    true = poses(reader, topics.true_odometry.name, window.last_ns)
+    told = poses(reader, topics.odometry.name, window.last_ns)
     return _series(
         {ns: float(np.linalg.norm((told[ns] - true[ns])[:2, 3])) for ns in told.keys() & true.keys()}
     )
 
 
-def _map(reader: BagReader, vehicle: str) -> Series:
-    found = ldm_error(moments(reader, vehicle, V2xDrive(reader).v2x.ldm.expiry_s))
+def _map(reader: BagReader, vehicle: str, window: Window) -> Series:
+    expiry_s = V2xDrive(reader, window.end_ns).v2x.ldm.expiry_s
+    found = ldm_error(moments(reader, vehicle, expiry_s, window))
     return Series(found.time_ns, found.ghosts + found.missing + found.displaced)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.progress import track
 from advpipe.stages.evaluate.coordinated.effects import Effect, effects
 from advpipe.stages.evaluate.coordinated.picture import draw_coordinated
@@ -26,9 +27,12 @@ FORMULAS = (
 )
 
 
-def sections(clean: Path, adversarial: Sequence[Path], seed: int = 0) -> tuple[Section, ...]:
+def sections(
+    clean: Path, adversarial: Sequence[Path], seed: int = 0, window: Window = WHOLE_DRIVE
+) -> tuple[Section, ...]:
     """One section on the vehicles that attacks of two kinds or three strike in one bag; else none.
 
+    window: what strikes outside of it counts for nothing; bags of attacks that do not meet in it are named.
     `seed` serves no draw here. Raises AdvpipeError for labels that cannot be read.
     """
     del seed
@@ -42,12 +46,12 @@ def sections(clean: Path, adversarial: Sequence[Path], seed: int = 0) -> tuple[S
     outcomes: list[tuple[str, ...]] = []
     pictures: list[Picture] = []
     records: list[Row] = []
-    struck = [(bag, *each) for bag in adversarial for each in read_struck(reader, bag).items()]
+    struck = [(bag, *each) for bag in adversarial for each in read_struck(reader, bag, window).items()]
     together_on = [each for each in struck if len(each[2]) > 1]
     if together_on:
         for bag, vehicle, strikes in track(together_on, "coordinated attacks", len(together_on)):
             name = bag_name(bag)
-            span_ns, told = together(strikes), list(effects(reader, bag, vehicle))
+            span_ns, told = together(strikes), list(effects(reader, bag, vehicle, window))
             leads.append(_lead(name, vehicle, strikes, span_ns, start_ns))
             lines += [_line(name, one, start_ns) for one in strikes]
             if span_ns is not None:
@@ -56,10 +60,13 @@ def sections(clean: Path, adversarial: Sequence[Path], seed: int = 0) -> tuple[S
             caption = f"{name}: what strikes {vehicle}, and what becomes of it"
             png = to_png(draw_coordinated(strikes, told, span_ns, start_ns))
             pictures.append(Picture(SECTION, name, f"{name}-{vehicle}-coordinated.png", caption, png))
-    if not lines:
+    apart = [bag for bag in adversarial if bag not in {each[0] for each in together_on}]
+    if window != WHOLE_DRIVE and (idle := [bag_name(bag) for bag in apart if _is_of_kinds(bag)]):
+        leads.append(f"{', '.join(idle)}: no vehicle is struck by attacks of two kinds in this window.")
+    if not leads:
         return ()
     heads = ("bag", "vehicle", "attack", "strikes", "first s", "last s")
-    tables = [Table("What strikes when", heads, tuple(lines))]
+    tables = [Table("What strikes when", heads, tuple(lines))] if lines else []
     if outcomes:
         title = "While all strike, means"
         tables.append(Table(title, ("bag", "vehicle", "effect", "clean", "attacked"), tuple(outcomes)))
@@ -81,6 +88,12 @@ def together(strikes: Sequence[Struck]) -> tuple[int, int] | None:
     begin_ns = max(int(one.times_ns[0]) for one in strikes)
     end_ns = min(int(one.times_ns[-1]) for one in strikes)
     return (begin_ns, end_ns) if begin_ns <= end_ns else None
+
+
+def _is_of_kinds(bag: Path) -> bool:
+    """Whether a bag was attacked in two ways or three: fixes, messages, clouds."""
+    words = [one.type.partition("-")[0] for one in BagReader(bag).provenance.said.attacks]
+    return len({word if word in ("gnss", "cam") else "clouds" for word in words}) > 1
 
 
 def _lead(

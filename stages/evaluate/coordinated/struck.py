@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from advpipe.pipeline.bag.provenance_record import AttackRecord
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.recorded_filter import vehicles_with_filter
 from advpipe.pipeline.bag.v2x_drive import V2xDrive
+from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.bounded_parquet import Kind, batches, rows
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns
@@ -39,16 +40,19 @@ class Struck:
     times_ns: Int64
 
 
-def read_struck(clean: BagReader, bag: Path) -> dict[str, tuple[Struck, ...]]:
-    """By vehicle, whatever strikes it; messages that aim at nobody strike every listener but their senders.
+def read_struck(clean: BagReader, bag: Path, window: Window = WHOLE_DRIVE) -> dict[str, tuple[Struck, ...]]:
+    """By vehicle, whatever strikes it in a window; messages that aim at nobody strike all but their senders.
 
     bag: the adversarial bag's folder, or the file in it. Raises AdvpipeError for labels that cannot be read.
     """
     reader = BagReader(bag)
     told = reader.provenance.said.attacks
     found: dict[str, list[Struck]] = {}
-    for one in (*_fixes(clean, reader, told), *_messages(reader, bag, told), *_clouds(bag)):
-        found.setdefault(one.vehicle, []).append(one)
+    fixes, sent = _fixes(clean, reader, told, window.last_ns), _messages(reader, bag, told, window.end_ns)
+    for one in (*fixes, *sent, *_clouds(bag)):
+        times_ns = one.times_ns[window.holds(one.times_ns)]
+        if len(times_ns):
+            found.setdefault(one.vehicle, []).append(replace(one, times_ns=times_ns))
     return {vehicle: tuple(strikes) for vehicle, strikes in sorted(found.items())}
 
 
@@ -68,18 +72,22 @@ def touched_points(bag: Path, vehicle: str) -> dict[int, int]:
     return counts
 
 
-def _fixes(clean: BagReader, reader: BagReader, told: Sequence[AttackRecord]) -> Iterator[Struck]:
+def _fixes(
+    clean: BagReader, reader: BagReader, told: Sequence[AttackRecord], last_ns: int | None
+) -> Iterator[Struck]:
     spoofs = [one for one in told if one.type.startswith("gnss-")]
     for vehicle in sorted({*vehicles_with_filter(clean)} & {*vehicles_with_filter(reader)}) if spoofs else ():
-        times_ns = attacked_fixes_ns(clean, reader, vehicle)
+        times_ns = attacked_fixes_ns(clean, reader, vehicle, last_ns)
         if len(times_ns):
             words = dict.fromkeys(one.type for one in spoofs if one.victim in (None, vehicle))
             yield Struck(vehicle, tuple(words), "fixes", times_ns)
 
 
-def _messages(reader: BagReader, bag: Path, told: Sequence[AttackRecord]) -> Iterator[Struck]:
+def _messages(
+    reader: BagReader, bag: Path, told: Sequence[AttackRecord], until_ns: int | None
+) -> Iterator[Struck]:
     labels = [label for label in read_labels(bag) if label.attack.startswith("cam-")]
-    for vehicle in V2xDrive(reader).listeners.values() if labels else ():
+    for vehicle in V2xDrive(reader, until_ns).listeners.values() if labels else ():
         words = {one.type for one in told if one.type.startswith("cam-") and one.victim in (None, vehicle)}
         own = [label for label in labels if label.attack in words and label.attacker != vehicle]
         if own:

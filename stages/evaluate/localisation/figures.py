@@ -46,7 +46,8 @@ class LocalisationRow:
 
     fixes: of the clean bag; attacked: those that say something else, lost: those of them that say nothing.
     The span goes from the first attacked fix to the last one: `clean` and `adversarial` are the errors of
-    the estimates in it. ate_clean_m, ate_m: the unaligned absolute trajectory error of the whole drive.
+    the estimates in it. ate_clean_m, ate_m: the unaligned absolute trajectory error of both tracks, which
+    are of the whole drive or of a part of it. Without an attacked fix, the span is empty.
 
     detection_rate: of attacked fixes, the share that fails the innovation test; NaN where all were lost.
     stealth_rate: the share that passes it. false_alarm_rate: of the clean bag's fixes, the share that fails
@@ -92,12 +93,14 @@ def errors(track: Track, chosen: Bool) -> Errors:
 def localisation_row(
     bag: str, vehicle: str, clean: Track, adversarial: Track, attacked_ns: npt.NDArray[np.int64]
 ) -> LocalisationRow:
-    """attacked_ns: (A,), the times of the attacked fixes, at least one; both tracks are of the same times."""
+    """attacked_ns: (A,), the times of the attacked fixes; both tracks are of the same times."""
     attacked = was_attacked(clean, attacked_ns)
     (steps,) = np.nonzero(attacked)
     span = np.zeros(len(attacked), dtype=bool)
-    span[steps[0] : steps[-1] + 1] = True
-    after = np.arange(len(attacked)) >= steps[0]
+    if len(steps):
+        span[steps[0] : steps[-1] + 1] = True
+    after = np.cumsum(attacked) > 0
+    span_ns = clean.times_ns[span]
     known, alarm = np.isfinite(adversarial.nis), adversarial.nis > gate()
     caught = adversarial.times_ns[attacked & alarm]
     everything = np.ones(len(attacked), dtype=bool)
@@ -110,7 +113,7 @@ def localisation_row(
         fixes=int(np.isfinite(clean.nis).sum()),
         attacked=int(attacked.sum()),
         lost=int((attacked & ~known).sum()),
-        span_s=float(clean.times_ns[steps[-1]] - clean.times_ns[steps[0]]) / 1e9,
+        span_s=float(span_ns[-1] - span_ns[0]) / 1e9 if len(span_ns) else 0.0,
         clean=errors(clean, span),
         adversarial=under_attack,
         ate_clean_m=errors(clean, everything).ate_m,
@@ -119,7 +122,7 @@ def localisation_row(
         stealth_rate=1 - detection_rate,
         false_alarm_rate=_share(clean.nis[np.isfinite(clean.nis)] > gate()),
         echo_rate=_share(alarm[after & ~attacked & known]),
-        delay_s=float(caught[0] - clean.times_ns[steps[0]]) / 1e9 if len(caught) else float("nan"),
+        delay_s=float(caught[0] - span_ns[0]) / 1e9 if len(caught) else float("nan"),
         success_rate=_share(off_m > LOST_M),
     )
 

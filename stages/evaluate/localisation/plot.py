@@ -17,14 +17,17 @@ LEAST_HALF_M = 8.0
 """Half the height of the map from near."""
 
 
-def draw_localisation(clean: Track, adversarial: Track, attacked: Bool) -> Figure:
-    """attacked: (K,), the steps whose fix is false or missing."""
+def draw_localisation(
+    clean: Track, adversarial: Track, attacked: Bool, of_what: str = "whole drive"
+) -> Figure:
+    """attacked: (K,), the steps whose fix is false or missing. of_what: both tracks are."""
     figure = Figure(figsize=(11.5, 6.6), dpi=110, facecolor="white", layout="constrained")
     grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.2))
     whole, near = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
     for axes in (whole, near):
         _draw_map(axes, clean, adversarial, attacked)
     _zoom(whole, near, adversarial)
+    whole.set_title(f"the {of_what}", loc="left", fontsize=10, color=INK)
     error, innovation = figure.add_subplot(grid[0, 1]), figure.add_subplot(grid[1, 1])
     time_s = (clean.times_ns - clean.times_ns[0]) / 1e9
     for axes in (error, innovation):
@@ -33,7 +36,8 @@ def draw_localisation(clean: Track, adversarial: Track, attacked: Bool) -> Figur
             step_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
             label = "_" if nth else "attacked fixes"
             axes.axvspan(time_s[begin], time_s[end] + step_s, color=SHADE, linewidth=0, zorder=0, label=label)
-        axes.set_xlim(time_s[0], time_s[-1])
+        if len(time_s) > 1:
+            axes.set_xlim(time_s[0], time_s[-1])
     _draw_error(error, time_s, clean, adversarial)
     _draw_innovation(innovation, time_s, clean, adversarial)
     handles, labels = whole.get_legend_handles_labels()
@@ -86,7 +90,6 @@ def _zoom(whole: Axes, near: Axes, track: Track) -> None:
     near.set_title("around the largest error", loc="left", fontsize=10, color=INK)
     corners_m = np.array([(-2, -1), (2, -1), (2, 1), (-2, 1), (-2, -1)]) * half_m + middle_m
     whole.plot(*corners_m.T, color=INK, linewidth=0.8)
-    whole.set_title("the whole drive", loc="left", fontsize=10, color=INK)
 
 
 def _draw_error(axes: Axes, time_s: np.ndarray, clean: Track, adversarial: Track) -> None:

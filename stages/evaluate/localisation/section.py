@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.recorded_filter import vehicles_with_filter
+from advpipe.pipeline.bag.recorded_filter import usual_victim, vehicles_with_filter
+from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.progress import track
 from advpipe.stages.evaluate.detection.comparison import bag_name
@@ -37,7 +38,7 @@ FORMULAS = (
     ),
     (
         "ate",
-        "root mean square of estimate minus truth over the whole drive, height included, without alignment",
+        "root mean square of estimate minus truth over the {of_what}, height included, without alignment",
     ),
     (
         "innovation_test",
@@ -54,14 +55,18 @@ FORMULAS = (
 )
 
 
-def sections(clean: Path, adversarial: Sequence[Path], seed: int = 0) -> tuple[Section, ...]:
+def sections(
+    clean: Path, adversarial: Sequence[Path], seed: int = 0, window: Window = WHOLE_DRIVE
+) -> tuple[Section, ...]:
     """One section on all adversarial bags in which fixes were attacked; none where there are none.
 
-    `seed` serves no draw here. Raises AdvpipeError for bags from which a filter cannot be run again.
+    window: its figures count; filters run from the beginning of the drive to its end. `seed` serves no
+    draw here. Raises AdvpipeError for bags from which a filter cannot be run again.
     """
     rows: list[LocalisationRow] = []
     pictures: list[Picture] = []
-    for row, picture in _compare(clean, adversarial):
+    of_what = "whole drive" if window == WHOLE_DRIVE else "window"
+    for row, picture in _compare(clean, adversarial, window, of_what):
         rows.append(row)
         pictures.append(picture)
     if not rows:
@@ -72,10 +77,10 @@ def sections(clean: Path, adversarial: Sequence[Path], seed: int = 0) -> tuple[S
             title="Localisation under GPS attacks",
             lead="The vehicles' own filters run again on the fixes of each bag. The threshold of the "
             f"innovation test is {gate():.2f}.",
-            tables=(_error_table(rows), _detection_table(rows)),
+            tables=(_error_table(rows, of_what), _detection_table(rows)),
             pictures=tuple(pictures),
             records=tuple(record(row) for row in rows),
-            formulas=FORMULAS,
+            formulas=tuple((name, words.replace("{of_what}", of_what)) for name, words in FORMULAS),
         ),
     )
 
@@ -89,37 +94,52 @@ def record(row: LocalisationRow) -> Row:
     return flat
 
 
-def _compare(clean: Path, adversarial: Sequence[Path]) -> Iterator[tuple[LocalisationRow, Picture]]:
-    reader = BagReader(clean)
+def _compare(
+    clean: Path, adversarial: Sequence[Path], window: Window, of_what: str
+) -> Iterator[tuple[LocalisationRow, Picture]]:
+    reader, until_ns = BagReader(clean), window.last_ns
     tracks: dict[str, Track] = {}
-    attacks = [(bag, *each) for bag in adversarial for each in _attacked_vehicles(reader, BagReader(bag))]
-    for bag, vehicle, attacked_ns in track(attacks, "localisation", len(attacks)) if attacks else ():
+    attacks = [
+        (bag, *each) for bag in adversarial for each in _attacked_vehicles(reader, BagReader(bag), until_ns)
+    ]
+    for bag, vehicle, fixes_ns in track(attacks, "localisation", len(attacks)) if attacks else ():
         if vehicle not in tracks:
-            tracks[vehicle] = read_track(reader, vehicle)
-        before, after = tracks[vehicle], read_track(BagReader(bag), vehicle)
+            tracks[vehicle] = read_track(reader, vehicle, until_ns)
+        before, after = tracks[vehicle], read_track(BagReader(bag), vehicle, until_ns)
         if not np.array_equal(before.times_ns, after.times_ns):
             raise AdvpipeError(
                 f"{bag} holds other estimates of {vehicle} than {clean}; attack the whole drive, without "
                 "frames"
             )
+        # Told by their estimates, so that a fix and its estimate lie on the same side of the window's ends.
+        attacked_ns = before.times_ns[was_attacked(before, fixes_ns) & window.holds(before.times_ns)]
+        before, after = before.within(window), after.within(window)
+        if not len(before.times_ns):
+            continue
         name = bag_name(bag)
         row = localisation_row(name, vehicle, before, after, attacked_ns)
-        figure = draw_localisation(before, after, was_attacked(before, attacked_ns))
+        figure = draw_localisation(before, after, was_attacked(before, attacked_ns), of_what)
         caption = f"{name}: {vehicle}, its way on the map, its error and its innovations over time"
         yield row, Picture(SECTION, name, f"{name}-{vehicle}-localisation.png", caption, to_png(figure))
 
 
 def _attacked_vehicles(
-    clean: BagReader, adversarial: BagReader
+    clean: BagReader, adversarial: BagReader, last_ns: int | None
 ) -> Iterator[tuple[str, npt.NDArray[np.int64]]]:
-    """Those whose fixes were attacked, with the times of these."""
-    for vehicle in sorted({*vehicles_with_filter(clean)} & {*vehicles_with_filter(adversarial)}):
-        attacked_ns = attacked_fixes_ns(clean, adversarial, vehicle)
-        if len(attacked_ns):
+    """Those whose fixes were attacked, with the times of these.
+
+    With `last_ns`, also the victims of attacks that begin later, without any.
+    """
+    told = adversarial.provenance.said.attacks if last_ns is not None else ()
+    known = sorted({*vehicles_with_filter(clean)} & {*vehicles_with_filter(adversarial)})
+    victims = {one.victim or usual_victim(known) for one in told if one.type.startswith("gnss-")}
+    for vehicle in known:
+        attacked_ns = attacked_fixes_ns(clean, adversarial, vehicle, last_ns)
+        if len(attacked_ns) or vehicle in victims:
             yield vehicle, attacked_ns
 
 
-def _error_table(rows: Sequence[LocalisationRow]) -> Table:
+def _error_table(rows: Sequence[LocalisationRow], of_what: str) -> Table:
     heads = ("bag", "vehicle", "fixes attacked", "lost", "mean m", "RMSE m", "max m")
     lines = []
     for row in rows:
@@ -142,7 +162,8 @@ def _error_table(rows: Sequence[LocalisationRow]) -> Table:
             )
         )
     title = "Error of the estimate while attacked (clean → attacked)"
-    return Table(title, (*heads, "sideways, mean m", "sideways, max m", "ATE of the drive m"), tuple(lines))
+    ate = f"ATE of the {of_what.removeprefix('whole ')} m"
+    return Table(title, (*heads, "sideways, mean m", "sideways, max m", ate), tuple(lines))
 
 
 def _detection_table(rows: Sequence[LocalisationRow]) -> Table:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,7 @@ from advpipe.pipeline.bag.localisation import read_measurements
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.recorded_filter import filter_errors, read_filter
 from advpipe.pipeline.bag.topics import VehicleTopics
+from advpipe.pipeline.bag.window import Window
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64
 
@@ -34,6 +35,11 @@ class Track:
     estimate_m: Float64
     nis: Float64
 
+    def within(self, window: Window) -> Track:
+        """The steps in a window."""
+        inside = window.holds(self.times_ns)
+        return Track(**{each.name: getattr(self, each.name)[inside] for each in fields(self)})
+
     @property
     def error_m(self) -> Float64:
         """Estimate minus truth (K, 3), not aligned: alignment would hide a bias."""
@@ -48,25 +54,25 @@ class Track:
         return lateral
 
 
-def read_track(reader: BagReader, vehicle: str) -> Track:
-    """The vehicle's own filter run again on what the bag holds of its sensors.
+def read_track(reader: BagReader, vehicle: str, last_ns: int | None = None) -> Track:
+    """The vehicle's own filter run again on what the bag holds of its sensors, up to `last_ns`.
 
     Raises AdvpipeError for a bag without its true poses, or from which its filter cannot be run.
     """
     with filter_errors(reader, vehicle):
-        return _read_track(reader, vehicle)
+        return _read_track(reader, vehicle, last_ns)
 
 
-def _read_track(reader: BagReader, vehicle: str) -> Track:
+def _read_track(reader: BagReader, vehicle: str, last_ns: int | None) -> Track:
     topics = VehicleTopics(vehicle)
     truth = {
         time_ns: messages.se3_from_pose(message.pose.pose)
-        for time_ns, message in reader.messages(topics.true_odometry.name)
+        for time_ns, message in reader.messages(topics.true_odometry.name, last_ns)
     }
     recorded = read_filter(reader)
     estimator, geodesy = recorded.estimator(reader, topics), recorded.geodesy
     times_ns, true_m, ahead, fixes, estimates, squares = [], [], [], [], [], []
-    for measured in read_measurements(reader, topics):
+    for measured in read_measurements(reader, topics, last_ns):
         estimate = estimator.step(measured)
         if measured.stamp_ns not in truth:
             raise AdvpipeError(
@@ -90,9 +96,14 @@ def _read_track(reader: BagReader, vehicle: str) -> Track:
     )
 
 
-def attacked_fixes_ns(clean: BagReader, adversarial: BagReader, vehicle: str) -> npt.NDArray[np.int64]:
-    """Log times (A,) of a vehicle's fixes that say something else than in the clean bag, or nothing more."""
-    before, after = _fixes(clean, vehicle), _fixes(adversarial, vehicle)
+def attacked_fixes_ns(
+    clean: BagReader, adversarial: BagReader, vehicle: str, last_ns: int | None = None
+) -> npt.NDArray[np.int64]:
+    """Log times (A,) of a vehicle's fixes that say something else than in the clean bag, or nothing more.
+
+    Of those up to `last_ns`.
+    """
+    before, after = _fixes(clean, vehicle, last_ns), _fixes(adversarial, vehicle, last_ns)
     changed = [
         time_ns
         for time_ns in sorted(before.keys() & after.keys())
@@ -101,9 +112,9 @@ def attacked_fixes_ns(clean: BagReader, adversarial: BagReader, vehicle: str) ->
     return np.array(changed, dtype=np.int64)
 
 
-def _fixes(reader: BagReader, vehicle: str) -> dict[int, Float64]:
+def _fixes(reader: BagReader, vehicle: str, last_ns: int | None) -> dict[int, Float64]:
     """By log time: status, latitude, longitude, altitude."""
     return {
         time_ns: np.array([fix.status.status, fix.latitude, fix.longitude, fix.altitude])
-        for time_ns, fix in reader.messages(VehicleTopics(vehicle).gnss_fix.name)
+        for time_ns, fix in reader.messages(VehicleTopics(vehicle).gnss_fix.name, last_ns)
     }

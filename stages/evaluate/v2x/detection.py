@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from advpipe.pipeline.bag.provenance_record import Provenance
+from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.misbehaviour.catch import (
     TUNED_CATCH,
     CatchParameters,
@@ -102,23 +103,27 @@ def detect(
     config: DetectorConfig | None = None,
     parameters: CatchParameters | None = None,
     told: Mapping[str, Mapping[str, object]] | None = None,
+    window: Window = WHOLE_DRIVE,
 ) -> Detection:
     """Runs both detectors, as tuned if left out, over what each listener received; compares with the labels.
 
-    told: the parameters of each attack in the bag, as `attack_parameters` reads them.
+    told: the parameters of each attack in the bag, as `attack_parameters` reads them. window: what arrives in
+    it counts; detectors remember what was before.
     """
     config, parameters = config or DetectorConfig(), parameters or TUNED_CATCH
     ours, theirs, liars, times_s, numbers, decoded = [], [], [], [], [], []
     objections: Counter[str] = Counter()
     for place, each in enumerate(receptions):
         judged = judge_all(each.claims, each.receivers, config)
-        ours.append(judged.flagged)
-        theirs.append(catch_flags(catch_messages(each.claims, each.receivers), parameters))
-        liars.append([place * 2**32 + one.sent.station_id for one in each.received])
-        times_s.append([one.arrival_ns / 1e9 for one in each.received])
-        decoded.append([claim.is_cam for claim in each.claims])
-        numbers += each.numbers
-        counts = judged.because(config)[lies(each.numbers, labels)].sum(axis=0).tolist()
+        inside = window.holds([one.arrival_ns for one in each.received])
+        received = [one for one, is_inside in zip(each.received, inside, strict=True) if is_inside]
+        ours.append(judged.flagged[inside])
+        theirs.append(catch_flags(catch_messages(each.claims, each.receivers), parameters)[inside])
+        liars.append([place * 2**32 + one.sent.station_id for one in received])
+        times_s.append([one.arrival_ns / 1e9 for one in received])
+        decoded.append(np.array([claim.is_cam for claim in each.claims], bool)[inside])
+        numbers += [one.sent.number for one in received]
+        counts = judged.because(config)[inside & lies(each.numbers, labels)].sum(axis=0).tolist()
         objections.update(dict(zip(CHECKS, counts, strict=True)))
     heard = _Heard(
         numbers,

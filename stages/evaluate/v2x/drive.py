@@ -13,6 +13,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import VehicleTopics
 from advpipe.pipeline.bag.v2x_drive import V2xDrive
 from advpipe.pipeline.bag.v2x_statistics import read_statistics
+from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.misbehaviour.catch import CatchParameters
 from advpipe.pipeline.misbehaviour.config import DetectorConfig
@@ -22,7 +23,7 @@ from advpipe.stages.evaluate.v2x.detection import Detection, attack_parameters, 
 from advpipe.stages.evaluate.v2x.labels import MessageLabel, read_labels
 from advpipe.stages.evaluate.v2x.ldm_error import Known, LdmError, Moment, ldm_error, moments
 from advpipe.stages.evaluate.v2x.radio import Heard, RadioRow, radio_row
-from advpipe.stages.evaluate.v2x.receptions import read_receptions, roads_of_bag
+from advpipe.stages.evaluate.v2x.receptions import roads_of_bag, send_again
 
 
 @dataclass(frozen=True)
@@ -75,34 +76,41 @@ def read_drive(
     name: str,
     config: DetectorConfig | None = None,
     parameters: CatchParameters | None = None,
+    window: Window = WHOLE_DRIVE,
 ) -> Drive:
-    """Raises AdvpipeError for a bag whose V2X or labels cannot be read."""
+    """window: its figures count; radio and detectors run from the beginning of the drive to its end.
+
+    Raises AdvpipeError for a bag whose V2X or labels cannot be read.
+    """
     reader = BagReader(bag)
     labels = read_labels(bag)
-    drive = V2xDrive(reader)
+    drive = V2xDrive(reader, window.end_ns)
     listeners = sorted(drive.listeners.values())
-    receptions = read_receptions(reader)
-    found = {one: list(moments(reader, one, drive.v2x.ldm.expiry_s)) for one in listeners}
+    receptions, statistics = send_again(reader, window=window)
+    found = {one: list(moments(reader, one, drive.v2x.ldm.expiry_s, window)) for one in listeners}
+    recorded = read_statistics(reader)
     return Drive(
         name,
-        detect(receptions, labels, config, parameters, attack_parameters(reader.provenance)),
+        detect(receptions, labels, config, parameters, attack_parameters(reader.provenance), window),
         found,
         {one: ldm_error(found[one]) for one in listeners},
-        {one: warnings(found[one], _believed(reader, one, found[one])) for one in listeners},
+        {one: warnings(found[one], _believed(reader, one, found[one], window.last_ns)) for one in listeners},
         {each.listener: Heard(each.near, frozenset(each.numbers)) for each in receptions},
-        radio_row(read_statistics(reader)),
-        labels,
+        radio_row(recorded if window == WHOLE_DRIVE or recorded is None else statistics),
+        [label for label in labels if window.is_before_end(label.time_ns)],
         roads_of_bag(reader),
     )
 
 
-def _believed(reader: BagReader, listener: str, found: Sequence[Moment]) -> list[Known] | None:
+def _believed(
+    reader: BagReader, listener: str, found: Sequence[Moment], last_ns: int | None
+) -> list[Known] | None:
     """What the vehicle takes itself for at each moment: its on-board estimate; None where it made none."""
     topic = VehicleTopics(listener).odometry.name
     if topic not in reader.topics:
         return None
     times_ns, told = [], []
-    for time_ns, message in reader.messages(topic):
+    for time_ns, message in reader.messages(topic, last_ns):
         pose = messages.se3_from_pose(message.pose.pose)
         yaw_rad = float(np.arctan2(pose[1, 0], pose[0, 0]))
         told.append((float(pose[0, 3]), float(pose[1, 3]), yaw_rad, float(message.twist.twist.linear.x)))

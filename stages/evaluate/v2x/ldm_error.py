@@ -14,6 +14,7 @@ from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import V2X_STATIONS, RawMessage, VehicleTopics
 from advpipe.pipeline.bag.v2x import RadioPlace, stations_of_message
+from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.geometry.transforms import Float64
 
 DISPLACED_M = 3.0
@@ -74,13 +75,15 @@ class LdmError:
         }
 
 
-def moments(reader: BagReader, listener: str, expiry_s: float) -> Iterator[Moment]:
-    """Every map of a listener that was recorded while its radio was on the road, in order."""
+def moments(
+    reader: BagReader, listener: str, expiry_s: float, window: Window = WHOLE_DRIVE
+) -> Iterator[Moment]:
+    """Every map of a listener in a window that was recorded while its radio was on the road, in order."""
     topic = VehicleTopics(listener).ldm.name
     last_seen_ns: dict[int, int] = {}
     radios: tuple[RadioPlace, ...] = ()
     at_ns = -1
-    in_time = reader.raw_messages([V2X_STATIONS.name, topic])
+    in_time = reader.raw_messages([V2X_STATIONS.name, topic], last_ns=window.last_ns)
     # Of one instant, either may come first.
     same = (sorted(each, key=_stations_first) for _, each in groupby(in_time, lambda raw: raw.log_time_ns))
     for raw in chain.from_iterable(same):
@@ -92,7 +95,7 @@ def moments(reader: BagReader, listener: str, expiry_s: float) -> Iterator[Momen
             last_seen_ns.update((radio.station_id, at_ns) for radio in radios)
             continue
         own = next((radio for radio in radios if radio.vehicle == listener), None)
-        if own is None or at_ns != raw.log_time_ns:
+        if own is None or at_ns != raw.log_time_ns or at_ns < window.begin_ns:
             continue
         keep_ns = round(expiry_s * 1e9)
         present = frozenset(s for s, seen_ns in last_seen_ns.items() if at_ns - seen_ns <= keep_ns)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import LANES, VehicleTopics
 from advpipe.pipeline.bag.v2x import RadioPlace
 from advpipe.pipeline.bag.v2x_drive import V2xDrive, V2xStep
+from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.geodesy import Geodesy
@@ -26,6 +27,7 @@ from advpipe.pipeline.v2x.air import Received
 from advpipe.pipeline.v2x.cam import Cam
 from advpipe.pipeline.v2x.cam_error import CamError
 from advpipe.pipeline.v2x.cam_tree import cam_of_tree
+from advpipe.pipeline.v2x.statistics import Statistics
 
 NEAR_M = 300.0
 """Within which messages ought to arrive."""
@@ -37,7 +39,7 @@ class Receptions:
 
     received: with the message's number and the radio that truly sent it. claims, receivers: what the checks
     work on, the listener's own pose as it estimates it. radios: where the true sender was, None if unknown.
-    near: numbers of all messages that others sent within `NEAR_M`, received or not.
+    near: numbers of all messages that others sent within `NEAR_M` in the window, received or not.
     """
 
     listener: str
@@ -56,32 +58,54 @@ class Receptions:
 def read_receptions(reader: BagReader, listeners: Collection[int] | None = None) -> list[Receptions]:
     """Of every instrumented vehicle with a radio, by name; of these station ids with `listeners`.
 
+    Raises AdvpipeError as `send_again` does.
+    """
+    return send_again(reader, listeners).receptions
+
+
+class SentAgain(NamedTuple):
+    """What comes of sending a drive again. statistics: of the radio's steps in the window."""
+
+    receptions: list[Receptions]
+    statistics: Statistics
+
+
+def send_again(
+    reader: BagReader, listeners: Collection[int] | None = None, window: Window = WHOLE_DRIVE
+) -> SentAgain:
+    """Sends a drive from its beginning to the window's end; receptions are of all that time.
+
     Raises AdvpipeError for a bag without V2X, or whose receptions are not those of its messages.
     """
-    drive = V2xDrive(reader)
+    drive = V2xDrive(reader, window.end_ns)
     if listeners is not None:
         drive.listeners = {station: drive.stations[station] for station in sorted(listeners)}
     received: dict[str, list[tuple[Received, RadioPlace | None]]] = {}
     own: dict[str, list[tuple[int, RadioPlace]]] = {}
     near: dict[str, set[int]] = {}
     before: dict[int, RadioPlace] = {}
-    air = drive.air()
+    air, is_counting = drive.air(), False
     for step in drive.steps():
+        if not is_counting and step.begin_ns >= window.begin_ns:
+            is_counting = True
+            air.restart_statistics()
         radios = {radio.station_id: radio for radio in step.radios}
         for station, name in drive.listeners.items():
             if station in radios:
                 own.setdefault(name, []).append((step.begin_ns, radios[station]))
-                near.setdefault(name, set()).update(_near(step, radios, radios[station]))
+                near.setdefault(name, set()).update(_near(step, radios, radios[station], window))
         for one in drive.send(air, step, step.sent).received:
             sender = one.sent.station_id
-            received.setdefault(one.listener, []).append((one, radios.get(sender) or before.get(sender)))
+            if window.is_before_end(one.arrival_ns):
+                place = radios.get(sender) or before.get(sender)
+                received.setdefault(one.listener, []).append((one, place))
         before = radios
     if listeners is None:
-        _check_arrivals(reader, drive.listeners, received)
+        _check_arrivals(reader, drive.listeners, received, window)
     origin = drive.origin
     geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
     roads = roads_of_bag(reader) or NO_ROADS
-    return [
+    receptions = [
         _of_listener(
             reader,
             name,
@@ -91,9 +115,11 @@ def read_receptions(reader: BagReader, listeners: Collection[int] | None = None)
             frozenset(near.get(name, ())),
             geodesy,
             roads,
+            window.last_ns,
         )
         for station, name in sorted(drive.listeners.items(), key=lambda item: item[1])
     ]
+    return SentAgain(receptions, air.statistics())
 
 
 def roads_of_bag(reader: BagReader) -> RoadMap | None:
@@ -103,22 +129,24 @@ def roads_of_bag(reader: BagReader) -> RoadMap | None:
     return next((lanes(lanes_of_markers(message)) for _, message in reader.messages(LANES.name)), None)
 
 
-def _near(step: V2xStep, radios: dict[int, RadioPlace], own: RadioPlace) -> Iterator[int]:
+def _near(step: V2xStep, radios: dict[int, RadioPlace], own: RadioPlace, window: Window) -> Iterator[int]:
     at_m = own.map_SE3_base[:3, 3]
     for one in step.sent:
         sender = radios.get(one.station_id)
-        if sender is None or sender is own:
+        if sender is None or sender is own or not window.holds(one.request_ns):
             continue
         if np.linalg.norm(sender.map_SE3_base[:3, 3] - at_m) <= NEAR_M:
             yield one.number
 
 
-def _check_arrivals(reader: BagReader, listeners: dict[int, str], received: dict[str, list[Any]]) -> None:
+def _check_arrivals(
+    reader: BagReader, listeners: dict[int, str], received: dict[str, list[Any]], window: Window
+) -> None:
     for name in listeners.values():
         topic = VehicleTopics(name).received_raw.name
         sent_again = np.array(sorted(one.arrival_ns for one, _ in received.get(name, [])), np.int64)
         recorded = reader.log_times_ns(topic) if topic in reader.topics else np.array([], np.int64)
-        if not np.array_equal(sent_again, recorded):
+        if not np.array_equal(sent_again, recorded[window.is_before_end(recorded)]):
             raise AdvpipeError(
                 f"{reader.path}: {topic} is not what its messages make when they are sent again; "
                 "record or attack it with this version"
@@ -134,6 +162,7 @@ def _of_listener(
     near: frozenset[int],
     geodesy: Geodesy,
     roads: RoadMap,
+    last_ns: int | None,
 ) -> Receptions:
     cams: dict[int, Cam | None] = {}
     for one, _ in received:
@@ -146,7 +175,7 @@ def _of_listener(
         roads,
     )
     size_m = own[0][1].size_m if own else (4.5, 1.8, 1.5)
-    times_ns, poses = _own_poses(reader, name, own)
+    times_ns, poses = _own_poses(reader, name, own, last_ns)
     receivers = []
     for one, _ in received:
         index = max(int(np.searchsorted(times_ns, one.arrival_ns, "right")) - 1, 0)
@@ -163,11 +192,13 @@ def _of_listener(
     )
 
 
-def _own_poses(reader: BagReader, name: str, own: list[tuple[int, RadioPlace]]) -> tuple[Any, Float64]:
+def _own_poses(
+    reader: BagReader, name: str, own: list[tuple[int, RadioPlace]], last_ns: int | None
+) -> tuple[Any, Float64]:
     """Times (K,) and x, y, yaw (K, 3) of the listener's own estimate; the truth where it makes none."""
     topic = VehicleTopics(name).odometry.name
     if topic in reader.topics:
-        found = [(t, messages.se3_from_pose(m.pose.pose)) for t, m in reader.messages(topic)]
+        found = [(t, messages.se3_from_pose(m.pose.pose)) for t, m in reader.messages(topic, last_ns)]
     else:
         found = [(t, radio.map_SE3_base) for t, radio in own]
     if not found:

@@ -10,6 +10,7 @@ import numpy as np
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import LANES, V2X_SENT, V2X_STATIONS
+from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.misbehaviour import tuned
 from advpipe.pipeline.misbehaviour.catch import TUNED_CATCH, CatchParameters
 from advpipe.pipeline.misbehaviour.config import NEED_ROADS, DetectorConfig
@@ -79,11 +80,12 @@ def sections(
     seed: int = 0,
     config: DetectorConfig | None = None,
     parameters: CatchParameters = TUNED_CATCH,
+    window: Window = WHOLE_DRIVE,
 ) -> tuple[Section, ...]:
     """One section on all adversarial bags in which messages were attacked; none where there are none.
 
-    config, parameters: of our detector and of the baseline. `seed` serves no draw here. Raises AdvpipeError
-    for bags whose V2X or labels cannot be read.
+    config, parameters: of our detector and of the baseline. window: as `read_drive` takes it. `seed` serves
+    no draw here. Raises AdvpipeError for bags whose V2X or labels cannot be read.
     """
     del seed
     labelled = [bag for bag in adversarial if has_v2x(bag) and has_labels(bag)]
@@ -93,7 +95,8 @@ def sections(
     config = config or DetectorConfig()
     named = [(clean, "clean"), *((bag, bag_name(bag)) for bag in lied)]
     first, *others = (
-        read_drive(bag, name, config, parameters) for bag, name in track(named, "V2X of each bag", len(named))
+        read_drive(bag, name, config, parameters, window)
+        for bag, name in track(named, "V2X of each bag", len(named))
     )
     found = section(first, others, config, parameters)
     idle = [bag_name(bag) for bag in labelled if bag not in lied]

@@ -75,9 +75,7 @@ def test_attacks_misplace_it_by_what_they_draw(
     assert least_m < np.median(held_m) < most_m
 
 
-def test_a_report_of_some_frames_is_of_these_and_says_what_is_not(
-    clean: Path, scenario, tmp_path: Path
-) -> None:
+def test_a_report_of_some_frames_is_of_these_and_of_their_time(clean: Path, scenario, tmp_path: Path) -> None:
     """Two clouds a second and GPS false from 6 s on: frames 0 to 3 fuse nothing, 16 and 17 are fused."""
     attack(clean, tmp_path / "rba", AttackRequest(scenario.attacks["rba"], scenario.simulation.seed))
     localisation = []
@@ -87,8 +85,11 @@ def test_a_report_of_some_frames_is_of_these_and_says_what_is_not(
         sections = {each.key: each for each in report.sections}
         assert set(sections) == {"localisation", "cooperative"}
         assert {record["frames"] for record in sections["cooperative"].records} == frames
-        assert "cooperative perception are of the clouds chosen alone" in report.formulas["frames"]
-        assert sections["localisation"].notes[-1].startswith("This part is of the whole drive")
-        assert "This part is of the whole drive" in (out / "report.html").read_text()
-        localisation.append(sections["localisation"].records)
-    assert localisation[0] == localisation[1]
+        assert "attacks are of the window from the first of these" in report.formulas["frames"]
+        assert sections["localisation"].notes[-1].startswith("All figures of this part are of the window of")
+        assert "All figures of this part are of the window of" in (out / "report.html").read_text()
+        localisation += sections["localisation"].records
+    before, during = localisation
+    assert (before["attacked"], before["ate_m"]) == (0, before["ate_clean_m"])
+    assert during["attacked"] == during["fixes"] > 0
+    assert during["ate_m"] > during["ate_clean_m"]

@@ -8,6 +8,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.window import Window
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
@@ -114,6 +116,32 @@ def test_one_after_the_other_is_said(smoke: Path, tmp_path: Path) -> None:
     assert len(found.tables) == 1
     (record,) = found.records
     assert "own_place_m" not in record
+
+
+def test_a_window_counts_the_strikes_and_effects_in_it(smoke: Path, struck: Path, found: Section) -> None:
+    """From 1.2 to 1.7 s: five fixes, the cloud of 1.5 s alone; means of the time that they share in it."""
+    begin_ns = int(BagReader(smoke).log_times_ns("/ego/odometry")[0])
+    window = Window(begin_ns + 1_200_000_000, begin_ns + 1_700_000_000)
+    (part,) = sections(smoke, [struck], window=window)
+    sent = pq.read_table(struck / "v2x_labels.parquet").to_pylist()
+    inside = sum(
+        window.begin_ns <= row["time_ns"] < window.end_ns
+        for row in sent
+        if row["attack"] == "cam-sybil-congestion"
+    )
+    assert [line[3] for line in part.tables[0].lines] == ["5 fixes", f"{inside} messages", "1 clouds"]
+    (record,), (whole,) = part.records, found.records
+    assert (record["from_s"], record["to_s"]) == (1.5, 1.5)
+    assert record["points_touched"] == whole["points_touched"]
+    (everything,) = sections(smoke, [struck], window=Window(begin_ns, begin_ns + 10**10))
+    np.testing.assert_equal(everything, found)
+
+
+def test_a_window_before_it_names_the_bag_alone(smoke: Path, struck: Path) -> None:
+    begin_ns = int(BagReader(smoke).log_times_ns("/ego/odometry")[0])
+    (early,) = sections(smoke, [struck], window=Window(begin_ns, begin_ns + 900_000_000))
+    assert early.lead == "three: no vehicle is struck by attacks of two kinds in this window."
+    assert (early.tables, early.records, early.pictures) == ((), (), ())
 
 
 def test_together() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,10 @@ from PIL import Image
 
 from advpipe.pipeline.bag.frame_slice import FrameSlice
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.errors import AdvpipeError
+from advpipe.stages.evaluate.localisation.figures import gate
 from advpipe.stages.evaluate.localisation.section import sections
 from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns, read_track
 from advpipe.stages.evaluate.options import Options
@@ -94,15 +97,83 @@ def test_refuses_a_bag_of_some_frames(clean, attacked, tmp_path: Path):
         sections(clean, [tmp_path / "cut"], 0)
 
 
-def test_a_report_of_some_frames_says_that_this_part_is_of_the_whole_drive(clean, attacked, tmp_path):
-    """The track's filter runs from the beginning; the same figures, and a note."""
+def steps(clean: Path, first: int, end: int) -> Window:
+    begin_ns = int(BagReader(clean).log_times_ns("/ego/odometry")[0])
+    return Window(begin_ns + first * 10**8, begin_ns + end * 10**8)
+
+
+def test_a_window_counts_what_the_whole_drives_tracks_hold_in_it(clean, attacked):
+    """Steps 90 to 119, by hand: fixes at every second step, all false there, from an attack since step 80."""
     bag = attacked("far", **FAR)
-    some, whole = (families_sections(clean, [bag], FrameSlice.parse(frames)) for frames in ("0:4", "::"))
-    assert [one.records for one in some] == [one.records for one in whole]
-    assert all(one.notes[-1].startswith("This part is of the whole drive") for one in some)
-    assert not any("whole drive" in note for one in whole for note in one.notes)
-    assert [one.key for one in some] == ["localisation"]
+    (section,) = sections(clean, [bag], window=steps(clean, 90, 120))
+    (row,) = section.records
+    before, after = read_track(BagReader(clean), "ego"), read_track(BagReader(bag), "ego")
+    off_m, clean_m = (np.linalg.norm(each.error_m[90:120, :2], axis=1) for each in (after, before))
+    alarm = after.nis[90:120:2] > gate()
+    assert (row["fixes"], row["attacked"], row["lost"], row["span_s"]) == (15, 15, 0, 2.8)
+    assert row["adv_mean_m"] == off_m[:29].mean()  # from the first attacked fix to the last one
+    assert row["adv_max_m"] == off_m[:29].max()
+    assert row["clean_mean_m"] == clean_m[:29].mean()
+    assert row["success_rate"] == (off_m[:29] > 5).mean()
+    assert row["ate_m"] == np.sqrt((after.error_m[90:120] ** 2).sum(axis=1).mean())
+    assert row["detection_rate"] == alarm.mean()
+    assert row["false_alarm_rate"] == (before.nis[90:120:2] > gate()).mean()
+    caught = np.flatnonzero(alarm)
+    assert row["delay_s"] == pytest.approx(0.2 * caught[0]) if len(caught) else np.isnan(row["delay_s"])
+    assert section.tables[0].heads[-1] == "ATE of the window m"
+    assert "over the window" in dict(section.formulas)["ate"]
 
 
-def families_sections(clean, bags, frames):
-    return added_sections(clean, bags, Options(frames=frames))
+def test_a_window_of_everything_changes_no_figure_and_no_byte(clean, attacked):
+    bag = attacked("far", **FAR)
+    (whole,), (same,) = (sections(clean, [bag], window=w) for w in (WHOLE_DRIVE, steps(clean, 0, 200)))
+    np.testing.assert_equal(same.records, whole.records)
+    assert [table.lines for table in same.tables] == [table.lines for table in whole.tables]
+    assert "over the whole drive" in dict(whole.formulas)["ate"]
+
+
+def test_before_the_attack_begins_nothing_is_off(clean, attacked, tmp_path):
+    """The victim that the provenance names is told, with no attacked fix and the error of the clean drive."""
+    bag = attacked("far", **FAR)
+    assert sections(clean, [bag], window=steps(clean, 0, 79)) == ()  # it names no attack
+    with BagWriter(tmp_path / "told", provenance={"attacks": json.dumps([FAR])}) as writer:
+        for raw in BagReader(bag).raw_messages():
+            writer.copy(raw)
+    (section,) = sections(clean, [tmp_path / "told"], window=steps(clean, 0, 79))
+    (row,) = section.records
+    assert (row["attacked"], row["span_s"]) == (0, 0)
+    assert row["ate_m"] == row["ate_clean_m"] > 0
+    assert all(np.isnan(row[name]) for name in ("adv_mean_m", "detection_rate", "echo_rate", "success_rate"))
+    (after,) = sections(clean, [bag], window=steps(clean, 160, 190))[0].records
+    assert after["attacked"] == 0  # it is over
+    assert after["ate_m"] != after["ate_clean_m"]
+
+
+def test_a_window_of_one_step_or_none(clean, attacked):
+    bag = attacked("far", **FAR)
+    (one,) = sections(clean, [bag], window=steps(clean, 90, 91))[0].records
+    assert (one["fixes"], one["attacked"]) == (1, 1)
+    assert sections(clean, [bag], window=steps(clean, 300, 310)) == ()
+
+
+def test_what_comes_after_the_window_is_not_read(clean, attacked, monkeypatch):
+    """A window that ends with the first half decodes half the messages, and some that are latched."""
+    bag, decoded = attacked("far", **FAR), []
+    decode = BagReader.decode_as_it_is
+    monkeypatch.setattr(
+        BagReader, "decode_as_it_is", lambda self, raw: decoded.append(raw.log_time_ns) or decode(self, raw)
+    )
+    counts = []
+    for window in (WHOLE_DRIVE, steps(clean, 80, 100)):
+        decoded.clear()
+        sections(clean, [bag], window=window)
+        counts.append(len(decoded))
+    assert max(decoded) < steps(clean, 80, 100).end_ns
+    assert counts[1] == pytest.approx(0.5 * counts[0], rel=0.02)
+
+
+def test_frames_of_a_bag_without_clouds_are_refused(clean, attacked):
+    with pytest.raises(AdvpipeError, match="holds no LiDAR clouds, so frames 0:4:1 choose no time"):
+        added_sections(clean, [attacked("far", **FAR)], Options(frames=FrameSlice.parse("0:4")))
+    (whole,) = added_sections(clean, [attacked("far", **FAR)], Options())
+    assert whole.notes == ()

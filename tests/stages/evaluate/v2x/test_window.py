@@ -1,0 +1,142 @@
+"""V2X of a part of a drive: what lies in the window counts, and nothing after it is sent again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from advpipe.pipeline.bag.frame_slice import FrameSlice
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.v2x_drive import V2xDrive, V2xStep
+from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window, window_of
+from advpipe.pipeline.misbehaviour.config import DetectorConfig
+from advpipe.pipeline.misbehaviour.detector import judge_all
+from advpipe.pipeline.v2x.air import Air, Heard, Sent
+from advpipe.stages.evaluate.options import Options
+from advpipe.stages.evaluate.run import added_sections
+from advpipe.stages.evaluate.v2x.collision import warnings
+from advpipe.stages.evaluate.v2x.drive import Drive, read_drive
+from advpipe.stages.evaluate.v2x.labels import lies, read_labels
+from advpipe.stages.evaluate.v2x.receptions import read_receptions, send_again
+from advpipe.stages.evaluate.v2x.section import sections
+
+
+def seconds(bag: Path, first_s: float, end_s: float) -> Window:
+    begin_ns = int(BagReader(bag).log_times_ns("/ego/odometry")[0])
+    return Window(begin_ns + round(first_s * 1e9), begin_ns + round(end_s * 1e9))
+
+
+@pytest.fixture(scope="module")
+def late(smoke: Path, offset: Path) -> tuple[Window, Drive]:
+    window = seconds(smoke, 2.5, 3.3)
+    return window, read_drive(offset, "offset", window=window)
+
+
+def test_detection_is_of_the_messages_that_arrive_in_it(offset: Path, late: tuple[Window, Drive]) -> None:
+    """By hand: the whole drive's verdicts, one a message, cut to the window."""
+    window, drive = late
+    (ego,) = read_receptions(BagReader(offset))
+    arrivals_ns = np.array([one.arrival_ns for one in ego.received])
+    inside = (arrivals_ns >= window.begin_ns) & (arrivals_ns < window.end_ns)
+    flagged = judge_all(ego.claims, ego.receivers, DetectorConfig()).flagged
+    is_lie = lies(ego.numbers, read_labels(offset))
+    assert 0 < inside.sum() < len(inside) / 2
+    found = drive.detection
+    assert (found.messages, found.lies) == (inside.sum(), (inside & is_lie).sum())
+    assert found.lies > 0
+    assert found.ours.true_positives == (inside & is_lie & flagged).sum()
+    assert found.ours.false_positives == (inside & ~is_lie & flagged).sum()
+    whole = read_drive(offset, "offset").detection
+    assert whole.lies > found.lies
+
+
+def test_the_map_and_the_warning_are_of_the_maps_in_it(offset: Path, late: tuple[Window, Drive]) -> None:
+    window, drive = late
+    whole = read_drive(offset, "offset")
+    inside = window.holds(whole.errors["ego"].time_ns)
+    assert inside.sum() == 8
+    for name, values in vars(whole.errors["ego"]).items():
+        np.testing.assert_array_equal(getattr(drive.errors["ego"], name), values[inside])
+    cut = [moment for moment in whole.moments["ego"] if window.holds(moment.time_ns)]
+    assert asdict(warnings(cut)) == asdict(warnings(drive.moments["ego"]))
+
+
+def test_messages_of_both_bags_are_those_of_the_same_time(
+    smoke: Path, offset: Path, late: tuple[Window, Drive]
+) -> None:
+    window, drive = late
+    clean = read_drive(smoke, "clean", window=window)
+    sent = {one.number: one.request_ns for step in V2xDrive(BagReader(smoke)).steps() for one in step.sent}
+    for each in (clean, drive):
+        assert each.heard["ego"].near
+        assert all(window.holds(sent[number]) for number in each.heard["ego"].near)
+    assert clean.heard["ego"].near == drive.heard["ego"].near
+    assert clean.heard["ego"].delivered(drive.honest("ego")) > 0.5
+
+
+def test_the_channel_of_the_parts_is_that_of_the_whole(smoke: Path) -> None:
+    """Counted once each: the messages of two parts, and their busy ratios one after another."""
+    whole = send_again(BagReader(smoke)).statistics
+    parts = [
+        send_again(BagReader(smoke), window=seconds(smoke, *span)).statistics for span in ((0, 1.6), (1.6, 9))
+    ]
+    assert 0 < parts[0].cams < whole.cams
+    assert sum(part.cams for part in parts) == whole.cams
+    assert np.array_equal(parts[0].pairs + np.array(parts[1].pairs), whole.pairs)
+    assert (*parts[0].busy_ns, *parts[1].busy_ns) == whole.busy_ns
+    assert (*parts[0].busy_mean, *parts[1].busy_mean) == whole.busy_mean
+
+
+def test_a_window_of_everything_changes_nothing(smoke: Path, offset: Path) -> None:
+    """The channel, which the bag tells, comes out of sending it again as well."""
+    (whole,), (same,) = (
+        sections(smoke, [offset], window=window) for window in (WHOLE_DRIVE, seconds(smoke, 0, 9))
+    )
+    np.testing.assert_equal(same, whole)
+
+
+def test_before_the_attack_begins_nobody_lies(smoke: Path, offset: Path) -> None:
+    """Lies begin after 2 s: until then both bags are one."""
+    (found,) = sections(smoke, [offset], window=seconds(smoke, 0.5, 1.9))
+    clean, attacked = found.records
+    assert (attacked["lies"], attacked["attack"]) == (0, "cam-position-offset")
+    names = [name for name in clean if name.startswith(("ldm_", "warning_", "radio_", "honest_"))]
+    assert len(names) > 15
+    for name in (*names, "messages"):
+        np.testing.assert_equal(attacked[name], clean[name])
+    assert set(found.tables[0].lines[0][4:-1]) == {"–"}
+
+
+def test_nothing_after_the_window_is_sent_again(
+    smoke: Path, offset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A quarter of the drive sends a quarter of its messages; so late ones cost nothing."""
+    sent: list[int] = []
+    send = V2xDrive.send
+
+    def counted(self: V2xDrive, air: Air, step: V2xStep, some: Sequence[Sent]) -> Heard:
+        sent.extend(one.request_ns for one in some)
+        return send(self, air, step, some)
+
+    monkeypatch.setattr(V2xDrive, "send", counted)
+    read_drive(offset, "offset")
+    whole = len(sent)
+    sent.clear()
+    window = seconds(smoke, 0.5, 1)
+    read_drive(offset, "offset", window=window)
+    assert max(sent) < window.end_ns
+    assert len(sent) < 0.35 * whole
+    assert len(list(V2xDrive(BagReader(offset), window.end_ns).steps())) == 10
+
+
+def test_frames_choose_the_window_and_the_report_says_so(smoke: Path, offset: Path) -> None:
+    frames = FrameSlice.parse("25:33:4")  # 25 and 29: until 3.0 s, and all that lies between
+    (found,) = added_sections(smoke, [offset], Options(frames=frames))
+    (expected,) = sections(smoke, [offset], window=seconds(smoke, 2.5, 3.0))
+    np.testing.assert_equal(found.records, expected.records)
+    assert window_of(BagReader(smoke), frames) == seconds(smoke, 2.5, 3.0)
+    assert "window of 0.5 s" in found.notes[-1]
