@@ -90,7 +90,7 @@ def quieten_warnings() -> None:
         return
     if _current.verbose:
         warnings.simplefilter("default")
-        warnings.showwarning = _show_warning  # type: ignore[assignment]
+        warnings.showwarning = _show_warning
     else:
         warnings.simplefilter("ignore")
 
