@@ -167,7 +167,7 @@ def describe(path: Path) -> BagDescription:
             ObjectCount(name, boxes, len(tally.ids[name])) for name, boxes in sorted(tally.boxes.items())
         ),
         v2x=read_statistics(reader),
-        provenance=reader.provenance,
+        provenance=dict(reader.provenance),
         checksums=checksums,
     )
 

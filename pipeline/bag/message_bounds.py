@@ -1,4 +1,4 @@
-"""What messages must hold to be computed with: the types of our topics, finite numbers, rotations, short names.
+"""What messages must hold to be computed with: our topics' types, finite numbers, rotations, short names.
 
 Anybody may have written them. A type that is not listed here is not computed with, or by readers of its own
 (`cloud.py`).

@@ -1,4 +1,4 @@
-"""YAML of others, read within bounds: plain values, and no aliases, by which a page can stand for a library."""
+"""YAML of others, read within bounds: plain values, and no aliases, which can make a page huge."""
 
 from __future__ import annotations
 

@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from advpipe.pipeline.bag.files import mcap_files
+from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.hashing import sha256_of
 from advpipe.pipeline.versions import installed
@@ -82,12 +83,12 @@ def seal(provenance: Mapping[str, str]) -> dict[str, str]:
     return {**provenance, _CHECKSUM: _checksum(provenance)}
 
 
-def unseal(record: Mapping[str, str], path: Path) -> dict[str, str]:
-    """The provenance in a record; a record that was changed is refused."""
+def unseal(record: Mapping[str, str], path: Path) -> Provenance:
+    """The provenance in a record; a record that was changed, or is none, is refused."""
     provenance = {key: value for key, value in record.items() if key != _CHECKSUM}
     if record.get(_CHECKSUM) != _checksum(provenance):
         raise AdvpipeError(f"{path}: the provenance record is damaged (checksum); record the bag again")
-    return provenance
+    return Provenance(provenance, f"{path}: the provenance record")
 
 
 def parent_sha256(bag: Path) -> str:

@@ -17,6 +17,7 @@ from advpipe.pipeline.bag.mcap_file import McapFile, in_time_order
 from advpipe.pipeline.bag.message_bounds import absurdity
 from advpipe.pipeline.bag.object_count import has_more_objects
 from advpipe.pipeline.bag.provenance import RECORD_NAME, unseal
+from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.topics import RawMessage, TopicInfo
 from advpipe.pipeline.bag.types import missing_field, schema_text, types_from, typestore
 from advpipe.pipeline.errors import AdvpipeError, one_line
@@ -40,12 +41,12 @@ class BagReader:
         self._stores: dict[tuple[str, str], Typestore | AdvpipeError] = {}
 
     @cached_property
-    def provenance(self) -> dict[str, str]:
+    def provenance(self) -> Provenance:
         """The `advpipe` record (see `provenance.py`); empty for another tool's bag."""
         for file in self._files:
             if RECORD_NAME in file.metadata:
                 return unseal(file.metadata[RECORD_NAME], file.path)
-        return {}
+        return Provenance({})
 
     @cached_property
     def topics(self) -> dict[str, TopicInfo]:

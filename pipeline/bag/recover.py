@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from advpipe.pipeline.bag.checksums import validate_checksums
+from advpipe.pipeline.bag.document import read_text, read_yaml
 from advpipe.pipeline.bag.frames import vehicle_topics
 from advpipe.pipeline.bag.locate import CLEAN_NAME
 from advpipe.pipeline.bag.provenance import RECORD_NAME, unseal
+from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.remains import SCENARIO_NAME, Remains, find_remains
 from advpipe.pipeline.bag.salvage import Salvage
@@ -65,7 +68,7 @@ class Recovery:
 class _Survey:
     """What the first of two passes over the files finds."""
 
-    provenance: dict[str, str] = field(default_factory=dict)
+    provenance: Provenance = field(default_factory=lambda: Provenance({}))
     clouds_ns: dict[str, set[int]] = field(default_factory=dict)
     truth_ns: dict[str, set[int]] = field(default_factory=dict)
 
@@ -142,16 +145,20 @@ def _survey(recovery: Recovery) -> _Survey:
     return survey
 
 
-def _provenance(salvage: Salvage) -> dict[str, str]:
+def _provenance(salvage: Salvage) -> Provenance:
     try:
         return unseal(salvage.metadata.get(RECORD_NAME, {}), salvage.path)
     except AdvpipeError:  # missing or damaged: the bag is of unknown origin, like another tool's
-        return {}
+        return Provenance({})
 
 
 def _scenario(remains: Remains, survey: _Survey) -> str | None:
     file = remains.found / SCENARIO_NAME
-    return file.read_text(encoding="utf-8") if file.is_file() else survey.provenance.get("scenario")
+    if not file.is_file():
+        return survey.provenance.said.scenario
+    text = read_text(file)
+    read_yaml(text, dict[str, Any], str(file), "put the right scenario there, or remove it")
+    return text
 
 
 def _write(recovery: Recovery, survey: _Survey, bag: Path, overwrite: bool) -> None:

@@ -134,7 +134,7 @@ def _stations(reader: BagReader) -> dict[int, str]:
             number, name = station.station_id, station.vehicle
             if names.setdefault(number, name) != name or ids.setdefault(name, number) != number:
                 raise AdvpipeError(
-                    f"{reader.path}: {V2X_STATIONS.name} at {time_ns} ns has the station {number} as {name!r}, "
-                    f"earlier {names[number]!r} as {ids.get(name, number)}; record it again"
+                    f"{reader.path}: {V2X_STATIONS.name} at {time_ns} ns has the station {number} as "
+                    f"{name!r}, earlier {names[number]!r} as {ids.get(name, number)}; record it again"
                 )
     return names

@@ -20,6 +20,7 @@ import yaml
 from advpipe.pipeline.bag.files import METADATA_NAME
 from advpipe.pipeline.bag.mcap_writer import COMPRESSIONS, McapWriter
 from advpipe.pipeline.bag.provenance import RECORD_NAME, seal
+from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.topics import RawMessage, Topic, qos_to_yaml
 from advpipe.pipeline.bag.types import schema_text, serialise, type_hash
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, os_error_line
@@ -65,7 +66,7 @@ class BagWriter:
                 f"compression {compression!r} is unknown; use one of {', '.join(COMPRESSIONS)}"
             )
         self.path = Path(path)
-        self._provenance = dict(provenance)
+        self._provenance = Provenance(provenance, f"{path}: the provenance record")
         self._overwrite = overwrite
         self._compression = compression
         self._channels: dict[str, _Channel] = {}

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -63,14 +62,19 @@ def run(
 
 def _has_drive(folder: Path, scenario: Scenario, overwrite: bool) -> bool:
     """Whether a data set holds the drive of this scenario, whatever its attacks."""
+    from advpipe.pipeline.bag.document import read_text
     from advpipe.pipeline.errors import AdvpipeError
     from advpipe.pipeline.scenario import dump_scenario
 
     resolved = folder / "scenario.yaml"
     if not (folder / "clean" / "metadata.yaml").is_file() or not resolved.is_file():
         return False
-    if resolved.read_text(encoding="utf-8") == dump_scenario(scenario):
-        return True
+    try:
+        if read_text(resolved) == dump_scenario(scenario):
+            return True
+    except AdvpipeError:
+        if not overwrite:
+            raise
     if overwrite:
         return False
     raise AdvpipeError(
@@ -88,7 +92,7 @@ def _attack(clean: Path, bag: Path, request: AttackRequest, workers: int | None,
     made = bag / "attack.yaml"
     wanted = resolved_text(provenance_of(BagReader(clean), request))
     if made.is_file():
-        others = _differing_keys(made.read_text(encoding="utf-8"), wanted)
+        others = _differing_keys(made, wanted)
         if not others:
             print(f"{bag}: kept")
             return
@@ -101,34 +105,37 @@ def _attack(clean: Path, bag: Path, request: AttackRequest, workers: int | None,
         print(attack(clean, bag, request, overwrite=overwrite, workers=workers))
 
 
-def _differing_keys(made: str, wanted: str) -> list[str]:
+def _differing_keys(made: Path, wanted: str) -> list[str]:
     """The keys at the top of two YAML texts whose values differ; the whole text where one is no mapping."""
-    import yaml
+    from advpipe.pipeline.bag.document import Word, read_text, read_yaml
+    from advpipe.pipeline.errors import AdvpipeError
 
-    if made == wanted:
-        return []
     try:
-        old, new = yaml.safe_load(made), yaml.safe_load(wanted)
-        keys = sorted(key for key in old.keys() | new.keys() if old.get(key) != new.get(key))
-    except (yaml.YAMLError, AttributeError):
-        keys = []
-    return keys or ["text"]
+        text = read_text(made)
+        if text == wanted:
+            return []
+        old, new = (read_yaml(each, dict[Word, Any], str(made), "") for each in (text, wanted))
+    except AdvpipeError:
+        return ["text"]
+    return sorted(key for key in old.keys() | new.keys() if old.get(key) != new.get(key)) or ["text"]
 
 
 def _is_report_of(report: Path, bags: Sequence[Path], detector: str, device: str) -> bool:
     """Whether a report tells of just these bags, by their checksums, of this detector, device and code."""
     from advpipe.pipeline.bag.provenance import parent_sha256
     from advpipe.pipeline.code import code_sha256
+    from advpipe.pipeline.dataset.reports import read_report
     from advpipe.pipeline.detector.registry import detector_sha256
+    from advpipe.pipeline.errors import AdvpipeError
     from advpipe.stages.evaluate.provenance import REPORTING
 
     try:
-        about = json.loads((report / "report.json").read_text(encoding="utf-8"))["provenance"]
-        scored = [about["clean"]["sha256"], *(bag["sha256"] for bag in about["compared"] if bag["sha256"])]
-        detectors = [one["sha256"] for one in about["detectors"]]
-        was_here = about.get("device", "cpu") == device.partition(":")[0]
-        was_so = about["code_sha256"] == code_sha256(*REPORTING)
-    except (OSError, ValueError, LookupError, TypeError):
+        about = read_report(report / "report.json").provenance
+    except AdvpipeError:
         return False
+    scored = [about.clean.sha256, *(bag.sha256 for bag in about.compared if bag.sha256)]
+    detectors = [one.sha256 for one in about.detectors]
+    was_here = about.device == device.partition(":")[0]
+    was_so = about.code_sha256 == code_sha256(*REPORTING)
     is_of_bags = sorted(scored) == sorted(map(parent_sha256, bags))
     return is_of_bags and detectors in ([], [detector_sha256(detector)]) and was_here and was_so

@@ -7,6 +7,7 @@ from typing import Any
 
 import yaml
 
+from advpipe.pipeline.bag import plain_json
 from advpipe.pipeline.bag.provenance import attack_provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.code import CLOUDS, code_sha256
@@ -57,5 +58,5 @@ def resolved_text(provenance: dict[str, str]) -> str:
         key: value for key, value in provenance.items() if key not in ("kind", "scenario")
     }
     for key in {"parameters", "attacks", "versions", "lidar_topics", "looks"} & plain.keys():
-        plain[key] = json.loads(plain[key])
+        plain[key] = plain_json.load(plain[key])
     return yaml.safe_dump(plain, sort_keys=True)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from advpipe.pipeline.bag import plain_json
 from advpipe.pipeline.bag.frames import FrameSlice
 from advpipe.pipeline.detector.device import CPU, device_record, frames_at_once, open_device
 from advpipe.pipeline.detector.registry import detector_sha256
@@ -106,7 +107,10 @@ def _short(value: object) -> str:
 def _resolved(spec: AttackSpec, device: str) -> dict[str, Any]:
     foreign = {key for family, keys in OWN_KEYS.items() if family != spec.family for key in keys}
     plain = spec.model_dump(mode="json", exclude=foreign)
-    plain["parameters"] = json.loads(json.dumps(resolved_parameters(spec)))
+    try:
+        plain["parameters"] = plain_json.load(json.dumps(resolved_parameters(spec)))
+    except (TypeError, ValueError) as error:  # of a user's own attack
+        raise AdvpipeError(f"{spec.type}: parameters cannot be written down as JSON: {error}") from None
     if spec.family != "lidar":
         return plain
     plain["recipe"] = resolved_recipe(spec)

@@ -15,7 +15,6 @@ from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.versions import installed
 from advpipe.stages.evaluate.detection.comparison import Comparison, bag_name
 from advpipe.stages.evaluate.detection.figures import Row
-from advpipe.stages.evaluate.detection.told import read_told
 
 SCORING = (*CLOUDS, "pipeline/defences", "stages/evaluate/detection")
 """The code that decides the figures of detection."""
@@ -77,7 +76,7 @@ def transfer_remark(comparison: Comparison) -> list[str]:
 
 def topic_remark(comparison: Comparison, topic: str) -> list[str]:
     """A remark if the clouds that are scored, those of a topic, are not the ones that were attacked."""
-    attacked = read_told(comparison.provenance, "lidar_topics", list[str], list[str]())
+    attacked = comparison.provenance.said.lidar_topics
     if not attacked or topic in attacked:
         return []
     return [f"Attacked were the clouds of {', '.join(attacked)}, evaluated were those of {topic}."]

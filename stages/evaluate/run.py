@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
 from advpipe.pipeline.bag.frames import ALL_FRAMES, FrameSlice, find_lidar_topic, has_ground_truth
 from advpipe.pipeline.bag.ground_truth import BOX_TYPES
 from advpipe.pipeline.bag.provenance import parent_sha256
+from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.detector.device import CPU, device_record
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
@@ -205,7 +206,7 @@ def _write_detections(
 
 
 def _refuse_adversarial(clean: Path) -> None:
-    if BagReader(clean).provenance.get("kind") == "attack":
+    if BagReader(clean).provenance.is_attack:
         raise AdvpipeError(
             f"{clean} is an adversarial bag; give the clean bag that it was made from first, then this one"
         )
@@ -219,10 +220,10 @@ def _require_ground_truth(clean: Path, lidar_topic: str | None) -> None:
         )
 
 
-def _refuse_another_parent(bag: Path, provenance: Mapping[str, str], clean: Path, clean_sha256: str) -> None:
+def _refuse_another_parent(bag: Path, provenance: Provenance, clean: Path, clean_sha256: str) -> None:
     """Raises AdvpipeError for an adversarial bag that says that it was made from another bag."""
-    told = provenance.get("parent_sha256", clean_sha256)
-    if told != clean_sha256:
+    told = provenance.said.parent_sha256
+    if told is not None and told != clean_sha256:
         raise AdvpipeError(
             f"{bag} was made from another bag than {clean} (parent SHA-256 {told[:12]}…, not "
             f"{clean_sha256[:12]}…); give the bag that was attacked; if that was recorded anew since, "

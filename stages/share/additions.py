@@ -72,7 +72,7 @@ def _draw(bags: Sequence[BagFacts], drives: Mapping[str, BagFacts], folder: Path
         topic = clean.lidars[0].name
         pictures.append(draw_clean(clean.path, topic, folder))
         for bag in track([bag for bag in bags if bag.is_attack], "drawing"):
-            parent = drives.get(bag.provenance.get("parent_sha256", ""), clean)
+            parent = drives.get(bag.provenance.said.parent_sha256 or "", clean)
             if all(any(lidar.name == topic for lidar in one.lidars) for one in (bag, parent)):
                 picture = draw_attack(parent.path, bag.path, topic, folder)
                 pictures += [picture] if picture else []

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
+from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.dataset.layout import REPORT_NAME, Layout
-from advpipe.pipeline.dataset.reports import bags_of_report
+from advpipe.pipeline.dataset.reports import read_report
 from advpipe.pipeline.errors import AdvpipeError
 
 
@@ -17,7 +18,7 @@ def check_chain(layout: Layout, sha256_of_bags: Mapping[str, str]) -> list[str]:
     sha256_of_bags: `parent_sha256` by the bag's name. Returns what cannot be checked.
     """
     records = {bag: BagReader(bag).provenance for bag in layout.bags}
-    attacks = {bag: record for bag, record in records.items() if record.get("kind") == "attack"}
+    attacks = {bag: record for bag, record in records.items() if record.is_attack}
     if layout.clean in attacks:
         raise AdvpipeError(f"{layout.clean} is an adversarial bag; a data set's clean bag is no attack")
     drives = {sha256_of_bags[bag.name] for bag in records if bag not in attacks}
@@ -28,7 +29,7 @@ def check_chain(layout: Layout, sha256_of_bags: Mapping[str, str]) -> list[str]:
 
 
 def _check_report(path: Path, sha256_of_bags: Mapping[str, str]) -> None:
-    for bag, stated in bags_of_report(path).items():
+    for bag, stated in read_report(path).bags.items():
         if bag not in sha256_of_bags:
             raise AdvpipeError(
                 f"{path} compares {bag}, which is not in the data set; move the report elsewhere"
@@ -40,8 +41,8 @@ def _check_report(path: Path, sha256_of_bags: Mapping[str, str]) -> None:
             )
 
 
-def _check_bag(bag: Path, record: Mapping[str, str], drives: Collection[str]) -> str:
-    stated = record.get("parent_sha256")
+def _check_bag(bag: Path, record: Provenance, drives: Collection[str]) -> str:
+    stated = record.said.parent_sha256
     if stated is None:
         return f"{bag.name} does not say which bag it was made from"
     if stated not in drives:

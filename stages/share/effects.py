@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from advpipe.pipeline.bag.document import Document
 from advpipe.pipeline.dataset.layout import REPORT_NAME
-from advpipe.pipeline.dataset.reports import read_report
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.dataset.reports import DetectionRow, read_report
 
 NOTHING = "–"
 
@@ -30,41 +30,36 @@ def effect_tables(reports: Sequence[Path]) -> list[EffectTable]:
     for report in reports:
         document = read_report(report / REPORT_NAME)
         for title, key, columns in _TABLES:
-            try:
-                records = [record for record in document.get(key) or () if record.get("bag")]
-                lines = tuple(
-                    (str(record["bag"]), *(show(record) for show in columns.values())) for record in records
-                )
-            except (LookupError, TypeError, ValueError, AttributeError):
-                raise AdvpipeError(
-                    f"{report / REPORT_NAME}: its {key} are none of this version's; evaluate again with "
-                    "--overwrite"
-                ) from None
+            lines = tuple(
+                (record.bag, *(show(record) for show in columns.values()))
+                for record in getattr(document, key)
+                if record.bag
+            )
             if lines:
                 tables.append(EffectTable(f"{title} ({report.name})", ("bag", *columns), lines))
     return tables
 
 
 def _figure(key: str, digits: int, factor: float = 1.0) -> Any:
-    def show(record: Mapping[str, Any]) -> str:
-        value = record.get(key)
-        return f"{value * factor:.{digits}f}" if isinstance(value, int | float) else NOTHING
+    def show(record: Document) -> str:
+        value = getattr(record, key)
+        return NOTHING if value is None else f"{value * factor:.{digits}f}"
 
     return show
 
 
-def _ratio(record: Mapping[str, Any]) -> str:
+def _ratio(record: DetectionRow) -> str:
     """Such as `37.1 (28.8…44.6)`."""
-    value, interval = record.get("map_ratio_percent"), record.get("map_ratio_ci95")
-    if not isinstance(value, int | float):
+    value, interval = record.map_ratio_percent, record.map_ratio_ci95
+    if value is None:
         return NOTHING
-    return f"{value:.1f}" + (
-        f" ({interval[0]:.1f}…{interval[1]:.1f})" if interval and None not in interval else ""
-    )
+    low, high = interval or (None, None)
+    return f"{value:.1f}" + (f" ({low:.1f}…{high:.1f})" if low is not None and high is not None else "")
 
 
-def _lost(record: Mapping[str, Any]) -> str:
-    return f"{record.get('lost_objects', NOTHING)} of {record.get('objects_found_clean', NOTHING)}"
+def _lost(record: DetectionRow) -> str:
+    lost, found = record.lost_objects, record.objects_found_clean
+    return f"{NOTHING if lost is None else lost} of {NOTHING if found is None else found}"
 
 
 _TABLES: tuple[tuple[str, str, dict[str, Any]], ...] = (
@@ -85,7 +80,7 @@ _TABLES: tuple[tuple[str, str, dict[str, Any]], ...] = (
         "Effect on localisation",
         "localisation",
         {
-            "vehicle": lambda record: str(record.get("vehicle", "")),
+            "vehicle": lambda record: record.vehicle,
             "mean error clean m": _figure("clean_mean_m", 2),
             "mean error attacked m": _figure("adv_mean_m", 2),
             "found by the innovation test %": _figure("detection_rate", 1, 100),
@@ -95,7 +90,7 @@ _TABLES: tuple[tuple[str, str, dict[str, Any]], ...] = (
         "Effect on V2X",
         "v2x",
         {
-            "receiver": lambda record: str(record.get("vehicle", "")),
+            "receiver": lambda record: record.vehicle,
             "messages": _figure("messages", 0),
             "lies": _figure("lies", 0),
             "F1 of misbehaviour detection": _figure("f1", 3),

@@ -12,6 +12,7 @@ from rosbags.interfaces import QosDurability
 
 from advpipe.pipeline.bag.inspect import BagDescription, describe
 from advpipe.pipeline.bag.messages import NS_PER_S
+from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import TF, TF_STATIC, RawMessage, VehicleTopics, is_truth
 
@@ -105,17 +106,14 @@ class BagFacts:
 
     path: Path
     description: BagDescription
+    provenance: Provenance
     topics: Mapping[str, TopicFacts]
     transforms: Mapping[tuple[str, str], Edge]
 
     @property
-    def provenance(self) -> Mapping[str, str]:
-        return self.description.provenance
-
-    @property
     def is_attack(self) -> bool:
         """Another drive, recorded by advpipe or not, may lie beside the clean one."""
-        return self.provenance.get("kind") == "attack"
+        return self.provenance.is_attack
 
     @property
     def lidars(self) -> list[TopicFacts]:
@@ -173,7 +171,7 @@ def read_facts(path: Path) -> BagFacts:
         topics[name].add(raw)
         if name in (TF.name, TF_STATIC.name):
             _add_transforms(transforms, reader, raw)
-    return BagFacts(path, description, dict(sorted(topics.items())), transforms)
+    return BagFacts(path, description, reader.provenance, dict(sorted(topics.items())), transforms)
 
 
 def _add_transforms(edges: dict[tuple[str, str], Edge], reader: BagReader, raw: RawMessage) -> None:

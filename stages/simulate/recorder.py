@@ -11,6 +11,7 @@ import shapely
 
 from advpipe.pipeline.bag import messages, topics
 from advpipe.pipeline.bag.cloud import cloud_to_cdr
+from advpipe.pipeline.bag.footprints import footprints_text
 from advpipe.pipeline.bag.ldm import ldm_detections_cdr, ldm_snapshot_cdr
 from advpipe.pipeline.bag.localisation import MAP_FRAME, initial_pose_message, onboard_messages
 from advpipe.pipeline.bag.markers import Lane, lane_markers, markers
@@ -24,7 +25,6 @@ from advpipe.pipeline.bag.v2x import (
     sent_message,
     stations_message,
 )
-from advpipe.pipeline.bag.footprints import footprints_text
 from advpipe.pipeline.bag.v2x_statistics import statistics_message
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.scenario.load import scenario_tree

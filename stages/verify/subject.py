@@ -7,9 +7,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from advpipe.pipeline.bag.document import read_yaml
 from advpipe.pipeline.bag.files import METADATA_NAME, mcap_files
 from advpipe.pipeline.bag.locate import CLEAN_NAME
 from advpipe.pipeline.bag.provenance import parent_sha256
+from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.dataset import checksums
 from advpipe.pipeline.dataset.layout import Layout, read_layout
@@ -39,7 +41,7 @@ class Bag:
         return mcap_files(self.path)
 
     @cached_property
-    def provenance(self) -> dict[str, str]:
+    def provenance(self) -> Provenance:
         return self.reader.provenance
 
     @property
@@ -49,20 +51,16 @@ class Bag:
 
     @property
     def is_attack(self) -> bool:
-        return self.provenance.get("kind") == "attack"
+        return self.provenance.is_attack
 
     @cached_property
     def scenario(self) -> dict[str, Any] | None:
         """The resolved scenario as plain values; None in another tool's bag, and where it is unreadable."""
-        import yaml
-
-        from advpipe.pipeline.bag.plain_yaml import load
-
         try:
-            tree = load(self.provenance.get("scenario", ""))
-        except (yaml.YAMLError, ValueError, RecursionError):
+            found: dict[str, Any] = read_yaml(self.provenance.said.scenario, dict[str, Any], self.place, "")
+        except AdvpipeError:
             return None
-        return tree if isinstance(tree, dict) else None
+        return found
 
     @cached_property
     def sha256(self) -> str | None:
@@ -77,7 +75,7 @@ class Bag:
     @cached_property
     def parent(self) -> Bag | None:
         """The bag that an attack was made from: the one with the right checksum; None if it is not here."""
-        wanted = self.provenance.get("parent_sha256")
+        wanted = self.provenance.said.parent_sha256
         for bag in self.subject.candidates:
             if bag.path != self.path and bag.sha256 is not None and bag.sha256 == wanted:
                 return bag

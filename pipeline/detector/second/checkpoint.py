@@ -6,11 +6,14 @@ import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Annotated, Literal
 
 import torch
+from pydantic import Field
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
+from advpipe.pipeline.bag.document import Document, Text, Word, read_json
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import preset_named
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
@@ -18,6 +21,15 @@ from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
 KIND = "advpipe-second-1"
 SHIPPED = {"small": Path(__file__).parent / "checkpoints" / "small.safetensors"}
 """Checkpoints that come with the package."""
+
+
+class _About(Document):
+    """The metadata of a checkpoint, under the key `advpipe`."""
+
+    kind: Literal["advpipe-second-1"]
+    preset: Word
+    classes: Annotated[tuple[Word, ...], Field(max_length=100)]
+    provenance: dict[Word, Text]
 
 
 def save_checkpoint(
@@ -59,21 +71,14 @@ def load_checkpoint(path: Path, device: torch.device | None = None) -> Second:
         raise AdvpipeError(
             f"{path} is not a whole safetensors file ({error}); train or copy it again"
         ) from None
-    try:
-        about = json.loads(metadata["advpipe"])
-        if about["kind"] != KIND:
-            raise KeyError
-        name, classes, provenance = about["preset"], about["classes"], about["provenance"]
-        if not (isinstance(name, str) and isinstance(classes, list) and isinstance(provenance, dict)):
-            raise TypeError
-    except (KeyError, TypeError, ValueError):
-        raise AdvpipeError(
-            f"{path} is no detector checkpoint of advpipe; make one with `advpipe train`"
-        ) from None
+    where = f"{path} is no detector checkpoint of advpipe"
+    about: _About = read_json(metadata.get("advpipe", ""), _About, where, "make one with `advpipe train`")
+    name = about.preset
     net = SecondNet(preset_named(name))
-    if tuple(classes) != net.preset.classes:
+    if about.classes != net.preset.classes:
         raise AdvpipeError(
-            f"{path} finds {classes}, preset {name!r} finds {list(net.preset.classes)}; train again"
+            f"{path} finds {list(about.classes)}, preset {name!r} finds {list(net.preset.classes)}; train "
+            "again"
         )
     ours = {k: v.shape for k, v in net.state_dict().items() if v.is_floating_point()}
     if ours != {k: v.shape for k, v in tensors.items()}:
@@ -81,4 +86,4 @@ def load_checkpoint(path: Path, device: torch.device | None = None) -> Second:
     if not all(bool(torch.isfinite(weights).all()) for weights in tensors.values()):
         raise AdvpipeError(f"the weights in {path} are not all finite; train or copy it again")
     net.load_state_dict(tensors, strict=False)
-    return Second(net.to(device), provenance)
+    return Second(net.to(device), about.provenance)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,23 +10,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.bag.provenance_record import AttackRecord
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.recorded_filter import vehicles_with_filter
 from advpipe.pipeline.bag.v2x_drive import V2xDrive
 from advpipe.pipeline.errors import AdvpipeError
-from advpipe.stages.evaluate.detection.told import read_told
 from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns
 from advpipe.stages.evaluate.v2x.labels import read_labels
 
 CLOUDS, POINTS = "frames.parquet", "labels.parquet"
 
 Int64 = npt.NDArray[np.int64]
-
-
-@dataclass(frozen=True)
-class _Told:
-    type: str
-    victim: str | None = None
 
 
 @dataclass(frozen=True)
@@ -48,7 +42,7 @@ def read_struck(clean: BagReader, bag: Path) -> dict[str, tuple[Struck, ...]]:
     bag: the adversarial bag's folder, or the file in it. Raises AdvpipeError for labels that cannot be read.
     """
     reader = BagReader(bag)
-    told = read_told(reader.provenance, "attacks", list[_Told], list[_Told]())
+    told = reader.provenance.said.attacks
     found: dict[str, list[Struck]] = {}
     for one in (*_fixes(clean, reader, told), *_messages(reader, bag, told), *_clouds(bag)):
         found.setdefault(one.vehicle, []).append(one)
@@ -67,7 +61,7 @@ def touched_points(bag: Path, vehicle: str) -> dict[int, int]:
     return counts
 
 
-def _fixes(clean: BagReader, reader: BagReader, told: list[_Told]) -> Iterator[Struck]:
+def _fixes(clean: BagReader, reader: BagReader, told: Sequence[AttackRecord]) -> Iterator[Struck]:
     spoofs = [one for one in told if one.type.startswith("gnss-")]
     for vehicle in sorted({*vehicles_with_filter(clean)} & {*vehicles_with_filter(reader)}) if spoofs else ():
         times_ns = attacked_fixes_ns(clean, reader, vehicle)
@@ -76,7 +70,7 @@ def _fixes(clean: BagReader, reader: BagReader, told: list[_Told]) -> Iterator[S
             yield Struck(vehicle, tuple(words), "fixes", times_ns)
 
 
-def _messages(reader: BagReader, bag: Path, told: list[_Told]) -> Iterator[Struck]:
+def _messages(reader: BagReader, bag: Path, told: Sequence[AttackRecord]) -> Iterator[Struck]:
     labels = [label for label in read_labels(bag) if label.attack.startswith("cam-")]
     for vehicle in V2xDrive(reader).listeners.values() if labels else ():
         words = {one.type for one in told if one.type.startswith("cam-") and one.victim in (None, vehicle)}

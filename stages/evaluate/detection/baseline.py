@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field
 
 from advpipe.pipeline.bag.cloud import Cloud, xyz
+from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.baselines import points_near_boxes
 from advpipe.pipeline.seeding import named_generator
 from advpipe.stages.evaluate.detection.random_change import Budget, Change, RandomChange
-from advpipe.stages.evaluate.detection.told import read_told
 
 Float64 = npt.NDArray[np.float64]
 
@@ -52,8 +50,6 @@ BASELINES = {
 USUAL_LOOKS = 24
 """How often an attack looks that does not say: as often as any of ours."""
 
-MOST_LOOKS = 10_000
-"""More is no record of ours, and would keep whoever evaluates such a bag busy for ever."""
 
 BEST = "_best"
 """What the word of a baseline ends with that is the best of several tries."""
@@ -70,9 +66,9 @@ def baseline_words() -> list[str]:
     return [word + end for word in BASELINES for end in ("", BEST)]
 
 
-def looks_of(provenance: Mapping[str, str]) -> int:
+def looks_of(provenance: Provenance) -> int:
     """To how many tries the attack looked to keep the best, by the record of its bag."""
-    return read_told(provenance, "looks", Annotated[int, Field(ge=1, le=MOST_LOOKS)], USUAL_LOOKS)
+    return provenance.said.looks or USUAL_LOOKS
 
 
 def random_baselines(

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.stages.evaluate.detection.displacement import Displacement
 from advpipe.stages.evaluate.detection.scoring import Matches, Truth
-from advpipe.stages.evaluate.detection.told import read_told
 
 Int64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
@@ -82,7 +82,7 @@ class Comparison:
     """
 
     bag: Path | None
-    provenance: Mapping[str, str]
+    provenance: Provenance
     frames: tuple[FrameResult, ...]
     detector: str = ""
     detector_sha256: str = ""
@@ -99,23 +99,17 @@ class Comparison:
 
         One file may hold several detectors `module:Class`: they are told apart by name too.
         """
-        attacked = self.provenance.get("detector_sha256")
+        attacked = self.provenance.said.detector_sha256
         if not attacked or not self.detector_sha256:
             return None
         is_named_alike = self.provenance.get("detector", self.detector) == self.detector
         return attacked == self.detector_sha256 and (is_named_alike or ":" not in self.detector)
 
 
-def touches_clouds(provenance: Mapping[str, str]) -> bool:
+def touches_clouds(provenance: Provenance) -> bool:
     """Whether an attack changed clouds, and not only messages (`cam-...`) or GPS (`gnss-...`)."""
-    words = provenance.get("attack", "").split("+")
+    words = provenance.said.attack.split("+")
     return not all(word.startswith(("cam-", "gnss-")) for word in words)
-
-
-def attack_parameters(provenance: Mapping[str, str]) -> dict[str, object]:
-    """What the provenance of an adversarial bag says of the attack's parameters."""
-    parameters = read_told(provenance, "parameters", dict[str, object] | list[object], dict[str, object]())
-    return parameters if isinstance(parameters, dict) else {}  # a coordinated attack has a list of them
 
 
 def bag_name(bag: Path) -> str:

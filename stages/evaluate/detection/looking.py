@@ -11,6 +11,7 @@ import numpy as np
 
 from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.bag.frames import ALL_FRAMES, Frame, FrameSlice, find_lidar_topic
+from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.defences.registry import parse_defences
 from advpipe.pipeline.detector.device import CPU
@@ -27,7 +28,6 @@ from advpipe.stages.evaluate.detection.comparison import (
     CloudResult,
     Comparison,
     FrameResult,
-    attack_parameters,
     under,
 )
 from advpipe.stages.evaluate.detection.displacement import Displacement, finite_xyz
@@ -54,7 +54,7 @@ class Looking:
     detector: str
     clean: Path
     adversarial: tuple[Path, ...] = ()
-    provenances: tuple[Mapping[str, str], ...] = ()
+    provenances: tuple[Provenance, ...] = ()
     lidar_topic: str | None = None
     seed: int = 0
     baseline: bool = True
@@ -92,7 +92,7 @@ class Looking:
                 raise AdvpipeError(f"{each.bag} holds none of the frames {self.frames}; choose others")
         return comparisons
 
-    def _tries(self, about: Mapping[str, str]) -> int:
+    def _tries(self, about: Provenance) -> int:
         """Of how many random tries the best is looked at beside an attack; 0 without baselines."""
         if not self.baseline or about.get("recipe") in RANDOM_RECIPES:
             return 0
@@ -143,7 +143,7 @@ class Looking:
         return look_at
 
     def _compare(
-        self, eye: Eye, alone: FrameResult, before: Frame, after: Frame, provenance: Mapping[str, str]
+        self, eye: Eye, alone: FrameResult, before: Frame, after: Frame, provenance: Provenance
     ) -> FrameResult:
         truth, look = alone.truth, partial(_look, eye, alone.truth, before.cloud)
         change = cloud_difference(before.cloud, after.cloud)
@@ -152,7 +152,7 @@ class Looking:
             clouds = random_baselines(
                 before.cloud,
                 truth.boxes.geometry[truth.is_evaluated],
-                Budget.of(before.cloud, after.cloud, change, attack_parameters(provenance)),
+                Budget.of(before.cloud, after.cloud, change, provenance.parameters),
                 lambda cloud: worth(truth, match(truth, eye.detect(cloud), eye.classes))[truth.is_evaluated],
                 tries=tries,
                 seed=self.seed,

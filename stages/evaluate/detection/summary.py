@@ -18,9 +18,8 @@ from advpipe.stages.evaluate.detection.baseline import (
     BASELINES,
     baseline_title,
     baseline_words,
-    looks_of,
 )
-from advpipe.stages.evaluate.detection.comparison import Comparison, FrameResult, attack_parameters
+from advpipe.stages.evaluate.detection.comparison import Comparison, FrameResult
 from advpipe.stages.evaluate.detection.defended import defended_rows
 from advpipe.stages.evaluate.detection.figures import (
     Row,
@@ -207,7 +206,7 @@ def _notes_on_baselines(row: Row) -> list[str]:
 def _attack(comparison: Comparison) -> Row:
     """Attack, recipe, and its budget: the parameter that the attack names, else its first."""
     provenance = comparison.provenance
-    parameters = attack_parameters(provenance)
+    parameters = provenance.parameters
     parameter = provenance.get("budget", next(iter(parameters), None))
     return {
         "attack": provenance.get("attack", "none" if not provenance else "unknown"),
@@ -217,7 +216,7 @@ def _attack(comparison: Comparison) -> Row:
         "parameters": parameters,
         "attacked_against": provenance.get("detector"),
         "is_white_box": comparison.is_white_box,
-        "looks": looks_of(provenance) if "looks" in provenance else None,
+        "looks": provenance.said.looks,
         "baseline_tries": comparison.baseline_tries,
     }
 

@@ -19,7 +19,7 @@ from advpipe.stages.evaluate.report.clean import (
     strata_tables,
 )
 from advpipe.stages.evaluate.report.numbers import number
-from advpipe.stages.evaluate.report.report import Report
+from advpipe.stages.evaluate.report.report import Report, plain
 from advpipe.stages.evaluate.report.scene import attack_title
 from advpipe.stages.evaluate.report.section import ATTACK, CLEAN, OVERVIEW, Picture
 from advpipe.stages.evaluate.report.table import lines, remarks
@@ -60,7 +60,7 @@ def write_html(report: Report, summaries: Sequence[Summary], pictures: Sequence[
             if summary.comparison.bag
         ],
         formulas=report.all_formulas(),
-        provenance=json.dumps(json.loads(report.to_json())["provenance"], indent=2, sort_keys=True),
+        provenance=json.dumps(plain(report.provenance), indent=2, sort_keys=True),
     )
     path.write_text(page, encoding="utf-8")
 

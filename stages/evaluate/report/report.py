@@ -67,7 +67,7 @@ class Report:
         The records of `average_precision` and of sections take one line each.
         """
         document = {"formulas": self.all_formulas(), "provenance": self.provenance, "rows": self.rows}
-        text = json.dumps(_plain(document), indent=2, sort_keys=True, allow_nan=False)
+        text = json.dumps(plain(document), indent=2, sort_keys=True, allow_nan=False)
         records = {"average_precision": self.average_precision}
         records |= {each.key: each.records for each in self.sections if each.records}
         listed = "".join(f'\n  "{key}": {_one_a_line(each)},' for key, each in sorted(records.items()))
@@ -97,16 +97,16 @@ def precision_records(summaries: Sequence[Summary]) -> tuple[Row, ...]:
 
 
 def _one_a_line(records: Sequence[Row]) -> str:
-    lines = [json.dumps(_plain(record), sort_keys=True, allow_nan=False) for record in records]
+    lines = [json.dumps(plain(record), sort_keys=True, allow_nan=False) for record in records]
     return "[" + ",".join(f"\n    {line}" for line in lines) + "\n  ]"
 
 
-def _plain(value: object) -> object:
+def plain(value: object) -> object:
     """A value that JSON knows: numbers rounded to `SIGNIFICANT_DIGITS`, None for NaN."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, float | np.floating):
         return float(f"{value:.{SIGNIFICANT_DIGITS}g}") if np.isfinite(value) else None
     return value

@@ -38,7 +38,7 @@ def sweep_settings(
     Raises AdvpipeError for an adversarial bag, one without clouds or ground truth, frames that it does not
     have, and an unknown detector or device.
     """
-    if BagReader(clean).provenance.get("kind") == "attack":
+    if BagReader(clean).provenance.is_attack:
         raise AdvpipeError(f"{clean} is an adversarial bag; give the clean bag that it was made from")
     count = count_frames(clean, lidar_topic)
     step = max(1, -(-count // usual_frames))

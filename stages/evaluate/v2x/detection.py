@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.misbehaviour.catch import (
     TUNED_CATCH,
     CatchParameters,
@@ -19,7 +20,6 @@ from advpipe.pipeline.misbehaviour.catch import (
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
 from advpipe.pipeline.misbehaviour.detector import judge_all
 from advpipe.pipeline.misbehaviour.scores import Bools, Scores, scores
-from advpipe.stages.evaluate.detection.told import read_told
 from advpipe.stages.evaluate.v2x.labels import MessageLabel, lies
 from advpipe.stages.evaluate.v2x.receptions import Receptions
 
@@ -75,12 +75,6 @@ class Detection:
     baseline: Scores
     parts: tuple[Part, ...]
     objections: dict[str, int]
-
-
-@dataclass(frozen=True)
-class _ToldAttack:
-    type: str
-    parameters: dict[str, object]
 
 
 @dataclass(frozen=True)
@@ -156,10 +150,9 @@ def published_f1(attack: str, parameters: Mapping[str, object]) -> float:
     return PUBLISHED_CATCH_F1.get(attack, math.nan)
 
 
-def attack_parameters(provenance: Mapping[str, str]) -> dict[str, dict[str, object]]:
+def attack_parameters(provenance: Provenance) -> dict[str, dict[str, object]]:
     """The parameters of each attack that an adversarial bag's provenance lists, by its word."""
-    attacks = read_told(provenance, "attacks", list[_ToldAttack], list[_ToldAttack]())
-    return {one.type: one.parameters for one in attacks}
+    return {one.type: one.parameters for one in provenance.said.attacks}
 
 
 def _parts(

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from functools import cached_property
 from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -37,21 +35,28 @@ class Attacked:
 
     def __init__(self, bag: Bag, parent: Bag) -> None:
         self.bag, self.clean, self.adversarial = bag, parent.reader, bag.reader
-        self.attacks: list[dict[str, Any]] = json.loads(bag.provenance.get("attacks", "[]"))
-        families = {_family(str(one.get("type", ""))) for one in self.attacks}
+        self.attacks = bag.provenance.said.attacks
+        families = {_family(one.type) for one in self.attacks}
         self.has_clouds = "lidar" in families
         self.has_messages = bool(families - {"lidar"})
 
     @cached_property
     def message_specs(self) -> tuple[AttackSpec, ...]:
         """The attacks on messages and fixes; ValueError where they are none of this version."""
-        known = [{key: one[key] for key in AttackSpec.model_fields.keys() & one} for one in self.attacks]
-        specs = (AttackSpec.model_validate(one) for one in known if _family(str(one.get("type"))) != "lidar")
-        return tuple(specs)
+        return tuple(
+            AttackSpec.model_validate(
+                {key: value for key, value in one.values.items() if key in AttackSpec.model_fields}
+            )
+            for one in self.attacks
+            if _family(one.type) != "lidar"
+        )
 
     @property
     def seed(self) -> int:
-        return int(self.bag.provenance["seed"])
+        seed = self.bag.provenance.said.seed
+        if seed is None:
+            raise ValueError("its provenance names no seed")
+        return seed
 
     @cached_property
     def start_ns(self) -> int:
@@ -68,11 +73,11 @@ class Attacked:
         if not self.has_clouds:
             return ()
         if "lidar_topics" in self.bag.provenance:
-            found = json.loads(self.bag.provenance["lidar_topics"])
+            found = list(self.bag.provenance.said.lidar_topics)
         else:
             found = [topic for topic, _ in groupby(row["topic"] for row in rows(self.table(FRAMES)))]
-        first = next(one for one in self.attacks if _family(one["type"]) == "lidar")
-        leading = first.get("lidar") or VehicleTopics(first.get("victim") or "ego").lidar_points.name
+        first = next(one for one in self.attacks if _family(one.type) == "lidar")
+        leading = first.lidar or VehicleTopics(first.victim or "ego").lidar_points.name
         return tuple(sorted(dict.fromkeys(found), key=lambda name: name != leading))
 
     @cached_property

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.bag.cloud import Cloud, xyz, xyzi
+from advpipe.pipeline.bag.provenance_record import AttackRecord
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.verify.checks.attacked import FRAMES, POINT_LABELS, Attacked
 from advpipe.stages.verify.checks.base import BagCheck
@@ -203,9 +204,9 @@ def _excess(clean: Cloud, labels: Labels, budget: dict[str, Any]) -> str:
     return ""
 
 
-def _budgets(attacks: list[dict[str, Any]], word: str) -> list[dict[str, Any]]:
+def _budgets(attacks: Sequence[AttackRecord], word: str) -> list[dict[str, Any]]:
     """The parameters of the attacks of this word; none for a user's own, whose names mean what they like."""
-    return [one.get("parameters") or {} for one in attacks if one.get("type") == word and ":" not in word]
+    return [one.parameters for one in attacks if one.type == word and ":" not in word]
 
 
 def _is_in_order(labels: Labels, clean: Cloud, adversarial: Cloud) -> bool:

@@ -24,5 +24,5 @@ class Provenance(BagCheck):
             yield Fault(bag.place, "was made from a bag that is not the one in this data set (parent_sha256)")
         elif bag.parent is None:
             yield Gap(bag.place, "the bag that it was made from is not here: the attack is verified alone")
-        elif bag.parent.provenance.get("scenario") != bag.provenance.get("scenario"):
+        elif bag.parent.provenance.said.scenario != bag.provenance.said.scenario:
             yield Fault(bag.place, f"tells another scenario than its parent {bag.parent.place}")

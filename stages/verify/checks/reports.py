@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from advpipe.pipeline.dataset.layout import REPORT_NAME
-from advpipe.pipeline.dataset.reports import bags_of_report
+from advpipe.pipeline.dataset.reports import read_report
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.verify.checks.base import FolderCheck
 from advpipe.stages.verify.result import Fault, Result
@@ -22,7 +22,7 @@ class Reports(FolderCheck):
             path = folder / REPORT_NAME
             where = self.subject.place(path)
             try:
-                stated = bags_of_report(path)
+                stated = read_report(path).bags
             except AdvpipeError as error:
                 yield Fault(where, str(error))
                 continue

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from typing import Any
 
 import yaml
 
+from advpipe.pipeline.bag import plain_json
 from advpipe.pipeline.bag.plain_yaml import LIMIT_BYTES, load
 from advpipe.pipeline.bag.topics import SCENARIO_INFO
 from advpipe.pipeline.dataset.layout import SCENARIO_NAME
@@ -25,7 +25,7 @@ class ScenarioFiles(MessageCheck):
         if seen.raw.topic.name != SCENARIO_INFO.name or self.bag.scenario is None or seen.message is None:
             return
         try:
-            told = json.loads(seen.message.data) if len(seen.message.data) <= LIMIT_BYTES else None
+            told = plain_json.load(seen.message.data)
         except (ValueError, RecursionError):
             told = None
         if told != self.bag.scenario and told != {}:
@@ -73,6 +73,6 @@ def _says(value: Any, text: str) -> bool:
     if value == text:
         return True
     try:
-        return bool(json.loads(text) == value)
+        return bool(plain_json.load(text) == value)
     except (ValueError, RecursionError):
         return False

@@ -12,6 +12,7 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 
 from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.frames import read_frames
+from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.types import schema_text, serialise, typestore
 from advpipe.pipeline.bag.writer import BagWriter
@@ -23,7 +24,7 @@ Record = Callable[..., Path]
 def read_all(path: Path) -> int:
     """How many messages there are, after using all of the bag."""
     reader = BagReader(path)
-    assert isinstance(reader.provenance, dict)
+    assert isinstance(reader.provenance, Provenance)
     for topic in reader.topics:
         reader.log_times_ns(topic)
     return sum(reader.decode(raw) is not None for raw in reader.raw_messages())

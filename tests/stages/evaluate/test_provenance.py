@@ -3,25 +3,26 @@
 import pytest
 from place_drive import clean_cloud, write_bag
 
+from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.stages.evaluate.detection.comparison import Comparison
 from advpipe.stages.evaluate.provenance import intensity_remark, topic_remark, transfer_remark
 
 
 def test_attack_on_other_weights_is_called_a_transfer():
     def remark(sha256):
-        return transfer_remark(Comparison(None, {"detector_sha256": "a" * 64}, (), "any", sha256))
+        return transfer_remark(Comparison(None, Provenance({"detector_sha256": "a" * 64}), (), "any", sha256))
 
     assert remark("a" * 64) == remark("") == []
     assert "transfer" in remark("b" * 64)[0]
     about = {"detector_sha256": "a" * 64, "detector": "small"}
-    (line,) = transfer_remark(Comparison(None, about, (), "mine:One", "b" * 64))
+    (line,) = transfer_remark(Comparison(None, Provenance(about), (), "mine:One", "b" * 64))
     assert line == "Attacked against small, evaluated with mine:One: this is a transfer attack."
 
 
 def test_other_clouds_than_the_attacked_ones_are_told():
-    attacked = Comparison(None, {"lidar_topics": '["/ego/roof/points"]'}, ())
+    attacked = Comparison(None, Provenance({"lidar_topics": '["/ego/roof/points"]'}), ())
     assert topic_remark(attacked, "/ego/roof/points") == []
-    assert topic_remark(Comparison(None, {}, ()), "/ego/lidar/points") == []
+    assert topic_remark(Comparison(None, Provenance({}), ()), "/ego/lidar/points") == []
     (line,) = topic_remark(attacked, "/ego/lidar/points")
     assert line == "Attacked were the clouds of /ego/roof/points, evaluated were those of /ego/lidar/points."
 
@@ -36,6 +37,6 @@ def test_intensities_of_another_scale_are_told(tmp_path, most, told):
 
 def test_two_detectors_in_one_file_are_two():
     about = {"detector_sha256": "a" * 64, "detector": "mine:One"}
-    assert Comparison(None, about, (), "mine:One", "a" * 64).is_white_box is True
-    assert Comparison(None, about, (), "mine:Other", "a" * 64).is_white_box is False
-    assert Comparison(None, about, (), "renamed.safetensors", "a" * 64).is_white_box is True
+    assert Comparison(None, Provenance(about), (), "mine:One", "a" * 64).is_white_box is True
+    assert Comparison(None, Provenance(about), (), "mine:Other", "a" * 64).is_white_box is False
+    assert Comparison(None, Provenance(about), (), "renamed.safetensors", "a" * 64).is_white_box is True

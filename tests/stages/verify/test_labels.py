@@ -12,6 +12,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 
+from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.stages.attack.run import AttackRequest, attack
 from advpipe.stages.verify.checks.base import BagCheck
@@ -32,7 +33,7 @@ def faults(bag: Path, check: type[BagCheck], change: Callable[[Attacks], None] |
     if change is not None:
         attacks = json.loads(subject.provenance["attacks"])
         change(attacks)
-        subject.provenance["attacks"] = json.dumps(attacks)
+        subject.provenance = Provenance({**subject.provenance, "attacks": json.dumps(attacks)})
     return [found.what for found in check(subject).check() if isinstance(found, Fault)]
 
 
