@@ -6,19 +6,21 @@ import json
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.resources import files
-from typing import Any, NamedTuple
-from urllib.parse import quote
+from typing import Annotated, Any, NamedTuple
 
 import yaml
 from jinja2 import Environment, StrictUndefined
+from pydantic import ConfigDict, Field
 
-from advpipe.pipeline.bag import plain_yaml
+from advpipe.pipeline.bag.document import Document, Number, Text, Word, read_yaml
 from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.dataset.layout import Layout
+from advpipe.pipeline.errors import one_line
 from advpipe.stages.share import names
 from advpipe.stages.share.effects import effect_tables
 from advpipe.stages.share.facts import CLOUD_TYPE, BagFacts, TopicFacts
+from advpipe.stages.share.markdown import Markdown, block, code, escaped, link, literal, own_words
 from advpipe.stages.share.options import ShareOptions
 from advpipe.stages.share.pictures import Picture
 
@@ -29,13 +31,15 @@ _HUB_LICENCES = (
 """Those of Hugging Face's keys that are SPDX identifiers in lower case; others are `other` there."""
 
 _WHAT = {
-    "scenario.yaml": "the scenario, every default spelt out; `advpipe simulate` makes the drive of it again",
-    "clean": "the recorded drive, a rosbag2 folder",
-    "reports": "measured effect of the attacks",
-    names.CHECKS: "what each bag promises, for baglint and Backplane Tracecheck",
-    names.PLAY: "layouts for Foxglove and RViz",
-    names.FIGURES: "the pictures of this page",
-    names.MESSAGES: "our own message types, a ROS 2 package",
+    "scenario.yaml": Markdown(
+        "the scenario, every default spelt out; `advpipe simulate` makes the drive of it again"
+    ),
+    "clean": Markdown("the recorded drive, a rosbag2 folder"),
+    "reports": Markdown("measured effect of the attacks"),
+    names.CHECKS: Markdown("what each bag promises, for baglint and Backplane Tracecheck"),
+    names.PLAY: Markdown("layouts for Foxglove and RViz"),
+    names.FIGURES: Markdown("the pictures of this page"),
+    names.MESSAGES: Markdown("our own message types, a ROS 2 package"),
 }  # fmt: skip
 _ATTACK = "an adversarial version of it, playable alone, with its labels"
 _DRIVE = "another recorded drive; its own record holds its scenario"
@@ -43,11 +47,47 @@ _POINT_TYPES = {1: "i1", 2: "u1", 3: "<i2", 4: "<u2", 5: "<i4", 6: "<u4", 7: "<f
 """numpy's names of sensor_msgs/PointField's types."""
 
 
-_ORIGIN = ("latitude_deg", "longitude_deg", "altitude_m")
-_LIDAR = (
-    *("preset", "vehicle", "channels", "points_per_second", "rotation_frequency", "range"),
-    *("x_m", "y_m", "z_m"),
-)
+_Figure = Annotated[int, Field(strict=True)] | Number
+
+
+class _Origin(Document):
+    latitude_deg: Number
+    longitude_deg: Number
+    altitude_m: Number
+
+
+class _Map(Document):
+    """Beside the origin, where the map comes from, as plain values."""
+
+    model_config = ConfigDict(extra="allow")
+
+    origin: _Origin | None = None
+
+
+class _Lidar(Document):
+    """None for what the release that recorded the drive did not know."""
+
+    preset: Word | None = None
+    vehicle: Word | None = None
+    channels: _Figure | None = None
+    points_per_second: _Figure | None = None
+    rotation_frequency: _Figure | None = None
+    range: _Figure | None = None
+    x_m: _Figure | None = None
+    y_m: _Figure | None = None
+    z_m: _Figure | None = None
+
+
+class _Sensors(Document):
+    lidars: dict[Word, _Lidar] = Field(default_factory=dict)
+
+
+class RecordedScenario(Document):
+    """The part of a resolved scenario, of any release, that a card shows."""
+
+    description: Text = ""
+    map: _Map = _Map()
+    sensors: _Sensors = _Sensors()
 
 
 class _Attack(NamedTuple):
@@ -76,18 +116,18 @@ def write_card(
     clean, attacks = bags[0], [bag for bag in bags if bag.is_attack]
     scenario = _scenario(clean)
     first = clean.lidars[0] if clean.lidars else next(iter(clean.topics.values()))
-    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True)
-    environment.filters |= {"cell": cell, "link": quote, "word": shlex.quote}
+    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True, finalize=escaped)
+    environment.filters |= {"code": code, "link": link, "literal": literal, "word": _word}
     template = environment.from_string(
         (files("advpipe.stages.share") / "card.md").read_text(encoding="utf-8")
     )
     return template.render(
-        front_matter=_front_matter(name, clean, attacks, options),
-        mark=names.CARD_MARK,
+        front_matter=Markdown(_front_matter(name, clean, attacks, options)),
+        mark=Markdown(names.CARD_MARK),
         name=name,
-        description=" ".join(str(scenario.get("description") or "").split()),
-        is_simulated=clean.provenance.get("kind") == "clean",
-        version=_json(clean, "versions").get("advpipe", ""),
+        description=scenario.description,
+        is_simulated=clean.provenance.said.kind == "clean",
+        version=clean.provenance.said.versions.get("advpipe", ""),
         clean=clean,
         bags=bags,
         attacks=[_attack(bag) for bag in attacks],
@@ -97,7 +137,7 @@ def write_card(
         chain=_chain(attacks, drives),
         other_drives=len(drives) - 1,
         rate=_rate,
-        lidars=list(_lidars(scenario)),
+        lidars=[{"name": name, **dict(lidar)} for name, lidar in scenario.sensors.lidars.items()],
         origin=_origin(clean, scenario),
         effects=effect_tables(found.reports),
         has_messages=any(topic.type.startswith("advpipe_msgs/") for topic in clean.topics.values()),
@@ -106,15 +146,15 @@ def write_card(
         clean_file=mcap_files(clean.path)[0].name,
         is_signed=options.sign is not None,
         licence=options.licence or "None stated: ask the author before you use the data.",
-        citation=f"```\n{options.citation}\n```" if options.citation else "None given.",
+        citation=block(options.citation) if options.citation else "None given.",
         remarks=remarks,
         own_words=_own_words(found),
     )
 
 
-def cell(text: object) -> str:
-    """Text as a cell of a table in Markdown."""
-    return " ".join(str(text).split()).replace("|", "\\|")
+def _word(text: str) -> Markdown:
+    """One word of a command line in a block of code."""
+    return Markdown(shlex.quote(one_line(text)))
 
 
 def _front_matter(name: str, clean: BagFacts, attacks: Sequence[BagFacts], options: ShareOptions) -> str:
@@ -133,54 +173,33 @@ def _front_matter(name: str, clean: BagFacts, attacks: Sequence[BagFacts], optio
     return f"---\n{yaml.safe_dump(document, sort_keys=False, allow_unicode=True)}---"
 
 
-def _scenario(clean: BagFacts) -> dict[str, Any]:
-    """The resolved scenario of the drive's record; empty for another tool's bag."""
-    try:
-        document = plain_yaml.load(clean.provenance.get("scenario", ""))
-    except (yaml.YAMLError, ValueError):
-        return {}
-    return document if isinstance(document, dict) else {}
+def _scenario(clean: BagFacts) -> RecordedScenario:
+    """What the drive's record says of its scenario; nothing for another tool's bag.
+
+    Raises AdvpipeError for a text that is no scenario.
+    """
+    text = clean.provenance.said.scenario
+    if not text.strip():
+        return RecordedScenario()
+    where = f"{clean.path}: the provenance record: scenario"
+    found: RecordedScenario = read_yaml(text, RecordedScenario, where, "record the bag again")
+    return found
 
 
-def _part(document: Mapping[str, Any], *keys: str) -> Mapping[str, Any]:
-    """What lies in a document under keys; empty where that has no keys of its own."""
-    found: Any = document
-    for key in keys:
-        found = found.get(key) if isinstance(found, Mapping) else None
-    return found if isinstance(found, Mapping) else {}
-
-
-def _lidars(scenario: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Name and properties of each; None for one that the release that recorded the drive did not know."""
-    for name, lidar in _part(scenario, "sensors", "lidars").items():
-        if isinstance(lidar, Mapping):
-            yield {"name": name} | {key: lidar.get(key) for key in _LIDAR}
-
-
-def _json(bag: BagFacts, key: str) -> dict[str, Any]:
-    """An entry of a bag's record that is JSON; empty where it is none."""
-    try:
-        document = json.loads(bag.provenance.get(key, "{}"))
-    except ValueError:
-        return {}
-    return document if isinstance(document, dict) else {}
-
-
-def _origin(clean: BagFacts, scenario: Mapping[str, Any]) -> dict[str, str]:
+def _origin(clean: BagFacts, scenario: RecordedScenario) -> dict[str, str]:
     """Map, seed and versions, as far as the bag says."""
-    about = clean.provenance
-    place = _part(scenario, "map")
-    sources = {key: value for key, value in place.items() if key != "origin" and value}
+    about, place = clean.provenance, scenario.map
+    sources = {key: value for key, value in (place.model_extra or {}).items() if value}
     facts = {
         "scenario": about.get("scenario_name", ""),
         "map": ", ".join(f"{key} {value}" for key, value in sources.items()),
         "map's SHA-256": about.get("map_sha256", ""),
         "seed": about.get("seed", ""),
     }
-    if origin := _part(place, "origin"):
-        latitude, longitude, altitude = (origin.get(key) for key in _ORIGIN)
-        facts["origin"] = f"{latitude}° N, {longitude}° E, {altitude} m"
-    versions = _json(clean, "versions")
+    if place.origin is not None:
+        origin = place.origin
+        facts["origin"] = f"{origin.latitude_deg}° N, {origin.longitude_deg}° E, {origin.altitude_m} m"
+    versions = about.said.versions
     facts["versions"] = ", ".join(f"{package} {number}" for package, number in versions.items() if number)
     return {key: value for key, value in facts.items() if value} or {
         "recorded by": "another tool than advpipe"
@@ -191,24 +210,20 @@ def _attack(bag: BagFacts) -> _Attack:
     about = bag.provenance
     recipe = about.get("recipe", "")
     title = about.get("attack", "unknown") + (f", recipe {recipe}" if recipe else "")
-    words = ", ".join(f"{key} {json.dumps(value)}" for key, value in _json(bag, "parameters").items())
+    words = ", ".join(f"{key} {json.dumps(value)}" for key, value in about.parameters.items())
     aim = "; ".join(_aims(bag))
     return _Attack(bag.path.name, title, words, aim, about.get("seed", ""), about.get("frames", ""))
 
 
 def _aims(bag: BagFacts) -> Iterator[str]:
     """Of each attack in a bag: who lies, whom it harms, which detector it looked at, and when it acts."""
-    try:
-        attacks = json.loads(bag.provenance.get("attacks", "[]"))
-    except (ValueError, RecursionError):
-        attacks = []
-    attacks = [one for one in attacks if isinstance(one, Mapping)] if isinstance(attacks, list) else []
+    attacks = bag.provenance.said.attacks
     for one in attacks:
-        facts = {f"attackers' {key}": value for key, value in _part(one, "attackers").items()}
-        facts |= {key: one.get(key) for key in ("victim", "lidar", "detector")}
-        facts |= _part(one, "schedule")
+        facts = {f"attackers' {key}": value for key, value in (one.attackers or {}).items()}
+        facts |= {"victim": one.victim, "lidar": one.lidar, "detector": one.detector}
+        facts |= one.schedule or {}
         told = [f"{key} {_plain(value)}" for key, value in facts.items() if value not in (None, "", [])]
-        yield (f"{one.get('type')}: " if len(attacks) > 1 else "") + ", ".join(told)
+        yield (f"{one.type}: " if len(attacks) > 1 else "") + ", ".join(told)
 
 
 def _plain(value: object) -> str:
@@ -240,17 +255,17 @@ def _digest_of(bag: BagFacts, found: Layout, sums: Mapping[str, str]) -> str:
     return of_bag[0] if len(of_bag) == 1 else "several files, see SHA256SUMS"
 
 
-def _chain(attacks: Sequence[BagFacts], drives: Mapping[str, BagFacts]) -> str:
+def _chain(attacks: Sequence[BagFacts], drives: Mapping[str, BagFacts]) -> Markdown:
     """What ties the adversarial bags to a drive; run.py refused any that states another parent."""
     lines = []
     for sha256, drive in drives.items():
-        tied = [f"`{bag.path.name}`" for bag in attacks if bag.provenance.get("parent_sha256") == sha256]
+        tied = [code(bag.path.name) for bag in attacks if bag.provenance.said.parent_sha256 == sha256]
         if tied:
-            place = f"`{drive.path.name}`"
+            place = code(drive.path.name)
             lines.append(
                 f"the records of {', '.join(tied)} name the SHA-256 of {place}, of which they were made"
             )
-    return f"Provenance: {'; '.join(lines)}." if lines else ""
+    return Markdown(f"Provenance: {'; '.join(lines)}." if lines else "")
 
 
 def _rate(topic: TopicFacts) -> str:
@@ -259,22 +274,24 @@ def _rate(topic: TopicFacts) -> str:
     return f"{topic.rate_hz:.1f} Hz" if topic.rate_hz else ""
 
 
-def _numpy_fields(clean: BagFacts, topic: TopicFacts) -> str:
+def _numpy_fields(clean: BagFacts, topic: TopicFacts) -> Markdown:
     """The structured type of a cloud topic's points as Python text; empty for another topic."""
     if topic.type != CLOUD_TYPE:
-        return ""
+        return Markdown("")
     _, message = next(BagReader(clean.path).messages(topic.name))
     fields = message.fields
+    if any(field.datatype not in _POINT_TYPES for field in fields):
+        return Markdown("")
     parts = {
         "names": [field.name for field in fields],
         "formats": [_POINT_TYPES[field.datatype] for field in fields],
         "offsets": [int(field.offset) for field in fields],
         "itemsize": int(message.point_step),
     }
-    return f"np.dtype({parts})"
+    return Markdown(f"np.dtype({parts!a})")
 
 
-def _own_words(found: Layout) -> str:
+def _own_words(found: Layout) -> Markdown:
     """What the author wrote into the data set's README.md, unless sharing made that."""
     text = found.card.read_text(encoding="utf-8", errors="replace") if found.card else ""
-    return "" if names.CARD_MARK in text else text.strip()
+    return own_words("" if names.CARD_MARK in text else text.strip())
