@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib.figure import Figure
 
 from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.bag.frames import Frame, FrameSlice, read_frames
@@ -22,6 +21,7 @@ from advpipe.pipeline.birds_eye import (
     draw_rings,
     prepare_axes,
 )
+from advpipe.pipeline.figure import Figure
 
 REACH_M = 45.0
 SIDE_IN, HEAD_IN = 6.2, 0.4

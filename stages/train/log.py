@@ -47,7 +47,8 @@ class Log:
 def plot_training(steps: Path, validations: Path, picture: Path) -> None:
     """The losses over the steps, smoothed over about a fiftieth of the run, and the average precision."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+
+    from advpipe.pipeline.figure import Figure
 
     losses, precision = (np.genfromtxt(f, delimiter=",", names=True, ndmin=1) for f in (steps, validations))
     width = max(1, len(losses) // 50)

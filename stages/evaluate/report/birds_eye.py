@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from advpipe.pipeline.bag.cloud import xyz
@@ -25,6 +24,7 @@ from advpipe.pipeline.birds_eye import (
     draw_rings,
     prepare_axes,
 )
+from advpipe.pipeline.figure import Figure
 from advpipe.stages.evaluate.report.scene import Scene, View, crop
 from advpipe.stages.evaluate.report.style import LOST, PREDICTION
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
+from advpipe.pipeline.figure import Figure
 from advpipe.pipeline.progress import track
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.birds_eye import draw_scene

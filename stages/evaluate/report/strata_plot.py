@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
+from advpipe.pipeline.figure import Figure
 from advpipe.stages.evaluate.detection.arm import Precision
 from advpipe.stages.evaluate.detection.strata import STRATA
 from advpipe.stages.evaluate.report.style import CLASS_COLOURS, INK, SOFT, plain_axes

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from itertools import cycle
 
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
+from advpipe.pipeline.figure import Figure
 from advpipe.stages.evaluate.report.ratios import strongest_baseline
 from advpipe.stages.evaluate.report.style import BASELINE, INK, LINE, PREDICTION, SOFT, TRUTH, plain_axes
 from advpipe.stages.evaluate.sweep.budgets import AXES, TABLES

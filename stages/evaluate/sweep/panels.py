@@ -7,12 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from advpipe.pipeline.bag.frames import FrameSlice
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.registry import load_detector
+from advpipe.pipeline.figure import Figure
 from advpipe.stages.evaluate.detection.looking import Looking
 from advpipe.stages.evaluate.detection.scoring import known_classes
 from advpipe.stages.evaluate.detection.summary import summarise
