@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from advpipe.pipeline.bag import plain_json
 from advpipe.stages.evaluate.report.numbers import number
 from advpipe.stages.evaluate.report.section import Table
 from advpipe.stages.evaluate.sweep.budgets import AXES
@@ -28,7 +28,7 @@ COLUMNS: dict[str, tuple[str, int]] = {
 
 def measured(cells: Sequence[Cell]) -> dict[str, Any]:
     """By attack, what was measured of the detector of these cells; of another one it says nothing."""
-    stored: dict[str, Any] = json.loads(PATH.read_text(encoding="utf-8"))
+    stored: dict[str, Any] = plain_json.load(PATH.read_text(encoding="utf-8"))
     detectors = {cell.settings.detector_sha256 for cell in cells}
     return {
         attack: stored[attack]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,7 +22,7 @@ from advpipe.stages.evaluate.detection.figures import Row, ratio_draws
 from advpipe.stages.evaluate.detection.looking import Looking
 from advpipe.stages.evaluate.detection.scoring import known_classes
 from advpipe.stages.evaluate.detection.summary import summarise
-from advpipe.stages.evaluate.report.report import Report
+from advpipe.stages.evaluate.report.report import plain
 from advpipe.stages.evaluate.sweep.cell import Cell, Settings, with_intervals
 
 DRAWS = 1000
@@ -57,7 +56,8 @@ def scored_cell(
     (comparison,) = looking.comparisons(workers)
     classes = known_classes(load_detector(detector, device))
     summary = summarise(comparison, classes, DRAWS, settings.seed)
-    (row,) = json.loads(Report((summary.row,), {}, {}).to_json())["rows"]
+    row = plain(summary.row)
+    assert isinstance(row, dict)
     return Cell(
         budget,
         recipe,

@@ -44,3 +44,21 @@ def test_long_numbers_take_no_time() -> None:
     with pytest.raises(ValueError, match="a number of"):
         load("1" + ":1" * (LIMIT_BYTES // 2 - 1))
     assert time.process_time() - start_s < 20
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '"\\0"',
+        "{a: ['\\0']}".replace("'", '"'),
+        "a\0",
+        '"\\ud800"',
+        "{a: 1, a: 2}",
+        "!!binary aGk=",
+        "!!set {a}",
+    ],
+    ids=ascii,
+)
+def test_values_that_json_has_no_word_for(text: str) -> None:
+    with pytest.raises((yaml.YAMLError, ValueError)):
+        load(text)
