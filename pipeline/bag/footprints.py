@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import numpy as np
@@ -35,7 +36,7 @@ class _MultiPolygon(Document):
         return self
 
 
-def footprints_text(footprints: list[shapely.Polygon]) -> str:
+def footprints_text(footprints: Sequence[shapely.Polygon]) -> str:
     """Footprints as a GeoJSON MultiPolygon in metres on the map; every coordinate to the bit."""
     return str(shapely.to_geojson(shapely.MultiPolygon(list(footprints))))
 

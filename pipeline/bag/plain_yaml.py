@@ -38,7 +38,7 @@ def _number(loader: _PlainLoader, node: yaml.ScalarNode) -> int | float:
 for _tag in ("int", "float"):
     _PlainLoader.add_constructor(f"tag:yaml.org,2002:{_tag}", _number)
 for _tag in ("binary", "set", "omap", "pairs"):  # what JSON has no word for
-    _PlainLoader.add_constructor(f"tag:yaml.org,2002:{_tag}", _PlainLoader.construct_undefined)
+    _PlainLoader.add_constructor(f"tag:yaml.org,2002:{_tag}", _PlainLoader.construct_undefined)  # type: ignore[type-var]
 
 
 def load(text: str) -> Any:

@@ -166,7 +166,7 @@ def _looking(
     detector: str,
     clean: Path,
     adversarial: Sequence[Path],
-    about: tuple[dict[str, str], ...],
+    about: tuple[Provenance, ...],
     options: Options,
 ) -> Looking:
     return Looking(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -70,7 +70,7 @@ class Looking:
         """
         frames = chosen_indices(self.clean, self._chosen, self.lidar_topic)
         looked = map_jobs(self.prepare, frames, "detecting", workers)
-        bags: list[tuple[Path | None, Mapping[str, str]]] = [(None, {})]
+        bags: list[tuple[Path | None, Provenance]] = [(None, Provenance({}))]
         if self.adversarial:
             bags = list(zip(self.adversarial, self.provenances, strict=True))
         name, sha256 = Path(self.detector).name, detector_sha256(self.detector)

@@ -92,7 +92,9 @@ OTHERS = {
 
 def test_nothing_else_reads_such_texts() -> None:
     """Whatever comes from outside goes through one of the loaders, which have bounds."""
-    read = re.compile(r"(?<!plain_)json\.loads?\(|JSONDecoder|(?<!plain_)yaml\.\w*load\w*\(|YAML\(|from_geojson|validate_json\(")
+    read = re.compile(
+        r"(?<!plain_)json\.loads?\(|JSONDecoder|(?<!plain_)yaml\.\w*load\w*\(|YAML\(|from_geojson|validate_json\("
+    )
     found = {
         path.relative_to(SOURCES).as_posix()
         for folder in ("pipeline", "stages")
