@@ -35,6 +35,11 @@ SENSED = (
     ),
     *("/ego/ldm", "/ego/ldm/objects"),
 )
+SMALL = (
+    *("simulation.duration_s=0.6", "simulation.warmup_s=5", "traffic.vehicles=12", "traffic.pedestrians=2"),
+    *("sensors.lidars.lidar.channels=4", "sensors.lidars.lidar.points_per_second=4000"),
+)
+"""A scenario's overrides: half a second, a few vehicles, a few points."""
 FLOATS = (float("nan"), float("inf"), -float("inf"), 1e308, -1e30, 0.0)
 TEXTS = ("", "a\0b", "x" * 1_000_000, "$\\foo$", "<script>alert(1)</script>", "\x1b[31m", "../../etc")
 

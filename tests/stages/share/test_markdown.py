@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from html.parser import HTMLParser
+from pathlib import Path
 
+import numpy as np
 import pytest
+import yaml
 from markdown_it import MarkdownIt
 
+from advpipe.pipeline.bag import messages
+from advpipe.pipeline.bag.cloud import POINT_DTYPE, cloud_to_cdr
+from advpipe.pipeline.bag.provenance import parent_sha256
+from advpipe.pipeline.bag.topics import Topic, VehicleTopics
+from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.stages.share.markdown import Markdown, block, code, escaped, literal, own_words
+from advpipe.stages.share.run import ShareOptions, share
 
 NASTY = [
     "<script>alert(1)</script>",
@@ -124,3 +134,58 @@ def test_own_words() -> None:
     assert own_words("Recorded on a *rainy* day.") == "Recorded on a *rainy* day."
     for text in ("<script>x</script>", "a <b>c</b>", "```\nx\n```\n<!-- x -->"):
         assert not set(rendered(own_words(text)).found) - {"pre", "code"}
+
+
+HOSTILE = "<script>x</script> | `` [a](javascript:b) ![c](d) <!-- **e** \n---\n# f"
+
+
+def shared_card(folder: Path, word: str) -> str:
+    """The card of a drive and an attack in which every text that others choose is this one."""
+    name = word.replace("/", "").replace("\n", "")
+    ego = VehicleTopics("ego")
+    scenario = {
+        "description": word,
+        "map": {"sumo_net": word, "origin": {"latitude_deg": 1.0, "longitude_deg": 2.0, "altitude_m": 3.0}},
+        "sensors": {"lidars": {word: {"preset": word, "vehicle": word, "points_per_second": 5}}},
+    }
+    about = {
+        "kind": "clean",
+        "scenario": yaml.safe_dump(scenario),
+        "scenario_name": word,
+        "seed": "7",
+        "map_sha256": word,
+        "versions": json.dumps({word: word, "advpipe": word}),
+    }
+    clean = folder / "set" / "clean"
+    for bag, record in ((clean, about), (folder / "set" / "attack", None)):
+        attack = {"type": word, "parameters": {word: word}, "victim": word, "lidar": word, "detector": word}
+        told = {"kind": "attack", "attack": word, "recipe": word, "frames": word, "budget": word}
+        told |= {
+            "attacks": json.dumps([attack, attack | {"attackers": {word: word}, "schedule": {word: word}}])
+        }
+        told |= {"parameters": json.dumps({word: word})}
+        told |= {} if record else {"parent_sha256": parent_sha256(clean)}
+        with BagWriter(bag, provenance=record or told) as writer:
+            cloud = cloud_to_cdr(np.zeros(3, POINT_DTYPE), 5, word)
+            writer.write_cdr(Topic(f"/{name}/points", ego.lidar_points.type), cloud, 5)
+            writer.write(
+                Topic(f"/{name}", ego.gnss_fix.type), messages.nav_sat_fix(5, 1, 2, 3, frame_id=word), 5
+            )
+    share(folder / "set", folder / "out", ShareOptions(citation=f"```\n{word}"))
+    return (folder / "out" / "README.md").read_text(encoding="utf-8")
+
+
+def test_a_card_of_nothing_but_hostile_texts(tmp_path: Path) -> None:
+    found = {}
+    for number, word in enumerate(("plain", HOSTILE)):
+        (tmp_path / str(number)).mkdir()
+        card = shared_card(tmp_path / str(number), word)
+        front, _, body = card.removeprefix("---\n").partition("\n---\n")
+        assert yaml.safe_load(front)["pretty_name"] == "out"
+        shown = rendered(body)
+        assert shown.comments == [" made by advpipe share "]
+        assert word.split()[0] in shown.text
+        found[word] = Counter(
+            element.split(" href=")[0].split(" src=")[0] for element in shown.found.elements()
+        )
+    assert found["plain"] == found[HOSTILE]
