@@ -4,14 +4,25 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Annotated, Any
 
 import yaml
+from pydantic import Field
 
 from advpipe.pipeline.bag import plain_yaml
+from advpipe.pipeline.bag.document import Document, Word, validated
 from advpipe.pipeline.errors import AdvpipeError
 
 METADATA_NAME = "metadata.yaml"
+_Path = Annotated[str, Field(min_length=1, max_length=4096)]
+
+
+class _Information(Document):
+    """What is needed of a metadata.yaml to read its bag; `stages/verify` compares the rest of it."""
+
+    storage_identifier: Word | None = None
+    compression_mode: Word | None = None
+    relative_file_paths: Annotated[tuple[_Path, ...], Field(max_length=100_000)] | None = None
 
 
 def mcap_files(path: Path) -> list[Path]:
@@ -33,22 +44,23 @@ def _files_of_directory(directory: Path) -> list[Path]:
             f"{directory} is not a rosbag2 directory, it holds no {METADATA_NAME}; "
             "pass the .mcap file itself, or restore it with `ros2 bag reindex`"
         )
-    information = read_information(metadata_path)
-    storage = information.get("storage_identifier")
+    information: _Information = validated(
+        read_information(metadata_path), _Information, str(metadata_path), "write it anew: `ros2 bag reindex`"
+    )
+    storage = information.storage_identifier
     if storage != "mcap":
         raise AdvpipeError(
             f"{directory} is stored as {storage!r}, advpipe reads mcap; convert it with "
             f"`rosbags-convert --src {directory} --dst NEW --dst-storage mcap`"
         )
-    if str(information.get("compression_mode") or "none").lower() != "none":
+    if (information.compression_mode or "none").lower() != "none":
         raise AdvpipeError(
             f"{directory} is compressed per file or message, which rosbag2 itself plays badly; convert it "
             f"with `rosbags-convert --src {directory} --dst NEW --dst-storage mcap`"
         )
-    names = information.get("relative_file_paths")
-    if not isinstance(names, list) or not names:
+    if not information.relative_file_paths:
         raise AdvpipeError(f"{metadata_path} lists no files (relative_file_paths)")
-    files = [directory / PurePosixPath(str(name)).name for name in names]
+    files = [directory / PurePosixPath(name).name for name in information.relative_file_paths]
     for file in files:
         if not file.is_file():
             raise AdvpipeError(f"{file} is missing, though {metadata_path} lists it")

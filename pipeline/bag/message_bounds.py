@@ -152,6 +152,7 @@ def _fix(message: Any) -> Problems:
         yield from _finite(place[:1], 90.0, "the latitude")
         yield from _finite(place[1:2], 360.0, "the longitude")
         yield from _finite(place[2:], FARTHEST_M, "the altitude")
+        yield from _finite(message.position_covariance.tolist(), FARTHEST_M**2, "the covariance")
 
 
 def _detections(message: Any) -> Problems:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +63,15 @@ ODD: tuple[Any, ...] = (
 )
 
 
+def some(cases: Sequence[Any], step: int) -> list[Any]:
+    """All cases, of which each `step`th is not left to the nightly run."""
+    nightly = pytest.mark.nightly
+    return [
+        pytest.param(case, marks=[nightly] if number % step else [], id=ascii(case)[:25])
+        for number, case in enumerate(cases)
+    ]
+
+
 @pytest.fixture(scope="session")
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Half a second of a few vehicles, and two attacks on it."""
@@ -109,14 +118,14 @@ TEXTS: dict[str, tuple[str, ...]] = {
 }
 
 
-@pytest.mark.parametrize("text", NOT_JSON, ids=lambda text: ascii(text)[:15])
+@pytest.mark.parametrize("text", some(NOT_JSON, 3))
 @pytest.mark.parametrize("topic", TEXTS)
 def test_texts_that_are_no_such_document(drive: Path, tmp_path: Path, topic: str, text: str) -> None:
     write_text(drive / "clean", tmp_path / "bag", topic, text)
     assert failures(drive / "clean", tmp_path / "bag", TEXTS[topic]) == []
 
 
-@pytest.mark.parametrize("number", range(2 * len(ODD)))
+@pytest.mark.parametrize("number", range(0, 2 * len(ODD), 4))
 @pytest.mark.parametrize("topic", TEXTS)
 def test_documents_with_an_odd_value(drive: Path, tmp_path: Path, topic: str, number: int) -> None:
     texts = {"/v2x/buildings": BUILDINGS}
@@ -184,13 +193,10 @@ RECORDS: dict[str, tuple[str, ...]] = {
 }
 
 
-@pytest.mark.parametrize(
-    ("key", "text"),
-    [(key, text) for key, texts in RECORDS.items() for text in texts],
-    ids=lambda text: ascii(text)[:15],
-)
+@pytest.mark.parametrize("record", some([(key, text) for key, texts in RECORDS.items() for text in texts], 9))
 @pytest.mark.parametrize("bag", ["cam-position-offset", "clean"])
-def test_records(drive: Path, tmp_path: Path, bag: str, key: str, text: str) -> None:
+def test_records(drive: Path, tmp_path: Path, bag: str, record: tuple[str, str]) -> None:
+    key, text = record
     write_record(drive / bag, tmp_path / "bag", {key: text})
     for table in (drive / bag).glob("*.parquet"):
         shutil.copy(table, tmp_path / "bag")
@@ -221,7 +227,7 @@ CONTENTS = (
 )
 
 
-@pytest.mark.parametrize("content", CONTENTS, ids=lambda content: ascii(content[:12]))
+@pytest.mark.parametrize("content", some(CONTENTS, 4))
 @pytest.mark.parametrize("name", FILES)
 def test_files_of_a_data_set(
     drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, content: bytes

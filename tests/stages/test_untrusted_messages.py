@@ -1,0 +1,65 @@
+"""Messages of a drive, field by field with odd values: every command ends with one line, or works."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.scenario import load_scenario
+from advpipe.stages.simulate.run import simulate
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from mutated_messages import SENSED, SMALL, V2X, WHOLE, Mutation, failures, mutations_of, write_mutated
+
+ON_THE_AIR = ("inspect", "verify", "export", "cam", "gnss", "evaluate")
+ON_BOARD = ("inspect", "verify", "gnss", "evaluate", "evaluate alone", "share")
+
+
+@pytest.fixture(scope="session")
+def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Half a second of a few vehicles."""
+    folder = tmp_path_factory.mktemp("untrusted") / "drive"
+    simulate(load_scenario("smoke", SMALL), folder)
+    return folder / "clean"
+
+
+def try_all(clean: Path, tmp_path: Path, mutations: list[Mutation], commands: tuple[str, ...]) -> None:
+    for number, mutation in enumerate(mutations):
+        bag = tmp_path / str(number)
+        write_mutated(clean, bag, mutation)
+        assert failures(clean, bag, commands) == [], mutation.name
+
+
+@pytest.mark.parametrize("name", WHOLE)
+@pytest.mark.parametrize("topic", V2X)
+def test_what_becomes_of_messages_on_the_air(clean: Path, tmp_path: Path, topic: str, name: str) -> None:
+    try_all(clean, tmp_path, [Mutation(topic, name, WHOLE[name])], ON_THE_AIR)
+
+
+@pytest.mark.parametrize("place", range(5))
+@pytest.mark.parametrize("topic", V2X)
+def test_fields_of_messages_on_the_air(clean: Path, tmp_path: Path, topic: str, place: int) -> None:
+    mutations = list(mutations_of(BagReader(clean), topic))
+    try_all(clean, tmp_path, mutations[place :: len(mutations) // 4], ("verify", "export", "cam", "gnss"))
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("topic", V2X)
+def test_all_fields_of_messages_on_the_air(clean: Path, tmp_path: Path, topic: str) -> None:
+    try_all(clean, tmp_path, list(mutations_of(BagReader(clean), topic)), ON_THE_AIR)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("topic", SENSED)
+def test_fields_of_what_is_sensed(clean: Path, tmp_path: Path, topic: str) -> None:
+    try_all(clean, tmp_path, list(mutations_of(BagReader(clean), topic))[::3], ON_BOARD)
+
+
+@pytest.mark.parametrize("name", ["no rotation", "shifted", "none", "cut"])
+@pytest.mark.parametrize("topic", ["/ego/odometry", "/ego/ground_truth/odometry", "/tf_static"])
+def test_what_becomes_of_poses(clean: Path, tmp_path: Path, topic: str, name: str) -> None:
+    try_all(clean, tmp_path, [Mutation(topic, name, WHOLE[name])], ("verify", "gnss", "evaluate alone"))
