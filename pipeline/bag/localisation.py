@@ -113,6 +113,12 @@ def read_measurements(reader: BagReader, topics: VehicleTopics) -> Iterator[Meas
     if topics.odometry.name not in reader.topics:
         raise AdvpipeError(f"{reader.path} has no topic {topics.odometry.name}: no filter to run again")
     stamps_ns = reader.log_times_ns(topics.odometry.name)
+    (again,) = np.nonzero(np.diff(stamps_ns) <= 0)
+    if len(again):
+        raise AdvpipeError(
+            f"{reader.path}: {topics.odometry.name} has two messages at {stamps_ns[again[0]]} ns; record it "
+            "again"
+        )
     names = [topics.imu.name, topics.gnss_fix.name, topics.wheel_odometry.name]
     arrivals = ((raw.log_time_ns, raw.topic.name, reader.decode(raw)) for raw in reader.raw_messages(names))
     arrival = next(arrivals, None)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+
+import numpy as np
 
 from advpipe.pipeline.bag.latched import FilterInfo, read_scenario_info
 from advpipe.pipeline.bag.localisation import read_initial_pose
@@ -35,6 +38,19 @@ class RecordedFilter:
     def estimator(self, reader: BagReader, topics: VehicleTopics) -> Estimator:
         """A vehicle's filter as it was when the recording began."""
         return Estimator(self.sensors, self.geodesy, read_initial_pose(reader, topics))
+
+
+@contextmanager
+def filter_errors(reader: BagReader, vehicle: str) -> Iterator[None]:
+    """Says of which bag and vehicle the measurements are with which a filter cannot run."""
+    try:
+        yield
+    except (AdvpipeError, np.linalg.LinAlgError, ArithmeticError, ValueError) as error:
+        if isinstance(error, AdvpipeError) and str(error).startswith(str(reader.path)):
+            raise
+        raise AdvpipeError(
+            f"{reader.path}: the filter of {vehicle} cannot run on what /{vehicle}/... holds: {error}"
+        ) from None
 
 
 def read_filter(reader: BagReader) -> RecordedFilter:

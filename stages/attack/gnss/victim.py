@@ -12,7 +12,7 @@ import numpy as np
 from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.localisation import read_initial_pose, read_measurements
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.recorded_filter import RecordedFilter
+from advpipe.pipeline.bag.recorded_filter import RecordedFilter, filter_errors
 from advpipe.pipeline.bag.topics import RawMessage, VehicleTopics
 from advpipe.pipeline.bag.types import serialise
 from advpipe.pipeline.geometry.transforms import Float64, yaw_of
@@ -64,6 +64,11 @@ class SpoofedVehicle:
 
 def spoof_vehicle(reader: BagReader, recorded: RecordedFilter, strikes: Strikes) -> SpoofedVehicle:
     """Goes through the recording with the victim's filter. Without a lie, nothing changes, to the bit."""
+    with filter_errors(reader, strikes.victim):
+        return _spoof_vehicle(reader, recorded, strikes)
+
+
+def _spoof_vehicle(reader: BagReader, recorded: RecordedFilter, strikes: Strikes) -> SpoofedVehicle:
     topics, geodesy = VehicleTopics(strikes.victim), recorded.geodesy
     estimator = recorded.estimator(reader, topics)
     waiting = reader.raw_messages([topics.gnss_fix.name])

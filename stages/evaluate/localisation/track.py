@@ -10,7 +10,7 @@ import numpy.typing as npt
 from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.localisation import read_measurements
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.recorded_filter import read_filter
+from advpipe.pipeline.bag.recorded_filter import filter_errors, read_filter
 from advpipe.pipeline.bag.topics import VehicleTopics
 from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64
@@ -53,6 +53,11 @@ def read_track(reader: BagReader, vehicle: str) -> Track:
 
     Raises AdvpipeError for a bag without its true poses, or from which its filter cannot be run.
     """
+    with filter_errors(reader, vehicle):
+        return _read_track(reader, vehicle)
+
+
+def _read_track(reader: BagReader, vehicle: str) -> Track:
     topics = VehicleTopics(vehicle)
     truth = {
         time_ns: messages.se3_from_pose(message.pose.pose)
