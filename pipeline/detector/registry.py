@@ -74,7 +74,7 @@ def _find_class(module: str, attribute: str) -> Callable[..., object]:
         sys.path.insert(0, os.getcwd())
     try:
         found: Callable[..., object] = getattr(importlib.import_module(module), attribute)
-    except Exception as error:  # a user's module may raise anything
+    except (Exception, SystemExit) as error:  # a user's module may raise anything
         raise _not_loaded(module, attribute, error) from None
     return found
 
@@ -83,7 +83,7 @@ def _load_class(module: str, attribute: str, device: torch.device) -> Detector:
     found = _find_class(module, attribute)
     try:
         made = found(device=device) if _takes_device(found) else found()
-    except Exception as error:  # a user's class may raise anything
+    except (Exception, SystemExit) as error:  # a user's class may raise anything
         raise _not_loaded(module, attribute, error) from None
     if not isinstance(made, Detector):
         raise UsageError(f"{module}:{attribute} is no detector: it needs classes, range_m, detect and loss")
@@ -95,8 +95,8 @@ def _load_class(module: str, attribute: str, device: torch.device) -> Detector:
     return made
 
 
-def _not_loaded(module: str, attribute: str, error: Exception) -> AdvpipeError:
-    return AdvpipeError(f"cannot load detector {module}:{attribute}: {type(error).__name__}: {error}")
+def _not_loaded(module: str, attribute: str, error: BaseException) -> AdvpipeError:
+    return UsageError(f"cannot load detector {module}:{attribute}: {type(error).__name__}: {error}")
 
 
 def _takes_device(found: Callable[..., object]) -> bool:

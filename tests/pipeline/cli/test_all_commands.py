@@ -199,6 +199,19 @@ def test_a_value_of_100_kb_is_not_echoed_whole(run: Run) -> None:
         assert done.errors.count("\n") == 1
 
 
+def test_a_class_that_ends_the_program_is_no_success(run: Run) -> None:
+    for words in (
+        ["attack", "{drive}", "--detector", "sys:exit"],
+        ["evaluate", "{drive}", "--detector", "os:abc"],
+    ):
+        done = run(*words, "-o", "{out}/x")
+        assert done.code == 2
+        assert done.errors.startswith("advpipe: cannot load detector ")
+    done = run("attack", "{drive}", "--type", "sys:exit", "-o", "{out}/x")
+    assert done.code in (1, 2)
+    assert done.errors.count("\n") == 1
+
+
 def command(words: list[str], folder: Path, out: Path, how: str = "", **environment: str) -> Done:
     """In a process of its own, by a shell: `how` says what becomes of its standard streams."""
     shell = ["bash", "-c", f'set -o pipefail; "$0" -m advpipe "$@" {how}', sys.executable]
