@@ -8,6 +8,7 @@ is found before the folder gets its name.
 
 from __future__ import annotations
 
+import errno
 import shutil
 from collections.abc import Mapping
 from contextlib import closing, suppress
@@ -24,6 +25,9 @@ from advpipe.pipeline.progress import track
 
 class NoRoomError(AdvpipeError):
     """The disk has no room for what an archive holds; nothing is wrong with the archive."""
+
+
+_BAD_NAME = (errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ)
 
 
 @dataclass(frozen=True)
@@ -214,6 +218,12 @@ def _copy(stream: PartsReader, folder: Path, name: str, size_bytes: int) -> str:
     except (FileExistsError, NotADirectoryError):
         raise AdvpipeError(
             f"{stream.archive}: {name} comes twice on this file system; not unpacked"
+        ) from None
+    except OSError as error:
+        if error.errno not in _BAD_NAME:
+            raise
+        raise AdvpipeError(
+            f"{stream.archive}: this file system takes no name like {name[:60]!r}...; not unpacked"
         ) from None
     with out:
         return copy(stream.read, out.write, size_bytes)[0]

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.remains import find_remains
 from advpipe.pipeline.bag.salvage import Salvage
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.errors import AdvpipeError, UsageError
 from advpipe.pipeline.leftover_names import PATTERNS, has_leftover_name
 from advpipe.pipeline.lock import HAS_LOCKS, LOCK_NAME, is_held, lock_of_dead, one_at_a_time
 from advpipe.pipeline.partial import MOVING_NAME, REPLACED_NAME
@@ -165,10 +165,10 @@ def find_scratch() -> Iterator[Leftover]:
 
 
 def refuse_inside(root: Path) -> None:
-    """Raises AdvpipeError for a path inside a leftover: it is shown and removed as a whole."""
+    """Raises UsageError for a path inside a leftover: it is shown and removed as a whole."""
     for parent in root.resolve().parents:
         if recognise(parent) is not None:
-            raise AdvpipeError(f"{root} lies in {parent}, which a run left or is writing; give that folder")
+            raise UsageError(f"{root} lies in {parent}, which a run left or is writing; give that folder")
 
 
 def _is(path: Path, is_type: Callable[[int], bool]) -> bool:

@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Protocol, runtime_checkable
 
-from pydantic import BaseModel, Field, TypeAdapter, ValidationError
+from pydantic import BaseModel, Field, TypeAdapter
 
+from advpipe.pipeline.bag import plain_json
 from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.hashing import sha256_of
 
@@ -17,6 +18,7 @@ KEY = "maps_sha256"
 null stands for drives that do not tell theirs."""
 
 MOST_MAPS = 100_000
+LIMIT_BYTES = 1 << 23
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 _LIST = TypeAdapter(Annotated[list[Sha256 | None], Field(max_length=MOST_MAPS)])
@@ -62,8 +64,8 @@ def map_of(provenance: Mapping[str, str]) -> str | None:
 def listed(text: str | None) -> list[str | None] | None:
     """The maps in a checkpoint's provenance; None where it lists none, or what is there is no such list."""
     try:
-        return None if text is None else _LIST.validate_json(text)
-    except ValidationError:
+        return None if text is None else _LIST.validate_python(plain_json.load(text, LIMIT_BYTES))
+    except ValueError:  # a ValidationError is one
         return None
 
 
@@ -76,7 +78,7 @@ def with_listed_maps(provenance: Mapping[str, str], checkpoint: Path, shipped: P
     """The provenance of a checkpoint with the maps of the shipped one, if it is that or a copy of it."""
     if KEY in provenance:
         return dict(provenance)
-    known = MapList.model_validate_json(list_beside(shipped).read_bytes())
+    known = MapList.model_validate(plain_json.load(list_beside(shipped).read_bytes(), LIMIT_BYTES))
     if sha256_of(checkpoint) != known.checkpoint_sha256:
         return dict(provenance)
     maps = sorted(set(known.maps_sha256.values()))

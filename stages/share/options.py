@@ -39,6 +39,10 @@ def citation_text(text_or_file: str | None) -> str | None:
         return None
     path = Path(text_or_file)
     try:
+        text_or_file.encode()
+    except UnicodeEncodeError:  # what a locale cannot spell comes as halves of surrogate pairs
+        raise UsageError("--citation is no text in UTF-8; set LC_ALL=C.UTF-8, or name a file") from None
+    try:
         if "\n" in text_or_file or not path.is_file():
             return text_or_file
         if path.stat().st_size > _CITATION_LIMIT_BYTES:

@@ -9,6 +9,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from advpipe.pipeline.bag import plain_json
 from advpipe.pipeline.detector.device import device_record
 from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, UsageError
 from advpipe.pipeline.leftover_names import has_leftover_name
@@ -124,7 +125,7 @@ class RunFolder:
     def _is_run(self) -> bool:
         """Whether the folder's config.json is one of ours; others use that name too."""
         try:
-            about = json.loads(self.config.read_text(encoding="utf-8"))
+            about = plain_json.load(self.config.read_bytes())
         except (OSError, ValueError):
             return False
         return isinstance(about, dict) and about.keys() >= {"bags", "preset", "origin"}

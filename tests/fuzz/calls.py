@@ -16,6 +16,7 @@ from advpipe.pipeline.bag.recover import recover
 from advpipe.pipeline.bag.topics import VehicleTopics
 from advpipe.pipeline.bag.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import attack_spec
+from advpipe.pipeline.text import spelt_out
 from advpipe.stages.attack.run import AttackRequest, attack
 from advpipe.stages.evaluate.v2x.veremi import export_veremi
 from advpipe.stages.verify.run import verify
@@ -25,10 +26,10 @@ CLOUD = "sensor_msgs/msg/PointCloud2"
 
 
 def shown(print_it: Callable[[], object]) -> str:
-    """What would stand on a terminal."""
+    """What would stand on a terminal: the command line spells out what a terminal obeys."""
     with redirect_stdout(io.StringIO()) as text:
         print_it()
-    return text.getvalue()
+    return spelt_out(text.getvalue())
 
 
 def read(bag: Path, out: Path) -> None:

@@ -14,6 +14,8 @@ from advpipe.pipeline.errors import AdvpipeError, one_line
 from tests.fuzz.case import Case, Fault, Target, Unhandled
 
 LONGEST_LINE = 2000
+LONGEST_MESSAGE = 20_000
+"""Of an error before the command line cuts it: more is somebody's whole text."""
 """Characters of an error: room for a path and some names, and for no document."""
 
 PROJECT = ("pipeline", "stages")
@@ -76,8 +78,8 @@ def _line_fault(error: AdvpipeError) -> Fault | None:
     line, where = one_line(error), innermost(error.__traceback__)
     if not line:
         return Fault("line", "an error without a word", where)
-    if len(line) > LONGEST_LINE:
-        return Fault("line", f"an error of {len(line)} characters: {line[:100]}...", where)
+    if len(str(error)) > LONGEST_MESSAGE or len(line) > LONGEST_LINE:
+        return Fault("line", f"an error of {len(str(error))} characters: {line[:100]}...", where)
     return None
 
 

@@ -7,8 +7,12 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from advpipe.pipeline.bag import plain_json
 from advpipe.pipeline.detector.device import CPU
 from advpipe.stages.evaluate.detection.figures import Row
+
+LIMIT_BYTES = 1 << 24
+"""The longest cell that is read: one of 100 frames has 40 kB."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +77,7 @@ class Cell:
     @staticmethod
     def from_json(text: str) -> Cell:
         """Raises ValueError, KeyError or TypeError for what is no cell."""
-        stored = json.loads(text)
+        stored = plain_json.load(text, LIMIT_BYTES)
         settings = Settings(**stored.pop("settings"))
         for key in ("frames", "found_objects", "lost_objects", "map_ratio_draws"):
             stored[key] = tuple(stored[key])

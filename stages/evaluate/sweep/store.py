@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from advpipe.pipeline.bag import plain_json
 from advpipe.pipeline.errors import AdvpipeError, UsageError
 from advpipe.pipeline.leftover_names import has_leftover_name
 from advpipe.pipeline.whole_file import write_whole
@@ -51,7 +52,7 @@ class Store:
         if not path.is_file():
             return {}
         try:
-            stored = json.loads(path.read_text(encoding="utf-8"))
+            stored = plain_json.load(path.read_bytes())
             return {name: Times(float(t["attack_s"]), float(t["evaluate_s"])) for name, t in stored.items()}
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             raise AdvpipeError(f"{path} is damaged; remove it, no figure depends on it") from None

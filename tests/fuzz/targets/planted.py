@@ -62,7 +62,7 @@ CALLS: dict[str, Call] = {
     "sleeps": lambda tree, out: time.sleep(1000),
     "grows": lambda tree, out: _grow(),
     "shouts": lambda tree, out: "a \x1b[31mred\x1b[0m word",
-    "rambles": lambda tree, out: _refuse("word " * 1000),
+    "rambles": lambda tree, out: _refuse("word " * 10_000),
     "leaves": lambda tree, out: _leave(out),
 }
 

@@ -89,6 +89,7 @@ RESULTS: dict[str, tuple[list[str], str]] = {
     "recover": (["recover", "{drive}", "-o", "{out}/c\x1b"], "messages"),
     "verify": (["verify", "{drive}"], "findings"),
     "share": (["share", "plain", "-o", "{out}/shared"], "files"),
+    "clean": (["clean", "{drive}"], "leftovers"),
     "schema": (["schema", "-o", "{out}/schema\x1b"], "schema"),
     "sweep": (
         [
@@ -133,7 +134,7 @@ def test_every_command_is_here() -> None:
 def test_results(run: Run, command: str) -> None:
     """For people, spelt out; then for programs, one strict document and nothing else; at last nothing."""
     words, key = RESULTS[command]
-    again = ["--overwrite"] if command not in ("unpack", "inspect", "recover", "verify") else []
+    again = ["--overwrite"] if command not in ("unpack", "inspect", "recover", "verify", "clean") else []
     done = run(*words)
     good = (1,) if command == "verify" else (0,)  # the hostile copy is not what its labels are of
     assert done.code in (0, *good), done.errors

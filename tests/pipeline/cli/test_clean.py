@@ -83,7 +83,7 @@ def test_a_leftover_that_is_named_goes(tree: Path) -> None:
 
 
 def test_programs_read_it(tree: Path) -> None:
-    found = {each["path"]: each for each in json.loads(run("datasets", "--json")[1])}
+    found = {each["path"]: each for each in json.loads(run("datasets", "--json", "--quiet")[1])["leftovers"]}
     assert found["datasets/town/.adv.0123456789ab.job"] == {
         "path": "datasets/town/.adv.0123456789ab.job",
         "kind": "job",
@@ -95,7 +95,7 @@ def test_programs_read_it(tree: Path) -> None:
         "removed": False,
     }
     assert {each["use"] for each in found.values()} == {"resume", "recover", None}
-    assert json.loads(run("datasets/whole", "--json")[1]) == []
+    assert json.loads(run("datasets/whole", "--json", "--quiet")[1]) == {"leftovers": []}
 
 
 def test_a_linked_folder_of_data_sets_is_looked_into(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -118,6 +118,6 @@ def test_a_linked_folder_of_data_sets_is_looked_into(tree: Path, monkeypatch: py
 )
 def test_what_it_refuses(tree: Path, arguments: list[str], line: str) -> None:
     result = CliRunner().invoke(app, ["clean", *arguments])
-    assert result.exit_code == 1
+    assert result.exit_code == 2
     assert line in result.output
     assert len(result.output.splitlines()) == 1

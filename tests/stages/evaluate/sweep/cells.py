@@ -35,4 +35,4 @@ def cell(
         "working_score": 0.25,
         "baseline_map_loose_ratio_percent": 97.0,
     }
-    return Cell(budget, recipe, SETTINGS, row, "c" * 64, (0, 2, 4), found, lost, draws, 100.0, 20.0)
+    return Cell(budget, recipe, SETTINGS, row, "c" * 64, (0, 2, 4), found, lost, draws)
