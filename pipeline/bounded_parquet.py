@@ -148,9 +148,8 @@ def _check_pages(path: Path, groups: Sequence[Any], names: frozenset[str]) -> No
 
 
 def _pages(path: Path, file: Any, chunk: Any) -> Iterator[Page]:
-    start = chunk.data_page_offset
-    if chunk.has_dictionary_page and chunk.dictionary_page_offset:
-        start = min(start, chunk.dictionary_page_offset)
+    begins = [chunk.data_page_offset, chunk.dictionary_page_offset if chunk.has_dictionary_page else None]
+    start = min((place for place in begins if place), default=0)  # a table without rows has no data page
     try:
         for page in pages(file, start, chunk.total_compressed_size):
             if page.encoding not in ENCODINGS:

@@ -9,8 +9,8 @@ from pydantic import Field, model_validator
 from advpipe.pipeline.scenario.base import File, NotNegative, Positive, Probability, Section, Word
 from advpipe.pipeline.scenario.bounds import HeightM, MeshScale, PlaceM, YawRad
 
-LEAST_RATE_MM_PER_H = 0.01
-"""Of rain and snow: less is not measured, and calls for clear weather."""
+LEAST_RATE_MM_PER_H = 0.0001
+"""Of rain and snow: less is far below what is measured, and calls for clear weather."""
 
 
 class Weather(Section):

@@ -209,3 +209,11 @@ def test_a_long_footer_is_not_read(tmp_path: Path) -> None:
     (tmp_path / "a.parquet").write_bytes(b"PAR1" + bytes(100) + (1 << 30).to_bytes(4, "little") + b"PAR1")
     with pytest.raises(AdvpipeError, match="a footer of 1073741824 bytes is too long to read"):
         list(rows(tmp_path / "a.parquet"))
+
+
+def test_a_table_without_rows(tmp_path: Path) -> None:
+    """Its only group has a dictionary page for texts, and no data page."""
+    path = tmp_path / "empty.parquet"
+    schema = pa.schema([("a", pa.int64()), ("b", pa.string())])
+    pq.write_table(schema.empty_table(), path)
+    assert list(rows(path, ["a", "b"])) == []

@@ -195,8 +195,8 @@ def test_a_sumo_program_that_does_not_start_says_why(tmp_path: Path) -> None:
     """libexpat is needed by netconvert; the loader is told of a cut-off one first."""
     (tmp_path / "libexpat.so.1").write_bytes(b"\x7fELF")
     code = (
-        "from advpipe.stages.simulate.network_file import run_sumo_program\n"
-        "run_sumo_program('netconvert', ['--version'])"
+        "from advpipe.stages.simulate.network_file import run_sumo\n"
+        "run_sumo('netconvert', ['--version'], 'a map')"
     )
     environment = os.environ | {"LD_LIBRARY_PATH": str(tmp_path)}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)

@@ -257,7 +257,7 @@ def test_what_met_nothing_is_told(recorded, tmp_path):
     change.write_labels(tmp_path)
     idle = {what: count for what, count in change.counts().items() if what.startswith("attack")}
     assert idle == {"attack that met no CAM: cam-speed-constant": 1}
-    change = forge(reader, [spec("cam-drop", schedule={"from_s": 1e-6, "to_s": 2e-6})], 1)
+    change = forge(reader, [spec("cam-drop", schedule={"from_s": 0.0009, "to_s": 0.001})], 1)
     change.write_labels(tmp_path)
     assert change.counts() == {"attack that met no CAM: cam-drop": 1}
 

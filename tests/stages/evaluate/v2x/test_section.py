@@ -104,7 +104,7 @@ def test_lines_where_one_attack_is_all_or_nobody_lies(offset: Path) -> None:
 
 def test_attacks_that_met_nothing_are_named(smoke: Path, offset: Path, tmp_path: Path) -> None:
     idle = tmp_path / "idle"
-    spec = AttackSpec(type="cam-drop", schedule=Schedule(from_s=1e-6, to_s=2e-6))
+    spec = AttackSpec(type="cam-drop", schedule=Schedule(from_s=0.0009, to_s=0.001))
     attack(smoke, idle, AttackRequest((spec,)))
     (found,) = sections(smoke, [idle, offset])
     assert {line[0] for line in found.tables[0].lines} == {offset.name}
