@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sized
 from typing import TextIO, TypeVar
 
 from advpipe.pipeline.process.streams import beneath
@@ -22,9 +22,10 @@ def track(
 ) -> Iterator[T]:
     """The same items; says on standard error how many have come, and how long the rest will take.
 
-    status: what to write besides, asked again at each item. --quiet silences it.
+    total: of the items, where they do not tell it. status: what to write besides, asked again at each item. --quiet silences it.
     """
     description, begin_s, count = one_line(description), time.monotonic(), 0
+    total = len(items) if total is None and isinstance(items, Sized) else total
     for count, item in enumerate(_shown(items, description, total, status), 1):  # noqa: B007
         yield item
     detail(f"{description}: {count:,} in {time.monotonic() - begin_s:.2f} s")

@@ -24,7 +24,7 @@ def four_seconds_each(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("four_seconds_each")
 def test_a_line_every_ten_seconds(capsys: pytest.CaptureFixture[str]) -> None:
-    assert list(track(range(8), "read\x1b", 8, lambda: "loss 1")) == list(range(8))
+    assert list(track(range(8), "read\x1b", status=lambda: "loss 1")) == list(range(8))
     lines = capsys.readouterr().err.splitlines()
     assert lines == [
         "read\\x1b: 3 of 8, about 20 s left; loss 1",
