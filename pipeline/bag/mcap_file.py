@@ -33,6 +33,7 @@ from advpipe.pipeline.bag.mcap_summary import add_definition, data_records, read
 from advpipe.pipeline.bag.topics import RawMessage, Topic, qos_from_yaml
 from advpipe.pipeline.bag.unpacking import MESSAGE_BYTES, UnpackBudget
 from advpipe.pipeline.errors import AdvpipeError, UsageError
+from advpipe.pipeline.shown import shown
 
 _FOOTER = struct.Struct("<BQQQI")  # opcode, length, summary start, summary offset start, summary CRC
 _BLOCK_BYTES = 1 << 20
@@ -289,13 +290,15 @@ def ros2_topic(path: Path, channel: Channel, schema: Schema) -> Topic:
         )
     if channel.message_encoding != "cdr":
         raise UsageError(
-            f"{path}: {channel.topic} is encoded as {channel.message_encoding!r}; "
+            f"{path}: {channel.topic} is encoded as {shown(channel.message_encoding)}; "
             "advpipe reads ROS 2 bags, where all topics are 'cdr'"
         )
     if schema.encoding not in _SCHEMA_ENCODINGS:
-        raise UsageError(f"{path}: {channel.topic} has a schema in {schema.encoding!r}, not ROS 2's")
+        raise UsageError(f"{path}: {channel.topic} has a schema in {shown(schema.encoding)}, not ROS 2's")
     if not _TYPE_NAME.fullmatch(schema.name):  # rosbags makes code of it
-        raise AdvpipeError(f"{path}: {channel.topic} has the type {schema.name!r}, which is no type's name")
+        raise AdvpipeError(
+            f"{path}: {channel.topic} has the type {shown(schema.name)}, which is no type's name"
+        )
     if len(schema.data) > SCHEMA_LIMIT_BYTES:
         raise AdvpipeError(f"{path}: the definition of {schema.name} has {len(schema.data)} bytes")
     try:
