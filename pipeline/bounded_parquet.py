@@ -78,7 +78,7 @@ def batches(
         _check(path, table, names, most_rows)
     try:
         with pq.ParquetFile(
-            str(path), page_checksum_verification=True, read_dictionary=texts, buffer_size=READ_BYTES
+            _file(path), page_checksum_verification=True, read_dictionary=texts, buffer_size=READ_BYTES
         ) as table:
             for batch in table.iter_batches(BATCH_ROWS, columns=names, use_threads=False):
                 unpacked = [_unpacked(path, name, batch.column(name)) for name in names]
@@ -101,9 +101,16 @@ def _opened(path: Path) -> Any:
         length = int.from_bytes(end[:4], "little")
         if end[4:] == b"PAR1" and length > FOOTER_LIMIT_BYTES:
             raise AdvpipeError(f"{path}: a footer of {length} bytes is too long to read")
-        return pq.ParquetFile(str(path))
+        return pq.ParquetFile(_file(path))
     except (OSError, pa.ArrowException, ValueError) as error:
         raise _no_table(path, error) from None
+
+
+def _file(path: Path) -> Any:
+    """The file for pyarrow, which takes names that are not UTF-8 as bytes alone."""
+    import pyarrow as pa
+
+    return pa.OSFile(os.fsencode(path))
 
 
 def _check(path: Path, table: Any, names: Sequence[str], most_rows: int | None) -> None:

@@ -58,7 +58,7 @@ def mistakes_told(own: Sequence[str]) -> Iterator[None]:
             raise
         reason = " ".join(str(error).split())
         raise AdvpipeError(
-            f"{' or '.join(own)} failed: {type(error).__name__}: {reason}{_place(error)}; mend it"
+            f"{' or '.join(own)} failed: {type(error).__name__}: {reason}{_place(error)}; fix it"
         ) from None
 
 

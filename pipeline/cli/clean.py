@@ -98,9 +98,10 @@ class _Tally:
 def _found(path: Path | None) -> Iterator[Leftover]:
     from advpipe.pipeline.dataset.leftovers import find_leftovers, find_scratch, recognise, refuse_inside
     from advpipe.pipeline.errors import UsageError
+    from advpipe.pipeline.process.folder import here
 
     if path is None:
-        yield from find_leftovers(Path())
+        yield from find_leftovers(here("."))
         if DATASETS.is_symlink() and DATASETS.is_dir():  # links are not followed, but for this one
             yield from find_leftovers(DATASETS)
         yield from find_scratch()

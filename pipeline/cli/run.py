@@ -10,7 +10,7 @@ import typer
 
 from advpipe.pipeline.cli.attack import attacked
 from advpipe.pipeline.cli.evaluate import detector_slug, evaluate
-from advpipe.pipeline.cli.shared import Answer, DetectorName, Device, Overwrite, Workers, line, told
+from advpipe.pipeline.cli.shared import Answer, DetectorName, Device, Overwrite, Workers, line, show_part
 from advpipe.pipeline.cli.simulate import simulate
 
 if TYPE_CHECKING:
@@ -52,19 +52,19 @@ def run(
     folder = out or here("datasets") / loaded.name
     refuse_undecodable(folder)
     if _has_drive(folder, loaded, overwrite):
-        drive = told(_kept("bag", folder / "clean"))
+        drive = show_part(_kept("bag", folder / "clean"))
     else:
-        drive = told(simulate(scenario, folder, settings, overwrite))
+        drive = show_part(simulate(scenario, folder, settings, overwrite))
     attacks = [
-        told(_attack(folder / "clean", folder / name, request, workers, overwrite))
+        show_part(_attack(folder / "clean", folder / name, request, workers, overwrite))
         for name, request in requests.items()
     ]
     bags = [folder / "clean", *(folder / name for name in requests)]
     report = folder / "reports" / detector_slug(detector)
     if _is_report_of(report, bags, detector, device):
-        scored = told(_kept("report", report))
+        scored = show_part(_kept("report", report))
     else:
-        scored = told(
+        scored = show_part(
             evaluate(bags, [detector], device=device, workers=workers, out=report, overwrite=overwrite)
         )
     document = {"data_set": folder, "drive": drive, "attacks": attacks, "evaluation": scored}

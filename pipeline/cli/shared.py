@@ -88,7 +88,7 @@ def answering(command: Callable[..., Answer]) -> Callable[..., None]:
     return answer
 
 
-def told(answer: Answer) -> dict[str, Any]:
+def show_part(answer: Answer) -> dict[str, Any]:
     """Shows an answer that is a part of another one, as soon as it is known; returns its document."""
     from advpipe.pipeline.verbosity import is_for_people
 

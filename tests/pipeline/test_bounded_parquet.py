@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -42,6 +43,14 @@ def test_rows_are_those_of_pyarrow(tmp_path: Path) -> None:
     pq.write_table(table, tmp_path / "a.parquet")
     assert list(rows(tmp_path / "a.parquet")) == table.to_pylist()
     assert list(rows(tmp_path / "a.parquet", ["word"])) == table.select(["word"]).to_pylist()
+
+
+def test_a_name_that_is_not_utf8(tmp_path: Path) -> None:
+    table = pa.table({"text": ["a"], "number": [1]})
+    pq.write_table(table, tmp_path / "a.parquet")
+    odd = tmp_path / os.fsdecode(b"\xff.parquet")
+    (tmp_path / "a.parquet").rename(odd)
+    assert list(rows(odd)) == table.to_pylist()
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,6 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from jinja2 import Environment, StrictUndefined
-
 from advpipe.pipeline.geometry.boxes import CLASSES
 from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.detection.summary import Summary
@@ -19,6 +17,7 @@ from advpipe.stages.evaluate.report.clean import (
     strata_tables,
 )
 from advpipe.stages.evaluate.report.numbers import number
+from advpipe.stages.evaluate.report.page import rendered
 from advpipe.stages.evaluate.report.report import Report, plain
 from advpipe.stages.evaluate.report.scene import attack_title
 from advpipe.stages.evaluate.report.section import ATTACK, CLEAN, OVERVIEW, Picture
@@ -29,10 +28,8 @@ TEMPLATE = Path(__file__).with_name("template.html")
 
 def write_html(report: Report, summaries: Sequence[Summary], pictures: Sequence[Picture], path: Path) -> None:
     """Write report.html: tables, pictures, formulas and provenance."""
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    page = environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
+    page = rendered(
+        TEMPLATE.read_text(encoding="utf-8"),
         title=report.provenance["clean"],
         detectors=report.provenance["detectors"],
         is_attacked=any(summary.comparison.bag for summary in summaries) or bool(report.sections),

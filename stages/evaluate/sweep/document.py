@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from advpipe.pipeline.whole_file import write_whole
+from advpipe.stages.evaluate.report.page import rendered
 from advpipe.stages.evaluate.report.pictures import to_png
 from advpipe.stages.evaluate.report.report import FORMULAS
 from advpipe.stages.evaluate.report.section import OVERVIEW, Picture, Table
@@ -102,16 +103,12 @@ def _html(
     pictures: Sequence[Picture],
     banners: Sequence[str],
 ) -> str:
-    from jinja2 import Environment, StrictUndefined
-
     details = (
         *(baselines_table(cells), loose_table(cells), steps_table(cells), convergence_table(cells)),
         *ingredients_tables(cells),
     )
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
+    return rendered(
+        TEMPLATE.read_text(encoding="utf-8"),
         banners=banners,
         remarks=remarks(cells),
         tables=[table_one(cells, recipes), *(table_two(cells, recipes, attack) for attack in AXES)],

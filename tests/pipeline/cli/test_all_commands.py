@@ -303,6 +303,7 @@ def test_a_working_folder_that_was_deleted(made: Path, tmp_path: Path) -> None:
         (["simulate", "smoke", "-o", f"{out}/drive", *SHORT], 0),
         (["simulate", "smoke", *SHORT], 2),
         (["attack"], 2),
+        (["clean", "--remove"], 2),
         (["plot", plain], 2),
     ):
         (tmp_path / "gone").mkdir()

@@ -89,7 +89,7 @@ def test_a_mistake_on_a_cloud_is_one_line(clean_bag, tmp_path, name, said):
 def test_a_mistake_in_a_worker_is_the_same_line(clean_bag, tmp_path, monkeypatch):
     monkeypatch.setattr("advpipe.pipeline.jobs.JOBS_WORTH_A_WORKER", 1)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    with pytest.raises(AdvpipeError, match=r"KeyError: 'key' \(wrong_attack\.py, line 11\); mend it"):
+    with pytest.raises(AdvpipeError, match=r"KeyError: 'key' \(wrong_attack\.py, line 11\); fix it"):
         attack(clean_bag, tmp_path / "out", request("wrong_attack:Missing"), workers=2)
 
 
