@@ -22,7 +22,8 @@ def track(
 ) -> Iterator[T]:
     """The same items; says on standard error how many have come, and how long the rest will take.
 
-    total: of the items, where they do not tell it. status: what to write besides, asked again at each item. --quiet silences it.
+    total: of the items, where they do not tell it. status: what to write besides, asked again at each item.
+    --quiet silences it.
     """
     description, begin_s, count = one_line(description), time.monotonic(), 0
     total = len(items) if total is None and isinstance(items, Sized) else total
