@@ -34,6 +34,7 @@ PURPOSES = {
     "rich": "progress bars and tables",
     "typer": "the command line",
     "jinja2": "reports",
+    "markdown-it-py": "data set cards",
     "pyyaml": "scenarios",
 }
 """What each dependency is there for."""
