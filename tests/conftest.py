@@ -12,9 +12,11 @@ import pytest
 # Tests run side by side: threads of theirs would only be in each other's way.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-# A shell that starts the tests in the background has ctrl-C ignored; commands would take that over.
+# Tests started in the background have ctrl-C ignored, by nohup SIGHUP; commands would take that over.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 @pytest.fixture(scope="session", autouse=True)
