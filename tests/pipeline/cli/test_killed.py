@@ -225,7 +225,7 @@ def left_by_a_full_disk(forks: Forks, folder: Path, before: dict[str, str], case
     assert after == before
 
 
-@pytest.mark.parametrize("share_of_largest", [0.02, 0.6])
+@pytest.mark.parametrize("share_of_largest", [0.02, pytest.param(0.6, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("name", [name for name in CASES if name not in ("plot", "schema")])
 def test_files_that_may_not_grow(
     forks: Forks, ready: Path, tmp_path: Path, name: str, share_of_largest: float
