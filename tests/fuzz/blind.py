@@ -16,4 +16,4 @@ class BlindDetector:
         return Detections(np.zeros((0, 7)), np.zeros(0), np.zeros(0, np.int64))
 
     def loss(self, points: object, boxes: object, labels: object) -> object:
-        raise NotImplementedError
+        raise AssertionError("evaluating asks for no loss")

@@ -34,7 +34,7 @@ ADDRESSES_BYTES, FILE_BYTES = 24 << 30, 4 << 30
 class Folder:
     """Where a worker finds the base documents, and leaves its status, its input and what it found.
 
-    path: OUT/work/NAME; OUT holds what all targets share.
+    path: two levels below the folder that holds what all targets share.
     """
 
     def __init__(self, path: Path) -> None:
