@@ -33,7 +33,7 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@! command -v hardlink > /dev/null || \
 		hardlink -t $(VENV)/lib/python*/site-packages/eclipse_sumo.libs \
 			$(VENV)/lib/python*/site-packages/libsumo.libs > /dev/null 2>&1 || true
-	@$(BIN)/python -m advpipe.pipeline.missing_library
+	@$(BIN)/python -m advpipe.pipeline.core.missing_library
 	@touch $@
 
 demo: $(INSTALLED)

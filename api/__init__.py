@@ -12,7 +12,7 @@ __version__: str
 
 def __getattr__(name: str) -> object:
     if name == "__version__":
-        from advpipe.pipeline.versions import installed
+        from advpipe.pipeline.core.versions import installed
 
         return installed("advpipe")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

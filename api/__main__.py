@@ -10,7 +10,7 @@ import sys
 
 
 def main() -> None:
-    from advpipe.pipeline.process import signals, streams
+    from advpipe.pipeline.core import signals, streams
 
     signals.install()
     streams.open_closed()

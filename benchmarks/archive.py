@@ -16,9 +16,9 @@ from pathlib import Path
 
 from common import compare, finish, machine, scratch
 
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.dataset import checksums
 from advpipe.pipeline.dataset.archive import contents, pack, unpack
-from advpipe.pipeline.errors import AdvpipeError
 
 MARK = 0.8
 BLOCK_BYTES = 1 << 20

@@ -24,7 +24,6 @@ import numpy as np
 import torch
 from common import compare, finish, machine
 
-from advpipe.pipeline.bag.cloud import xyzi
 from advpipe.pipeline.bag.frames import Frame, FrameSlice, read_frames
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.detector.batching import run_together
@@ -34,6 +33,7 @@ from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import PRESETS
 from advpipe.pipeline.detector.threads import fixed_torch_threads
+from advpipe.pipeline.messages.cloud import xyzi
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.stages.attack.lidar.attach import Attach
 from advpipe.stages.attack.lidar.base import LidarAttack, LidarResult

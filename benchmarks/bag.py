@@ -21,15 +21,15 @@ from common import compare, finish, machine, scratch, steady_memory
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
 
-from advpipe.pipeline.bag import messages, topics
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, Cloud, cloud_to_cdr
 from advpipe.pipeline.bag.frames import read_frames
-from advpipe.pipeline.bag.mcap_writer import ZSTD_LEVEL
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import Topic
-from advpipe.pipeline.bag.types import schema_text, serialise
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.mcap.channel import Topic
+from advpipe.pipeline.mcap.writer import ZSTD_LEVEL
+from advpipe.pipeline.messages import build, topics
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud, cloud_to_cdr
+from advpipe.pipeline.messages.types import schema_text, serialise
 
 WRITE_MARK, READ_MARK = 0.9, 0.8
 CHANNELS, COLUMNS, ROAD_USERS = 64, 1800, 60
@@ -74,11 +74,11 @@ def drive(frames: int) -> list[Message]:
         boxes = Boxes(geometry, np.zeros(ROAD_USERS, np.int64), names, np.zeros((ROAD_USERS, 3)))
         pose = np.eye(4)
         small = {
-            topics.CLOCK: messages.clock(stamp_ns),
-            topics.TF: messages.transforms(stamp_ns, [("map", EGO.base_frame, pose)]),
-            EGO.true_odometry: messages.odometry(stamp_ns, pose, np.zeros(3), np.zeros(3)),
-            EGO.gnss_fix: messages.nav_sat_fix(stamp_ns, 48.0, 11.0, 500.0),
-            EGO.objects: messages.detections(stamp_ns, EGO.lidar_frame, boxes),
+            topics.CLOCK: build.clock(stamp_ns),
+            topics.TF: build.transforms(stamp_ns, [("map", EGO.base_frame, pose)]),
+            EGO.true_odometry: build.odometry(stamp_ns, pose, np.zeros(3), np.zeros(3)),
+            EGO.gnss_fix: build.nav_sat_fix(stamp_ns, 48.0, 11.0, 500.0),
+            EGO.objects: build.detections(stamp_ns, EGO.lidar_frame, boxes),
         }
         found += [Message(topic, serialise(item, topic.type), stamp_ns) for topic, item in small.items()]
         cdr = cloud_to_cdr(clouds[frame % len(clouds)], stamp_ns, EGO.lidar_frame)

@@ -28,27 +28,27 @@ from unittest.mock import patch
 
 import numpy as np
 
-from advpipe.pipeline.bag.cloud import Cloud, xyzi
 from advpipe.pipeline.bag.frames import Frame, FrameSlice, read_frames
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.provenance import parent_sha256
-from advpipe.pipeline.code import source_commit
+from advpipe.pipeline.campaigns.sweep import ingredients
+from advpipe.pipeline.core.code import source_commit
+from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.defences.registry import parse_defences
 from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.geometry.boxes import CLASSES
 from advpipe.pipeline.geometry.iou import iou_3d
+from advpipe.pipeline.messages.cloud import Cloud, xyzi
 from advpipe.pipeline.metrics.average_precision import LOOSE_IOU, STRICT_IOU, average_precision
 from advpipe.pipeline.metrics.chamfer import chamfer_distance
 from advpipe.pipeline.metrics.matching import FrameMatches, match_overlaps
-from advpipe.pipeline.seeding import named_generator
 from advpipe.stages.attack.lidar import attach, attach_game, climb, detach, detach_game, harm
 from advpipe.stages.attack.lidar.attach import Attach
 from advpipe.stages.attack.lidar.detach import Detach
 from advpipe.stages.attack.lidar.perturb import RECIPES, Perturb
 from advpipe.stages.attack.lidar.targets import find_targets
-from advpipe.stages.evaluate.sweep import ingredients
 
 OBJECTS = 20
 """Of a class with fewer in the chosen frames, average precision says little."""

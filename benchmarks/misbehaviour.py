@@ -32,15 +32,15 @@ sys.path.insert(0, str(Path(__file__).parent))
 from common import finish, machine, scratch
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.v2x_attackers import Cast
-from advpipe.pipeline.bag.v2x_drive import V2xDrive
-from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.jobs import map_jobs
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.jobs import map_jobs
 from advpipe.pipeline.misbehaviour.catch import TUNED_CATCH, CatchParameters
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
 from advpipe.pipeline.misbehaviour.detector import judge_all
 from advpipe.pipeline.misbehaviour.scores import Scores
 from advpipe.pipeline.misbehaviour.tuning import Stream, tune, tune_catch
+from advpipe.pipeline.replay.v2x_attackers import Cast
+from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
 from advpipe.stages.attack.registry import ATTACKS

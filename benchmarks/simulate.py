@@ -22,17 +22,17 @@ from typing import Any
 import numpy as np
 
 from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.core.open3d_library import o3d
 from advpipe.pipeline.localisation.onboard import OnBoard
-from advpipe.pipeline.open3d_library import o3d
 from advpipe.pipeline.scenario import load_scenario
-from advpipe.stages.simulate import rig, run
-from advpipe.stages.simulate.lidar import Lidar
+from advpipe.stages.simulate import run
 from advpipe.stages.simulate.recorder import Recorder
-from advpipe.stages.simulate.road_users import RoadUser
-from advpipe.stages.simulate.traffic import Traffic
-from advpipe.stages.simulate.world.mesh import Mesh, merge
-from advpipe.stages.simulate.world.scene import Scene
-from advpipe.stages.simulate.world.world import World
+from advpipe.stages.simulate.sensors.lidar import Lidar, rig
+from advpipe.stages.simulate.traffic.road_users import RoadUser
+from advpipe.stages.simulate.traffic.sumo.traffic import Traffic
+from advpipe.stages.simulate.world.raycast.mesh import Mesh, merge
+from advpipe.stages.simulate.world.raycast.scene import Scene
+from advpipe.stages.simulate.world.raycast.world import World
 
 REACH = 1.6
 

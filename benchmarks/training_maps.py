@@ -19,12 +19,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from advpipe.pipeline.core.hashing import sha256_of
+from advpipe.pipeline.core.versions import installed
 from advpipe.pipeline.detector.second.checkpoint import SHIPPED
 from advpipe.pipeline.detector.training_maps import list_beside
-from advpipe.pipeline.hashing import sha256_of
 from advpipe.pipeline.scenario import load_scenario
-from advpipe.pipeline.versions import installed
-from advpipe.stages.simulate.network import load_network
+from advpipe.stages.simulate.road_network.network import load_network
 
 SCRIPT = Path(__file__).with_name("train_small.sh")
 NETWORKS = SCRIPT.parents[1] / "scenarios" / "networks"

@@ -25,24 +25,24 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from common import machine, scratch
 
-from advpipe.pipeline.bag import v2x as bag_v2x
-from advpipe.pipeline.bag.topics import Topic
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.mcap.channel import Topic
+from advpipe.pipeline.messages import v2x as bag_v2x
 from advpipe.pipeline.scenario import Scenario, load_scenario
 from advpipe.pipeline.scenario.v2x import V2x
 from advpipe.pipeline.v2x import air as air_module
-from advpipe.pipeline.v2x import generation
 from advpipe.pipeline.v2x.air import Air, Sent
-from advpipe.pipeline.v2x.cam_tree import decode_cam, encode_cam
-from advpipe.pipeline.v2x.codes import StationType
+from advpipe.pipeline.v2x.codec.codes import StationType
+from advpipe.pipeline.v2x.facilities import generation
+from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam, encode_cam
+from advpipe.pipeline.v2x.facilities.station_state import StationState
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.radio.stations import Stations
-from advpipe.pipeline.v2x.station_state import StationState
 from advpipe.stages.simulate import recorder, run
+from advpipe.stages.simulate.network.embedded.communication import Communication
 from advpipe.stages.simulate.recorder import Recorder
-from advpipe.stages.simulate.traffic import Traffic
-from advpipe.stages.simulate.v2x.communication import Communication
+from advpipe.stages.simulate.traffic.sumo.traffic import Traffic
 
 REACH = 1.3
 START_NS = 1_767_268_800_000_000_000

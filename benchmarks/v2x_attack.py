@@ -15,10 +15,10 @@ from pathlib import Path
 from common import compare, finish, machine, scratch, steady_memory
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.v2x_drive import V2xDrive
+from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.attacks import AttackSpec, attack_spec
-from advpipe.pipeline.v2x.cam_tree import decode_cam, encode_cam
+from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam, encode_cam
 from advpipe.stages.attack.v2x.change import forge
 from advpipe.stages.simulate.run import simulate
 

@@ -24,10 +24,10 @@ from common import compare, finish, machine, scratch
 
 from advpipe.pipeline.bag.inspect import describe
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import RawMessage
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.dataset import checksums
 from advpipe.pipeline.dataset.layout import files
+from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.stages.verify.run import verify
 
 MARK = 0.8

@@ -16,16 +16,16 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import ListedColormap
 
+from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.scenario import load_scenario
-from advpipe.pipeline.seeding import named_generator
-from advpipe.stages.simulate.lidar import Lidar
-from advpipe.stages.simulate.network import load_network
-from advpipe.stages.simulate.rig import within
-from advpipe.stages.simulate.traffic import Traffic
-from advpipe.stages.simulate.walkers import draw_walkers
-from advpipe.stages.simulate.world.bodies import draw_variants
-from advpipe.stages.simulate.world.materials import SEMANTIC, SEMANTIC_CLASSES
-from advpipe.stages.simulate.world.world import World
+from advpipe.stages.simulate.road_network.network import load_network
+from advpipe.stages.simulate.sensors.lidar import Lidar
+from advpipe.stages.simulate.sensors.lidar.rig import within
+from advpipe.stages.simulate.traffic.sumo.traffic import Traffic
+from advpipe.stages.simulate.traffic.walkers import draw_walkers
+from advpipe.stages.simulate.world.raycast.bodies import draw_variants
+from advpipe.stages.simulate.world.raycast.materials import SEMANTIC, SEMANTIC_CLASSES
+from advpipe.stages.simulate.world.raycast.world import World
 
 COLOURS = {
     "road": "#8f4d9e", "marking": "#ffffff", "pavement": "#d9a0dd", "ground": "#7a5c2e",

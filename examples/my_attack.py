@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.stages.attack.lidar.base import LidarResult, PointLabels, unchanged
 from advpipe.stages.attack.lidar.targets import detection_loss, find_targets
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.geometry.boxes import Boxes, points_in_boxes
+from advpipe.pipeline.messages.cloud import Cloud, xyz
 
 Float64 = npt.NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap
 
-from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.geometry.boxes import box_corners
+from advpipe.pipeline.messages.cloud import Cloud, xyz
 
 Float64 = npt.NDArray[np.float64]
 Limits = tuple[float, float, float, float]

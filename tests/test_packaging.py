@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import os
 import re
 import shutil
@@ -172,33 +171,3 @@ def test_type_checkers_see_the_whole_package() -> None:
         **{file.name: file for file in (ROOT / "api").glob("*.py")},
         **{top: ROOT / top for top in ("pipeline", "stages")},
     }
-
-
-def imported(path: Path) -> set[str]:
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    names = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
-    return names | {
-        node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module
-    }
-
-
-def test_the_pipeline_imports_no_stage() -> None:
-    for path in (ROOT / "pipeline").rglob("*.py"):
-        if path.parent.name != "cli":
-            assert not [name for name in imported(path) if name.startswith("advpipe.stages")], path
-
-
-def test_nothing_imports_the_command_line() -> None:
-    """`pipeline/cli/` stands above the stages: it knows them, and nothing below knows it."""
-    for folder in ("pipeline", "stages"):
-        for path in (ROOT / folder).rglob("*.py"):
-            if path.parent.name != "cli":
-                assert not [name for name in imported(path) if name.startswith("advpipe.pipeline.cli")], path
-
-
-def test_no_stage_imports_another() -> None:
-    for path in (ROOT / "stages").rglob("*.py"):
-        own = path.relative_to(ROOT / "stages").parts[0]
-        for name in imported(path):
-            if name.startswith("advpipe.stages."):
-                assert name.split(".")[2] == own, path

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.iou import iou_3d
 from advpipe.pipeline.metrics.average_precision import STRICT_IOU
 from advpipe.pipeline.scenario import load_scenario

@@ -9,9 +9,9 @@ from typing import Annotated, Any
 import yaml
 from pydantic import Field
 
-from advpipe.pipeline.bag import plain_yaml
-from advpipe.pipeline.bag.document import Document, Word, validated
-from advpipe.pipeline.errors import AdvpipeError, UsageError
+from advpipe.pipeline.core import plain_yaml
+from advpipe.pipeline.core.document import Document, Word, validated
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 
 METADATA_NAME = "metadata.yaml"
 _Path = Annotated[str, Field(min_length=1, max_length=4096)]

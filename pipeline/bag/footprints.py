@@ -9,9 +9,9 @@ import numpy as np
 import shapely
 from pydantic import Field, model_validator
 
-from advpipe.pipeline.bag.document import Document, read_json
-from advpipe.pipeline.bag.message_bounds import FARTHEST_M
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.document import Document, read_json
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.messages.message_bounds import FARTHEST_M
 
 LIMIT_BYTES = 64 << 20
 _MOST_CORNERS = 10_000

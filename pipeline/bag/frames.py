@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from advpipe.pipeline.bag.cloud import Cloud
-from advpipe.pipeline.bag.frame_slice import ALL_FRAMES, FrameSlice
 from advpipe.pipeline.bag.ground_truth import LATENCY_NS, GroundTruth, objects_topic
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import RawMessage, VehicleTopics
-from advpipe.pipeline.errors import AdvpipeError, UsageError
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
 from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.pipeline.messages.cloud import Cloud
+from advpipe.pipeline.messages.topics import VehicleTopics
 
 __all__ = [
     "ALL_FRAMES",

@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import TF, TF_STATIC, RawMessage, VehicleTopics, is_truth
-from advpipe.pipeline.errors import AdvpipeError, UsageError
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
 from advpipe.pipeline.geometry.transforms import Float64, invert
+from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.topics import TF, TF_STATIC, VehicleTopics, is_truth
 
 LATENCY_NS = 500_000_000
 """How far apart another tool's recorder may have logged a cloud and the truth with the same stamp."""
@@ -89,19 +90,19 @@ class GroundTruth:
         name = raw.topic.name
         if name == self._objects:
             boxes = self._boxes_of(message)
-            self._boxes[messages.stamp_ns(message)] = (message.header.frame_id, boxes)
+            self._boxes[build.stamp_ns(message)] = (message.header.frame_id, boxes)
         elif name == self._topics.road_users.name:
-            self._velocities[messages.stamp_ns(message)] = {
+            self._velocities[build.stamp_ns(message)] = {
                 user.id: np.array([user.velocity.x, user.velocity.y, user.velocity.z])
                 for user in message.road_users
             }
         elif name == self._topics.true_odometry.name:
-            moving = self._moving.setdefault(messages.stamp_ns(message), {})
-            pose = messages.se3_from_pose(message.pose.pose)
+            moving = self._moving.setdefault(build.stamp_ns(message), {})
+            pose = build.se3_from_pose(message.pose.pose)
             moving[message.child_frame_id] = (message.header.frame_id, pose)
         else:
             for transform in message.transforms:
-                moving = self._moving.setdefault(messages.stamp_ns(transform), {})
+                moving = self._moving.setdefault(build.stamp_ns(transform), {})
                 # The true pose wins over an estimate on /tf.
                 moving.setdefault(transform.child_frame_id, _parent_and_pose(transform))
 
@@ -185,7 +186,7 @@ def _static_transforms(reader: BagReader) -> dict[str, tuple[str, Float64]]:
 
 
 def _parent_and_pose(transform: Any) -> tuple[str, Float64]:
-    return transform.header.frame_id, messages.se3_from_transform(transform.transform)
+    return transform.header.frame_id, build.se3_from_transform(transform.transform)
 
 
 def _to_root(parents: dict[str, tuple[str, Float64]], frame_id: str) -> tuple[str, Float64]:

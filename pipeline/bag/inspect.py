@@ -10,13 +10,14 @@ from pathlib import Path
 
 from rosbags.interfaces import Qos, QosDurability
 
-from advpipe.pipeline.bag.checksums import ChecksumCoverage, validate_checksums
 from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.locate import resolve_bag
-from advpipe.pipeline.bag.messages import NS_PER_S
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import RawMessage, VehicleTopics
 from advpipe.pipeline.bag.v2x_statistics import read_statistics
+from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.pipeline.mcap.checksums import ChecksumCoverage, validate_checksums
+from advpipe.pipeline.messages.build import NS_PER_S
+from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.v2x.statistics import Statistics
 
 _CLOUD_TYPE = VehicleTopics().lidar_points.type
@@ -74,7 +75,7 @@ class BagDescription:
         """Tables on standard output."""
         from rich.table import Column, Table
 
-        from advpipe.pipeline.process.streams import plain_console
+        from advpipe.pipeline.core.streams import plain_console
 
         facts = Table.grid(padding=(0, 2))
         for name, value in self._facts():

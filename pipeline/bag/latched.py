@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from advpipe.pipeline.bag.document import LONGEST_TEXT, Count, Document, read_json
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import SCENARIO_INFO
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.document import LONGEST_TEXT, Count, Document, read_json
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.messages.topics import SCENARIO_INFO
 from advpipe.pipeline.scenario.base import Name
 from advpipe.pipeline.scenario.map import Origin
 from advpipe.pipeline.scenario.sensors import Sensors

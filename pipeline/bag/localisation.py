@@ -7,14 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import Topic, VehicleTopics
-from advpipe.pipeline.errors import AdvpipeError, UsageError
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.localisation.measurements import ImuSamples, InitialPose, Measurements, WheelTwist
 from advpipe.pipeline.localisation.onboard import OnBoardStep
+from advpipe.pipeline.mcap.channel import Topic
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.scenario.sensors import ImuSensor
 
 MAP_FRAME = "map"
@@ -25,7 +26,7 @@ Stamped = tuple[Topic, Any, int]
 
 def initial_pose_message(topics: VehicleTopics, initial: InitialPose, stamp_ns: int) -> Stamped:
     """Where the filter starts, as the topic `initialpose` of ROS has it."""
-    message = messages.initial_pose(
+    message = build.initial_pose(
         stamp_ns, initial.position_m, initial.xyzw, initial.covariance, frame_id=MAP_FRAME
     )
     return topics.initial_pose, message, stamp_ns
@@ -40,12 +41,12 @@ def onboard_messages(topics: VehicleTopics, sensor: ImuSensor, step: OnBoardStep
     measured, stamp_ns = step.measured, step.measured.stamp_ns
     yield from imu_messages(topics, sensor, measured.imu)
     if measured.fix is not None:
-        fix = messages.nav_sat_fix(
+        fix = build.nav_sat_fix(
             stamp_ns, *measured.fix, std_m=step.fix_stddev_m.tolist(), frame_id=topics.base_frame
         )
         yield topics.gnss_fix, fix, stamp_ns
     if measured.wheel is not None:
-        odometry = messages.odometry(
+        odometry = build.odometry(
             stamp_ns,
             step.odometry.odom_SE3_base,
             (measured.wheel.speed_mps, 0.0, 0.0),
@@ -65,7 +66,7 @@ def imu_messages(topics: VehicleTopics, sensor: ImuSensor, samples: ImuSamples) 
     for stamp, force, rate in zip(
         samples.stamps_ns.tolist(), samples.specific_force_mps2, samples.angular_rate_radps, strict=True
     ):
-        message = messages.imu(
+        message = build.imu(
             stamp,
             force,
             rate,
@@ -78,7 +79,7 @@ def imu_messages(topics: VehicleTopics, sensor: ImuSensor, samples: ImuSamples) 
 
 def estimate_message(topics: VehicleTopics, estimate: Estimate) -> Stamped:
     """The estimate in the map, with its covariances."""
-    message = messages.odometry(
+    message = build.odometry(
         estimate.stamp_ns,
         estimate.map_SE3_base,
         estimate.base_velocity_mps,
@@ -153,7 +154,7 @@ def _imu_samples(samples: list[Any]) -> ImuSamples:
     forces = [[m.linear_acceleration.x, m.linear_acceleration.y, m.linear_acceleration.z] for m in samples]
     rates = [[m.angular_velocity.x, m.angular_velocity.y, m.angular_velocity.z] for m in samples]
     return ImuSamples(
-        np.array([messages.stamp_ns(message) for message in samples], dtype=np.int64),
+        np.array([build.stamp_ns(message) for message in samples], dtype=np.int64),
         np.array(forces, dtype=np.float64).reshape(-1, 3),
         np.array(rates, dtype=np.float64).reshape(-1, 3),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from advpipe.pipeline.bag.files import METADATA_NAME
-from advpipe.pipeline.errors import UsageError
+from advpipe.pipeline.core.errors import UsageError
 
 CLEAN_NAME = "clean"
 

@@ -15,9 +15,9 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.provenance_record import Provenance
-from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.hashing import sha256_of
-from advpipe.pipeline.versions import installed
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.hashing import sha256_of
+from advpipe.pipeline.core.versions import installed
 
 RECORD_NAME = "advpipe"
 _CHECKSUM = "crc32"  # MCAP lays no checksum over a single metadata record

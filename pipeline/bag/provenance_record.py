@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
 
-from advpipe.pipeline.bag.document import LONGEST_TEXT, Count, Document, Text, Word, read_json, validated
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.document import LONGEST_TEXT, Count, Document, Text, Word, read_json, validated
+from advpipe.pipeline.core.errors import AdvpipeError
 
 MOST_LOOKS = 10_000
 """At more tries no attack looks; an evaluation draws as many random ones."""

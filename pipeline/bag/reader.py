@@ -11,17 +11,17 @@ import numpy as np
 import numpy.typing as npt
 from rosbags.typesys.store import Typestore
 
-from advpipe.pipeline.bag.cloud import StampedCloud, cloud_from_cdr
 from advpipe.pipeline.bag.files import mcap_files
-from advpipe.pipeline.bag.mcap_file import McapFile, in_time_order
-from advpipe.pipeline.bag.message_bounds import absurdity
-from advpipe.pipeline.bag.object_count import has_more_objects
 from advpipe.pipeline.bag.provenance import RECORD_NAME, unseal
 from advpipe.pipeline.bag.provenance_record import Provenance
-from advpipe.pipeline.bag.topics import RawMessage, TopicInfo
-from advpipe.pipeline.bag.types import missing_field, schema_text, types_from, typestore
-from advpipe.pipeline.errors import AdvpipeError, UsageError, one_line
-from advpipe.pipeline.verbosity import detail
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError, one_line
+from advpipe.pipeline.core.verbosity import detail
+from advpipe.pipeline.mcap.channel import RawMessage, TopicInfo
+from advpipe.pipeline.mcap.reader import McapFile, in_time_order
+from advpipe.pipeline.messages.cloud import StampedCloud, cloud_from_cdr
+from advpipe.pipeline.messages.message_bounds import absurdity
+from advpipe.pipeline.messages.object_count import has_more_objects
+from advpipe.pipeline.messages.types import missing_field, schema_text, types_from, typestore
 
 OBJECTS_LIMIT = 1 << 23
 """The most Python objects that a message may become: some 0.8 GB. A transform is 17, in 80 bytes."""

@@ -7,19 +7,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from advpipe.pipeline.bag.checksums import validate_checksums
-from advpipe.pipeline.bag.document import read_text, read_yaml
 from advpipe.pipeline.bag.frames import vehicle_topics
 from advpipe.pipeline.bag.locate import CLEAN_NAME
 from advpipe.pipeline.bag.provenance import RECORD_NAME, unseal
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.remains import SCENARIO_NAME, Remains, find_remains
-from advpipe.pipeline.bag.salvage import Salvage
-from advpipe.pipeline.bag.topics import VehicleTopics
 from advpipe.pipeline.bag.writer import FILES_RECORD, BagWriter
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
-from advpipe.pipeline.partial import FolderKind, staged_folder
+from advpipe.pipeline.core.document import read_text, read_yaml
+from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError
+from advpipe.pipeline.core.partial import FolderKind, staged_folder
+from advpipe.pipeline.mcap.checksums import validate_checksums
+from advpipe.pipeline.mcap.salvage import Salvage
+from advpipe.pipeline.messages.topics import VehicleTopics
 
 DATA_SET = FolderKind("data set", (SCENARIO_NAME, CLEAN_NAME), (f"{CLEAN_NAME}/metadata.yaml",))
 RECOVERED_KEY = "recovered"

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from advpipe.pipeline.bag.locate import CLEAN_NAME
-from advpipe.pipeline.errors import AdvpipeError, UsageError
-from advpipe.pipeline.partial import final_path, held, leftovers
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.core.partial import final_path, held, leftovers
 
 SCENARIO_NAME = "scenario.yaml"
 

@@ -7,9 +7,9 @@ from pathlib import Path
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.v2x_statistics import read_statistics
-from advpipe.pipeline.errors import OutputExistsError, UsageError, writing
+from advpipe.pipeline.core.errors import OutputExistsError, UsageError, writing
+from advpipe.pipeline.core.whole_file import whole_file
 from advpipe.pipeline.v2x.plot import draw_statistics
-from advpipe.pipeline.whole_file import whole_file
 
 FORMATS = (".png", ".pdf", ".svg")
 DOTS_PER_INCH = 150

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.latched import read_latched
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import V2X_STATISTICS
-from advpipe.pipeline.bag.types import serialise
-from advpipe.pipeline.bag.v2x import StampedCdr
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.topics import V2X_STATISTICS
+from advpipe.pipeline.messages.types import serialise
+from advpipe.pipeline.messages.v2x import StampedCdr
 from advpipe.pipeline.v2x.statistics import Statistics
 
 
 def statistics_message(stamp_ns: int, statistics: Statistics) -> StampedCdr:
     """std_msgs/String."""
-    message = messages.string(statistics.to_json())
+    message = build.string(statistics.to_json())
     return V2X_STATISTICS, serialise(message, V2X_STATISTICS.type), stamp_ns
 
 

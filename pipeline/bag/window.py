@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.bag.frame_slice import ALL_FRAMES, FrameSlice
 from advpipe.pipeline.bag.frames import find_lidar_topic
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.errors import UsageError
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
 
 ONE_CLOUD_NS = 100_000_000
 """The period where a bag holds a single cloud: that of a LiDAR that turns at 10 Hz."""

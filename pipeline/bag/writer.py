@@ -18,14 +18,15 @@ from typing import IO
 import yaml
 
 from advpipe.pipeline.bag.files import METADATA_NAME
-from advpipe.pipeline.bag.mcap_writer import COMPRESSIONS, McapWriter
 from advpipe.pipeline.bag.provenance import RECORD_NAME, seal
 from advpipe.pipeline.bag.provenance_record import Provenance
-from advpipe.pipeline.bag.topics import RawMessage, Topic, qos_to_yaml
-from advpipe.pipeline.bag.types import schema_text, serialise, type_hash
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, UsageError, os_error_line
-from advpipe.pipeline.hashing import sha256_of
-from advpipe.pipeline.partial import PartialFolder, final_path
+from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError, UsageError, os_error_line
+from advpipe.pipeline.core.hashing import sha256_of
+from advpipe.pipeline.core.partial import PartialFolder, final_path
+from advpipe.pipeline.mcap.channel import RawMessage, Topic
+from advpipe.pipeline.mcap.qos import qos_to_yaml
+from advpipe.pipeline.mcap.writer import COMPRESSIONS, McapWriter
+from advpipe.pipeline.messages.types import schema_text, serialise, type_hash
 
 FILES_RECORD = "advpipe_files"
 """The metadata record with the SHA-256 of each file beside the bag, by its name; none without such files."""

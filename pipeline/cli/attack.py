@@ -86,10 +86,10 @@ def attack(
     A LiDAR attack knows the detector, the true boxes and the rule that matches detections to them.
     """
     from advpipe.pipeline.bag.locate import newest_dataset, resolve_bag
-    from advpipe.pipeline.errors import writing, wrong_use
+    from advpipe.pipeline.core.errors import writing, wrong_use
+    from advpipe.pipeline.core.verbosity import detail
     from advpipe.pipeline.process.folder import here, refuse_undecodable
     from advpipe.pipeline.scenario.attacks import attack_spec
-    from advpipe.pipeline.verbosity import detail
     from advpipe.stages.attack.run import AttackRequest, attack_id
     from advpipe.stages.attack.run import attack as run
 
@@ -136,9 +136,9 @@ def _mean(values: Sequence[float]) -> float | None:
 
 def _parameters(options: dict[str, Any], settings: list[str]) -> dict[str, Any]:
     """Those given as options, and the values of `name=value`, each read as YAML."""
-    from advpipe.pipeline.errors import UsageError
+    from advpipe.pipeline.core.errors import UsageError
+    from advpipe.pipeline.core.shown import cut, shown
     from advpipe.pipeline.scenario.document import DocumentError, read_document
-    from advpipe.pipeline.shown import cut, shown
 
     found = dict(options)
     for setting in settings:
@@ -159,7 +159,7 @@ def _parameters(options: dict[str, Any], settings: list[str]) -> dict[str, Any]:
 
 def _attackers(words: list[str]) -> dict[str, Any] | None:
     """The section `attackers` that these words stand for."""
-    from advpipe.pipeline.errors import UsageError
+    from advpipe.pipeline.core.errors import UsageError
 
     if not words:
         return None

@@ -16,7 +16,7 @@ def inspect(
     """What is in a bag: topics, rates, clouds, road users, V2X, provenance, checksums."""
     from advpipe.pipeline.bag.inspect import describe
     from advpipe.pipeline.bag.locate import resolve_bag
-    from advpipe.pipeline.errors import wrong_use
+    from advpipe.pipeline.core.errors import wrong_use
 
     with wrong_use():
         resolve_bag(bag)
@@ -34,7 +34,7 @@ def plot(
     """Draw a drive's V2X: CAM rates, packets delivered by distance, channel load."""
     from advpipe.pipeline.bag.locate import resolve_bag
     from advpipe.pipeline.bag.v2x_picture import draw_bag
-    from advpipe.pipeline.errors import wrong_use
+    from advpipe.pipeline.core.errors import wrong_use
 
     with wrong_use():
         resolve_bag(bag)

@@ -39,8 +39,8 @@ def clean(
 
     Only lists without --remove. What a living run holds stays, and so does everything that is not advpipe's.
     """
-    from advpipe.pipeline.errors import UsageError, one_line, os_error_line
-    from advpipe.pipeline.verbosity import notice, say
+    from advpipe.pipeline.core.errors import UsageError, one_line, os_error_line
+    from advpipe.pipeline.core.verbosity import notice, say
 
     if everything and not remove:
         raise UsageError("--all goes with --remove; without them, everything is listed")
@@ -96,8 +96,8 @@ class _Tally:
 
 
 def _found(path: Path | None) -> Iterator[Leftover]:
+    from advpipe.pipeline.core.errors import UsageError
     from advpipe.pipeline.dataset.leftovers import find_leftovers, find_scratch, recognise, refuse_inside
-    from advpipe.pipeline.errors import UsageError
     from advpipe.pipeline.process.folder import here
 
     if path is None:

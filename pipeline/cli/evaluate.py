@@ -66,9 +66,9 @@ def evaluate(
     """Stage 3: run a detector on clean and adversarial bags; AP, mAP ratio, Chamfer distance, report."""
     from advpipe.pipeline.bag.frames import FrameSlice
     from advpipe.pipeline.bag.locate import adversarial_bags, newest_dataset, resolve_bag
-    from advpipe.pipeline.errors import wrong_use
+    from advpipe.pipeline.core.errors import wrong_use
+    from advpipe.pipeline.core.verbosity import detail
     from advpipe.pipeline.process.folder import here, refuse_undecodable
-    from advpipe.pipeline.verbosity import detail
     from advpipe.stages.evaluate.run import evaluate as run
     from advpipe.stages.evaluate.run import print_report
 

@@ -28,7 +28,7 @@ def export(
     veremi: JSON of the VeReMi Extension, a file a receiver and one of ground truth. veremi-2018: of VeReMi.
     """
     from advpipe.pipeline.bag.locate import resolve_bag
-    from advpipe.pipeline.errors import UsageError, wrong_use
+    from advpipe.pipeline.core.errors import UsageError, wrong_use
     from advpipe.stages.evaluate.v2x.veremi import export_veremi
 
     if format not in FORMATS:

@@ -10,9 +10,9 @@ from typing import Any, NoReturn
 import typer
 from typer.core import TyperGroup
 
-from advpipe.pipeline.errors import UsageError
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.streams import flush_output
 from advpipe.pipeline.process.endings import ended
-from advpipe.pipeline.process.streams import flush_output
 
 ClickException: type[Exception] = next(
     kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException"

@@ -36,7 +36,7 @@ def run(
     What is done already is kept. A drive, bag or report in its place that comes of anything else is
     refused, or replaced with --overwrite.
     """
-    from advpipe.pipeline.errors import wrong_use
+    from advpipe.pipeline.core.errors import wrong_use
     from advpipe.pipeline.process.folder import here, refuse_undecodable
     from advpipe.pipeline.scenario import load_scenario
     from advpipe.stages.attack.run import AttackRequest
@@ -78,8 +78,8 @@ def _kept(kind: str, path: Path) -> Answer:
 
 def _has_drive(folder: Path, scenario: Scenario, overwrite: bool) -> bool:
     """Whether a data set holds the drive of this scenario, whatever its attacks."""
-    from advpipe.pipeline.bag.document import read_text
-    from advpipe.pipeline.errors import AdvpipeError, UsageError
+    from advpipe.pipeline.core.document import read_text
+    from advpipe.pipeline.core.errors import AdvpipeError, UsageError
     from advpipe.pipeline.scenario import dump_scenario
 
     resolved = folder / "scenario.yaml"
@@ -101,7 +101,7 @@ def _has_drive(folder: Path, scenario: Scenario, overwrite: bool) -> bool:
 def _attack(clean: Path, bag: Path, request: AttackRequest, workers: int | None, overwrite: bool) -> Answer:
     """Makes the bag, unless the same request made it of the same clean one."""
     from advpipe.pipeline.bag.reader import BagReader
-    from advpipe.pipeline.errors import UsageError, writing
+    from advpipe.pipeline.core.errors import UsageError, writing
     from advpipe.stages.attack.provenance import provenance_of, resolved_text
     from advpipe.stages.attack.run import attack
 
@@ -123,8 +123,8 @@ def _attack(clean: Path, bag: Path, request: AttackRequest, workers: int | None,
 
 def _differing_keys(made: Path, wanted: str) -> list[str]:
     """The keys at the top of two YAML texts whose values differ; the whole text where one is no mapping."""
-    from advpipe.pipeline.bag.document import Word, read_text, read_yaml
-    from advpipe.pipeline.errors import AdvpipeError
+    from advpipe.pipeline.core.document import Word, read_text, read_yaml
+    from advpipe.pipeline.core.errors import AdvpipeError
 
     try:
         text = read_text(made)
@@ -139,10 +139,10 @@ def _differing_keys(made: Path, wanted: str) -> list[str]:
 def _is_report_of(report: Path, bags: Sequence[Path], detector: str, device: str) -> bool:
     """Whether a report tells of just these bags, by their checksums, of this detector, device and code."""
     from advpipe.pipeline.bag.provenance import parent_sha256
-    from advpipe.pipeline.code import code_sha256
+    from advpipe.pipeline.core.code import code_sha256
+    from advpipe.pipeline.core.errors import AdvpipeError
     from advpipe.pipeline.dataset.reports import read_report
     from advpipe.pipeline.detector.registry import detector_sha256
-    from advpipe.pipeline.errors import AdvpipeError
     from advpipe.stages.evaluate.provenance import REPORTING
 
     try:

@@ -35,9 +35,9 @@ def share(
 
     Card, pictures, layouts for Foxglove and RViz, contracts for checkers, checksums, provenance, signature.
     """
-    from advpipe.pipeline.errors import wrong_use
+    from advpipe.pipeline.core.errors import wrong_use
+    from advpipe.pipeline.core.verbosity import notice
     from advpipe.pipeline.process.folder import here
-    from advpipe.pipeline.verbosity import notice
     from advpipe.stages.share.options import citation_text
     from advpipe.stages.share.run import ShareOptions
     from advpipe.stages.share.run import share as run

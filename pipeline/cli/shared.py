@@ -58,10 +58,10 @@ def answering(command: Callable[..., Answer]) -> Callable[..., None]:
 
     @wraps(command)
     def answer(*args: Any, quiet: bool, verbose: bool, as_json: bool, **options: Any) -> None:
+        from advpipe.pipeline.core.streams import safe_streams
+        from advpipe.pipeline.core.verbosity import Verbosity, phase, speaking
         from advpipe.pipeline.process.document import strict_json
         from advpipe.pipeline.process.folder import check_paths
-        from advpipe.pipeline.process.streams import safe_streams
-        from advpipe.pipeline.verbosity import Verbosity, phase, speaking
 
         with safe_streams(), speaking(Verbosity(quiet, verbose, as_json)):
             check_paths([*args, *options.values()])
@@ -90,7 +90,7 @@ def answering(command: Callable[..., Answer]) -> Callable[..., None]:
 
 def show_part(answer: Answer) -> dict[str, Any]:
     """Shows an answer that is a part of another one, as soon as it is known; returns its document."""
-    from advpipe.pipeline.verbosity import is_for_people
+    from advpipe.pipeline.core.verbosity import is_for_people
 
     if is_for_people():
         answer.show()
@@ -107,8 +107,8 @@ def _tell_versions() -> None:
     """With --verbose: what a figure may depend on."""
     import platform
 
-    from advpipe.pipeline.verbosity import detail
-    from advpipe.pipeline.versions import installed
+    from advpipe.pipeline.core.verbosity import detail
+    from advpipe.pipeline.core.versions import installed
 
     packages = ("advpipe", "numpy", "open3d-cpu", "open3d", "libsumo", "torch")
     found = {package: installed(package) for package in packages}

@@ -21,10 +21,10 @@ def simulate(
     overwrite: Overwrite = False,
 ) -> Answer:
     """Stage 1: record a clean drive (LiDAR, ground truth, odometry, GNSS) to an MCAP bag."""
-    from advpipe.pipeline.errors import wrong_use
+    from advpipe.pipeline.core.errors import wrong_use
+    from advpipe.pipeline.core.verbosity import detail
     from advpipe.pipeline.process.folder import here
     from advpipe.pipeline.scenario import load_scenario
-    from advpipe.pipeline.verbosity import detail
     from advpipe.stages.simulate.run import simulate as run
 
     with wrong_use():

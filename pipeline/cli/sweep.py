@@ -23,11 +23,11 @@ from advpipe.pipeline.cli.shared import (
 )
 
 if TYPE_CHECKING:
+    from advpipe.pipeline.campaigns.sweep.budgets import Budget
+    from advpipe.pipeline.campaigns.sweep.cell import Cell, Settings, Times
+    from advpipe.pipeline.campaigns.sweep.store import Store
     from advpipe.stages.attack.run import AttackRequest
     from advpipe.stages.evaluate.report.section import Picture
-    from advpipe.stages.evaluate.sweep.budgets import Budget
-    from advpipe.stages.evaluate.sweep.cell import Cell, Settings, Times
-    from advpipe.stages.evaluate.sweep.store import Store
 
 USUAL_FRAMES = 100
 
@@ -81,17 +81,17 @@ def sweep(
     """
     from advpipe.pipeline.bag.locate import newest_dataset, resolve_bag
     from advpipe.pipeline.bag.reader import BagReader
+    from advpipe.pipeline.campaigns.sweep.budgets import choose_budgets
+    from advpipe.pipeline.campaigns.sweep.document import print_document, write_document
+    from advpipe.pipeline.campaigns.sweep.settings import sweep_settings
+    from advpipe.pipeline.campaigns.sweep.store import Store
+    from advpipe.pipeline.campaigns.sweep.tables import recipes_of
+    from advpipe.pipeline.campaigns.sweep.variants import steps_factor
+    from advpipe.pipeline.core.errors import wrong_use
+    from advpipe.pipeline.core.verbosity import detail, say
     from advpipe.pipeline.detector.registry import load_detector
-    from advpipe.pipeline.errors import wrong_use
     from advpipe.pipeline.process.folder import here, refuse_undecodable
-    from advpipe.pipeline.verbosity import detail, say
     from advpipe.stages.evaluate.report.numbers import number
-    from advpipe.stages.evaluate.sweep.budgets import choose_budgets
-    from advpipe.stages.evaluate.sweep.document import print_document, write_document
-    from advpipe.stages.evaluate.sweep.settings import sweep_settings
-    from advpipe.stages.evaluate.sweep.store import Store
-    from advpipe.stages.evaluate.sweep.tables import recipes_of
-    from advpipe.stages.evaluate.sweep.variants import steps_factor
     from advpipe.stages.evaluate.training_map import map_status
 
     with wrong_use():
@@ -159,11 +159,11 @@ class _Bench:
     device: str = "cpu"
 
     def request(self, budget: Budget, recipe: str, settings: Settings) -> AttackRequest:
+        from advpipe.pipeline.campaigns.sweep.budgets import AXES
+        from advpipe.pipeline.campaigns.sweep.variants import HIDE, split_recipe, steps_factor
         from advpipe.pipeline.scenario.attacks import attack_spec
         from advpipe.stages.attack.parameters import build_lidar_attack
         from advpipe.stages.attack.run import AttackRequest
-        from advpipe.stages.evaluate.sweep.budgets import AXES
-        from advpipe.stages.evaluate.sweep.variants import HIDE, split_recipe, steps_factor
 
         base, variants = split_recipe(recipe)
         parameters: dict[str, Any] = {**budget.parameters, **({"goal": "hide"} if HIDE in variants else {})}
@@ -188,7 +188,7 @@ class _Bench:
     def attack(self, budget: Budget, recipe: str, settings: Settings, bag: Path) -> None:
         """The bag of a budget; one that a killed run has finished is taken as it is."""
         from advpipe.pipeline.bag.reader import BagReader
-        from advpipe.pipeline.errors import writing
+        from advpipe.pipeline.core.errors import writing
         from advpipe.stages.attack.provenance import provenance_of, resolved_text
         from advpipe.stages.attack.run import attack
 
@@ -202,8 +202,8 @@ class _Bench:
 
     def run(self, budget: Budget, recipe: str, settings: Settings) -> tuple[Cell, Times]:
         """A cell, from the attack to the figures, and what it took."""
-        from advpipe.stages.evaluate.sweep.cell import Times
-        from advpipe.stages.evaluate.sweep.scored import scored_cell
+        from advpipe.pipeline.campaigns.sweep.cell import Times
+        from advpipe.pipeline.campaigns.sweep.scored import scored_cell
 
         bag = self.out / "bags" / f"{recipe}-{budget.name}"
         begin_s = time.perf_counter()
@@ -224,7 +224,7 @@ class _Bench:
         return cell, Times(round(attacked_s - begin_s, 1), round(time.perf_counter() - attacked_s, 1))
 
     def tidy(self, folder: Path) -> None:
-        from advpipe.pipeline.partial import remove_output
+        from advpipe.pipeline.core.partial import remove_output
 
         remove_output(folder)
         if folder.parent.is_dir() and not any(folder.parent.iterdir()):
@@ -238,11 +238,11 @@ def _check(
 
     By the code that there is: figures that stay the same show that a change of it changed nothing.
     """
-    from advpipe.pipeline.errors import AdvpipeError, UsageError
-    from advpipe.pipeline.seeding import named_generator
-    from advpipe.pipeline.verbosity import say
-    from advpipe.stages.evaluate.sweep.compare import differences
-    from advpipe.stages.evaluate.sweep.settings import refuse_other_work, with_this_code
+    from advpipe.pipeline.campaigns.sweep.compare import differences
+    from advpipe.pipeline.campaigns.sweep.settings import refuse_other_work, with_this_code
+    from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+    from advpipe.pipeline.core.seeding import named_generator
+    from advpipe.pipeline.core.verbosity import say
 
     stored = [(cell, budget) for recipe, budget in places if (cell := store.load(recipe, budget.name))]
     if not stored:
@@ -267,10 +267,10 @@ def _check(
 
 def _panels(bench: _Bench, store: Store, recipe: str, is_new: bool) -> list[Picture]:
     """The four-panel figure of a recipe whose three cells were run; drawn again if any cell is new."""
+    from advpipe.pipeline.campaigns.sweep.budgets import budget_named
+    from advpipe.pipeline.campaigns.sweep.panels import PANELS, RULE, draw_panels, load_scenes, median_frame
     from advpipe.stages.evaluate.report.pictures import to_png
     from advpipe.stages.evaluate.report.section import OVERVIEW, Picture
-    from advpipe.stages.evaluate.sweep.budgets import budget_named
-    from advpipe.stages.evaluate.sweep.panels import PANELS, RULE, draw_panels, load_scenes, median_frame
 
     by_name = {cell.budget: cell for cell in store.cells() if cell.recipe == recipe}
     chosen = [by_name[name] for name in PANELS if name in by_name]

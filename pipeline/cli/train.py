@@ -29,9 +29,9 @@ def train(
 ) -> Answer:
     """Train a SECOND detector on clean bags; goes on where an interrupted run stopped."""
     from advpipe.pipeline.bag.locate import resolve_bag
-    from advpipe.pipeline.errors import UsageError, writing, wrong_use
+    from advpipe.pipeline.core.errors import UsageError, writing, wrong_use
+    from advpipe.pipeline.core.verbosity import detail
     from advpipe.pipeline.process.folder import refuse_undecodable
-    from advpipe.pipeline.verbosity import detail
     from advpipe.stages.train.config import TrainConfig
     from advpipe.stages.train.run import train as run
 
@@ -79,9 +79,9 @@ def import_weights(
     overwrite: Overwrite = False,
 ) -> Answer:
     """Turn a SECOND that OpenPCDet trained into a detector for --detector; runs no code from the file."""
+    from advpipe.pipeline.core.errors import OutputExistsError, UsageError
     from advpipe.pipeline.detector.second.checkpoint import save_checkpoint
     from advpipe.pipeline.detector.second.openpcdet import import_openpcdet
-    from advpipe.pipeline.errors import OutputExistsError, UsageError
 
     if out.suffix != ".safetensors":
         raise UsageError(f"--out is {out}; a detector's file is named .safetensors")

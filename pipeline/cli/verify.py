@@ -21,7 +21,7 @@ def verify(
     ] = None,
 ) -> Answer:
     """Check everything that a data set or a bag claims; one line a finding, exit code 1 if there is any."""
-    from advpipe.pipeline.errors import one_line
+    from advpipe.pipeline.core.errors import one_line
     from advpipe.stages.verify.run import verify as run
 
     result = run(path, quick=quick, key=key)

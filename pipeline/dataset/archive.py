@@ -15,12 +15,12 @@ from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError, UsageError, writing
+from advpipe.pipeline.core.hashing import copy
+from advpipe.pipeline.core.partial import PartialFolder, finish_moves, move_items
+from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.dataset import checksums, layout, signature, tar_header
 from advpipe.pipeline.dataset.parts import PartsReader, PartsWriter, existing_parts, sums_path, whole_name
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, UsageError, writing
-from advpipe.pipeline.hashing import copy
-from advpipe.pipeline.partial import PartialFolder, finish_moves, move_items
-from advpipe.pipeline.progress import track
 
 
 class NoRoomError(AdvpipeError):

@@ -6,9 +6,9 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.hashing import sha256_of
 from advpipe.pipeline.dataset import layout
-from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.hashing import sha256_of
 
 FILE = "SHA256SUMS"
 SIGNATURE_FILE = "SHA256SUMS.sig"

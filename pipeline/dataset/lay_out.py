@@ -6,12 +6,12 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
+from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError, UsageError, writing
+from advpipe.pipeline.core.hashing import copy
+from advpipe.pipeline.core.partial import PartialFolder
+from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.dataset import checksums
 from advpipe.pipeline.dataset.layout import is_dataset, read_layout
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, UsageError, writing
-from advpipe.pipeline.hashing import copy
-from advpipe.pipeline.partial import PartialFolder
-from advpipe.pipeline.progress import track
 
 
 def lay_out(files: Mapping[str, Path], folder: Path, *, overwrite: bool = False) -> None:

@@ -9,8 +9,8 @@ from pathlib import Path, PurePosixPath
 
 from advpipe.pipeline.bag.files import METADATA_NAME
 from advpipe.pipeline.bag.locate import CLEAN_NAME, adversarial_bags
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.dataset.leftovers import Leftover, find_leftovers
-from advpipe.pipeline.errors import AdvpipeError, UsageError
 
 SCENARIO_NAME = "scenario.yaml"
 CARD_NAME = "README.md"

@@ -15,12 +15,12 @@ from functools import cached_property
 from pathlib import Path
 
 from advpipe.pipeline.bag.remains import find_remains
-from advpipe.pipeline.bag.salvage import Salvage
-from advpipe.pipeline.errors import AdvpipeError, UsageError
-from advpipe.pipeline.leftover_names import PATTERNS, has_leftover_name
-from advpipe.pipeline.lock import HAS_LOCKS, LOCK_NAME, is_held, lock_of_dead, one_at_a_time
-from advpipe.pipeline.partial import MOVING_NAME, REPLACED_NAME
-from advpipe.pipeline.scratch import FILES_NAME, PREFIX
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.core.leftover_names import PATTERNS, has_leftover_name
+from advpipe.pipeline.core.lock import HAS_LOCKS, LOCK_NAME, is_held, lock_of_dead, one_at_a_time
+from advpipe.pipeline.core.partial import MOVING_NAME, REPLACED_NAME
+from advpipe.pipeline.core.scratch import FILES_NAME, PREFIX
+from advpipe.pipeline.mcap.salvage import Salvage
 
 MOST_LEVELS = 100
 """How deep below a root leftovers are looked for."""

@@ -7,8 +7,8 @@ import re
 from pathlib import Path
 from typing import IO
 
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.dataset import checksums
-from advpipe.pipeline.errors import AdvpipeError, UsageError
 
 _PART = re.compile(r"(.+\.tar)\.([0-9]{3,})")
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from advpipe.pipeline.bag.document import Count, Document, Number, Word, read_json, read_text
+from advpipe.pipeline.core.document import Count, Document, Number, Word, read_json, read_text
 
 LIMIT_BYTES = 1 << 24
 """The longest report that is read: one of a drive of five minutes has 0.2 MB."""

@@ -11,9 +11,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.core.missing_library import missing_library_line
 from advpipe.pipeline.dataset import checksums
-from advpipe.pipeline.errors import AdvpipeError, UsageError
-from advpipe.pipeline.missing_library import missing_library_line
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey

@@ -8,8 +8,8 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.geometry.transforms import wrap_angle
+from advpipe.pipeline.messages.cloud import Cloud, xyz
 
 Float64 = npt.NDArray[np.float64]
 

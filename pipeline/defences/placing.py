@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from advpipe.pipeline.bag.cloud import Cloud
 from advpipe.pipeline.defences.base import Defended, Placement
 from advpipe.pipeline.defences.rounding import positive
+from advpipe.pipeline.messages.cloud import Cloud
 
 
 class Shift:

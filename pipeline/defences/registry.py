@@ -5,11 +5,11 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Sequence
 
+from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.defences.base import Defence
 from advpipe.pipeline.defences.placing import Flip, Scale, Shift
 from advpipe.pipeline.defences.rounding import Jitter, Quantisation
 from advpipe.pipeline.defences.thinning import OutlierRemoval, RandomSampling
-from advpipe.pipeline.errors import UsageError
 
 DEFENCES: dict[str, Callable[..., Defence]] = {
     "sample": RandomSampling,

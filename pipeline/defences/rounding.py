@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from advpipe.pipeline.bag.cloud import Cloud, xyz
+from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.defences.base import Defended, with_xyz
-from advpipe.pipeline.errors import UsageError
+from advpipe.pipeline.messages.cloud import Cloud, xyz
 
 
 class Quantisation:

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from scipy.spatial import cKDTree
 
-from advpipe.pipeline.bag.cloud import Cloud, xyz
+from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.defences.base import Defended
-from advpipe.pipeline.errors import UsageError
+from advpipe.pipeline.messages.cloud import Cloud, xyz
 
 
 class RandomSampling:

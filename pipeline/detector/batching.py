@@ -19,7 +19,6 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from advpipe.pipeline.bag.cloud import xyzi
 from advpipe.pipeline.detector.protocol import (
     BatchDetector,
     Detections,
@@ -28,6 +27,7 @@ from advpipe.pipeline.detector.protocol import (
     Range,
     VoxelGrid,
 )
+from advpipe.pipeline.messages.cloud import xyzi
 
 T = TypeVar("T")
 

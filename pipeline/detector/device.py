@@ -7,7 +7,7 @@ import re
 import warnings
 from typing import TYPE_CHECKING
 
-from advpipe.pipeline.errors import UsageError
+from advpipe.pipeline.core.errors import UsageError
 
 if TYPE_CHECKING:
     import torch

@@ -10,13 +10,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.core.hashing import sha256_of
+from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.detector.device import CPU, open_device
 from advpipe.pipeline.detector.protocol import Detector
-from advpipe.pipeline.errors import AdvpipeError, UsageError
 from advpipe.pipeline.geometry.boxes import CLASSES
-from advpipe.pipeline.hashing import sha256_of
-from advpipe.pipeline.shown import shown
-from advpipe.pipeline.verbosity import detail
 
 if TYPE_CHECKING:
     import torch

@@ -9,9 +9,9 @@ from typing import Annotated, Protocol, runtime_checkable
 
 from pydantic import BaseModel, Field, TypeAdapter
 
-from advpipe.pipeline.bag import plain_json
+from advpipe.pipeline.core import plain_json
+from advpipe.pipeline.core.hashing import sha256_of
 from advpipe.pipeline.detector.protocol import Detector
-from advpipe.pipeline.hashing import sha256_of
 
 KEY = "maps_sha256"
 """Of a checkpoint's provenance: a JSON list of the `map_sha256` of its training drives' bags, each once;

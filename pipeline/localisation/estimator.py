@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64, se3
 from advpipe.pipeline.localisation.estimate import Estimate, Innovation
 from advpipe.pipeline.localisation.geodesy import Geodesy

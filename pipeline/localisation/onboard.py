@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.geometry.transforms import Float64, quaternion_xyzw, se3
 from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.localisation.estimator import Estimator
@@ -18,7 +19,6 @@ from advpipe.pipeline.localisation.motion import Motion, MotionStep
 from advpipe.pipeline.localisation.rotations import rotation
 from advpipe.pipeline.localisation.wheel import DeadReckoning, WheelOdometer, WheelOdometry
 from advpipe.pipeline.scenario.sensors import LocalisationFilter, Sensors
-from advpipe.pipeline.seeding import named_generator
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.misbehaviour.roads import NO_ROADS, RoadMap
-from advpipe.pipeline.v2x.cam import Cam
-from advpipe.pipeline.v2x.codes import DriveDirection
-from advpipe.pipeline.v2x.ldm import Report, reports_of_cams
+from advpipe.pipeline.v2x.codec.codes import DriveDirection
+from advpipe.pipeline.v2x.facilities.cam import Cam
+from advpipe.pipeline.v2x.facilities.ldm import Report, reports_of_cams
 
 _TOLD = (
     *("latitude_deg", "longitude_deg", "heading_rad", "speed_mps", "length_m", "width_m"),

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.misbehaviour.catch import (
     CatchMessages,
     CatchParameters,
@@ -24,7 +25,6 @@ from advpipe.pipeline.misbehaviour.claim import Claim, Receiver
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
 from advpipe.pipeline.misbehaviour.detector import judge_all
 from advpipe.pipeline.misbehaviour.scores import Bools, scores
-from advpipe.pipeline.seeding import named_generator
 
 MOST_FALSE_POSITIVES = 0.005
 """Of clean messages, on the tuning drives: half of the 1 % that another drive may show."""

@@ -10,12 +10,12 @@ import re
 import sys
 from contextlib import suppress
 
-from advpipe.pipeline.errors import AdvpipeError, os_error_line
-from advpipe.pipeline.missing_library import missing_library_line
-from advpipe.pipeline.process import signals, streams
+from advpipe.pipeline.core import signals, streams
+from advpipe.pipeline.core.errors import AdvpipeError, os_error_line
+from advpipe.pipeline.core.missing_library import missing_library_line
+from advpipe.pipeline.core.text import one_line
 from advpipe.pipeline.process.folder import undecodable
 from advpipe.pipeline.process.last_resort import unexpected
-from advpipe.pipeline.text import one_line
 
 FAILED, WRONG_USE = 1, 2
 

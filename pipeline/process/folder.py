@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from advpipe.pipeline.errors import UsageError
+from advpipe.pipeline.core.errors import UsageError
 
 _is_gone = False
 

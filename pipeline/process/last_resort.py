@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 
-from advpipe.pipeline.text import one_line
+from advpipe.pipeline.core.text import one_line
 
 SHOW = "ADVPIPE_TRACEBACK"
 """Environment variable: the traceback is shown, too, as with --traceback."""
@@ -38,7 +38,7 @@ def _written(text: str) -> str:
     import tempfile
     from datetime import datetime, timezone
 
-    from advpipe.pipeline.versions import installed
+    from advpipe.pipeline.core.versions import installed
 
     about = {
         "advpipe": installed("advpipe"),

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.scenario.attacks import NS_PER_S, AttackSpec
-from advpipe.pipeline.seeding import named_generator
 
 Acting = Callable[[int], bool]
 """Whether an attack acts at a time in nanoseconds."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from advpipe.pipeline.shown import cut, shown
+from advpipe.pipeline.core.shown import cut, shown
 
 if TYPE_CHECKING:
     from yaml import SafeLoader as _Fastest

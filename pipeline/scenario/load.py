@@ -13,12 +13,12 @@ from typing import Annotated, Any
 import yaml
 from pydantic import BaseModel, ValidationError
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.shown import cut, shown
 from advpipe.pipeline.scenario.base import IsFile
 from advpipe.pipeline.scenario.document import LIMIT_BYTES, Document, DocumentError, read_document
 from advpipe.pipeline.scenario.map import MAP_SOURCES
 from advpipe.pipeline.scenario.models import Scenario
-from advpipe.pipeline.shown import cut, shown
 
 
 def shipped_scenarios() -> dict[str, Path]:

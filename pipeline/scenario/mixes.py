@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from advpipe.pipeline.seeding import named_generator
+from advpipe.pipeline.core.seeding import named_generator
 
 WORD = "cam-mix"
 THREE = ("cam-position-offset", "cam-speed-random-offset", "cam-sudden-stop")

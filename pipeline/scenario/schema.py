@@ -6,9 +6,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from advpipe.pipeline.errors import OutputExistsError, writing
+from advpipe.pipeline.core.errors import OutputExistsError, writing
+from advpipe.pipeline.core.whole_file import write_whole
 from advpipe.pipeline.scenario.models import Scenario
-from advpipe.pipeline.whole_file import write_whole
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
+from advpipe.pipeline.core.shown import cut, shown
 from advpipe.pipeline.scenario.base import (
     Name,
     NotNegative,
@@ -35,7 +36,6 @@ from advpipe.pipeline.scenario.bounds import (
     StartStddevM,
 )
 from advpipe.pipeline.scenario.lidar_presets import LIDAR_PRESETS
-from advpipe.pipeline.shown import cut, shown
 
 _FAN = ("channels", "upper_fov", "lower_fov")
 

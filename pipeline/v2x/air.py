@@ -13,11 +13,11 @@ import numpy as np
 
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.scenario.v2x import V2x
-from advpipe.pipeline.v2x.cam import CamCore
-from advpipe.pipeline.v2x.cam_error import CamError
-from advpipe.pipeline.v2x.cam_tree import core_of_tree
-from advpipe.pipeline.v2x.codec import CamTree, decode
-from advpipe.pipeline.v2x.ldm import LocalDynamicMap, Report, Snapshot, Verdict, reports_of_cams
+from advpipe.pipeline.v2x.codec.cam_error import CamError
+from advpipe.pipeline.v2x.codec.codec import CamTree, decode
+from advpipe.pipeline.v2x.facilities.cam import CamCore
+from advpipe.pipeline.v2x.facilities.cam_tree import core_of_tree
+from advpipe.pipeline.v2x.facilities.ldm import LocalDynamicMap, Report, Snapshot, Verdict, reports_of_cams
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.load import WINDOW_NS, ChannelLoad
 from advpipe.pipeline.v2x.radio.medium import Medium, Step

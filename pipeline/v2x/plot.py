@@ -11,14 +11,14 @@ from advpipe.pipeline.v2x.statistics import BIN_M, INTERVAL_BIN_S, Statistics
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from advpipe.pipeline.figure import Figure
+    from advpipe.pipeline.core.figure import Figure
 
 COLOUR, PALE = "#2b6cb0", "#bcd3ea"
 
 
 def draw_statistics(statistics: Statistics, title: str = "") -> Figure:
     """CAM rates of the stations, times between CAMs, delivery by distance, channel busy ratio over time."""
-    from advpipe.pipeline.figure import Figure
+    from advpipe.pipeline.core.figure import Figure
 
     figure = Figure(figsize=(9.6, 6.4), layout="constrained")
     panels = figure.subplots(2, 2).ravel().tolist()

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from advpipe.pipeline.errors import UsageError
-from advpipe.pipeline.shown import shown
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.shown import shown
 
 
 def number(attack: str, parameter: str, value: Any, low: float, high: float = math.inf) -> float:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Protocol
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import RawMessage
+from advpipe.pipeline.mcap.channel import RawMessage
 
 
 class Change(Protocol):

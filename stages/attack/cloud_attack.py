@@ -9,13 +9,13 @@ from itertools import groupby
 from pathlib import Path
 
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
+from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.detector.batching import run_together
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.protocol import BatchDetector, Detector
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.scenario.attacks import AttackSpec
-from advpipe.pipeline.seeding import named_generator
 from advpipe.stages.attack.clouds import AttackedCloud
 from advpipe.stages.attack.job import Job
 from advpipe.stages.attack.lidar.base import LidarAttack, LidarResult

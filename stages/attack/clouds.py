@@ -11,10 +11,10 @@ import numpy.typing as npt
 
 from advpipe.pipeline.bag.frames import FrameSlice, find_lidar_topic
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import VehicleTopics
-from advpipe.pipeline.errors import UsageError
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.seeding import named_generator
+from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.scenario.attacks import AttackSpec
-from advpipe.pipeline.seeding import named_generator
 from advpipe.stages.attack.recording import Recording
 
 

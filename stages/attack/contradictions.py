@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from itertools import combinations
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.v2x_drive import V2xDrive
-from advpipe.pipeline.errors import UsageError
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import AttackSpec
 
 ALL = frozenset({"position", "speed", "heading", "acceleration", "dimensions", "station id"})
@@ -53,7 +53,7 @@ def refuse_contradictions(reader: BagReader, attacks: Sequence[AttackSpec], seed
         if not shared or not one.schedule.overlaps(other.schedule):
             continue
         if attackers is None:  # it takes a look through the drive
-            from advpipe.pipeline.bag.v2x_attackers import Cast
+            from advpipe.pipeline.replay.v2x_attackers import Cast
 
             attackers = Cast(V2xDrive(reader), str(reader.path), seed).attackers
         if not set(attackers(one)).isdisjoint(attackers(other)):

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.lock import LOCK_NAME, lock_of_dead, one_at_a_time, remove_folder, take_lock
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.lock import LOCK_NAME, lock_of_dead, one_at_a_time, remove_folder, take_lock
 from advpipe.stages.attack.lidar.base import LidarResult, PointLabels
 
 _HASH_LENGTH = 12

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import V2X_SENT, V2X_STATIONS
+from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATIONS
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.change import Change
 

@@ -8,11 +8,11 @@ from typing import Any, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
-from advpipe.pipeline.errors import UsageError
-from advpipe.pipeline.own_code import mistakes_told, own_words
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.plugins import mistakes_told, own_words
+from advpipe.pipeline.core.shown import shown
 from advpipe.pipeline.scenario.attacks import AttackSpec, Value
 from advpipe.pipeline.scenario.base import leaves, written_number
-from advpipe.pipeline.shown import shown
 from advpipe.stages.attack.lidar.base import LidarAttack
 from advpipe.stages.attack.registry import find_attack
 

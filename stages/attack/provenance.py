@@ -7,10 +7,10 @@ from typing import Any
 
 import yaml
 
-from advpipe.pipeline.bag import plain_json
 from advpipe.pipeline.bag.provenance import attack_provenance
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.code import CLOUDS, code_sha256
+from advpipe.pipeline.core import plain_json
+from advpipe.pipeline.core.code import CLOUDS, code_sha256
 from advpipe.stages.attack.clouds import topic_of
 from advpipe.stages.attack.parameters import build_lidar_attack, looks_of
 from advpipe.stages.attack.request import AttackRequest
@@ -22,10 +22,12 @@ LIDAR = (*CLOUDS, *_WHEN, "stages/attack/lidar", "stages/attack/cloud_attack.py"
 
 MESSAGES = (
     "pipeline/bag",
+    "pipeline/messages",
+    "pipeline/replay",
     "pipeline/geometry",
     "pipeline/localisation",
     "pipeline/scenario",
-    "pipeline/seeding.py",
+    "pipeline/core/seeding.py",
     "pipeline/v2x",
     "stages/attack",
 )

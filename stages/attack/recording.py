@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.errors import UsageError
+from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.scenario.attacks import NS_PER_S, AttackSpec
 
 

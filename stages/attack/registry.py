@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from advpipe.pipeline.errors import UsageError
+from advpipe.pipeline.core.errors import UsageError
 
 _HERE = "advpipe.stages.attack"
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from advpipe.pipeline.bag import plain_json
 from advpipe.pipeline.bag.frames import FrameSlice
+from advpipe.pipeline.core import plain_json
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.detector.device import CPU, device_record, frames_at_once, open_device
 from advpipe.pipeline.detector.registry import detector_sha256
-from advpipe.pipeline.errors import AdvpipeError, UsageError
 from advpipe.pipeline.scenario.attacks import OWN_KEYS, AttackSpec
 from advpipe.stages.attack.parameters import (
     build_lidar_attack,

@@ -7,16 +7,16 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from advpipe.pipeline.bag.cloud import StampedCloud, cloud_to_cdr
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import RawMessage
 from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.jobs import run_jobs
+from advpipe.pipeline.core.plugins import own_words, told
 from advpipe.pipeline.detector.device import frames_at_once
 from advpipe.pipeline.detector.registry import load_detector
-from advpipe.pipeline.errors import UsageError
-from advpipe.pipeline.jobs import run_jobs
-from advpipe.pipeline.own_code import own_words, told
+from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.pipeline.messages.cloud import StampedCloud, cloud_to_cdr
 from advpipe.stages.attack.change import Change, changed_messages
 from advpipe.stages.attack.cloud_attack import cloud_attacker, groups_of, unfinished
 from advpipe.stages.attack.clouds import CloudPlan, plan_clouds

@@ -8,7 +8,7 @@ from dataclasses import replace
 from rosbags.interfaces import QosDurability
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import RawMessage
+from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.stages.attack.clouds import CloudPlan
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from advpipe.pipeline.bag.cloud import StampedCloud
+from advpipe.pipeline.messages.cloud import StampedCloud
 from advpipe.stages.attack.lidar.base import LidarResult
 
 LABELS = pa.schema(

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from advpipe.pipeline.bag.frames import ALL_FRAMES, FrameSlice
+from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.defences.registry import parse_defences
 from advpipe.pipeline.detector.device import CPU, open_device
-from advpipe.pipeline.errors import UsageError
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ import numpy as np
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.code import CLOUDS, code_sha256
+from advpipe.pipeline.core.code import CLOUDS, code_sha256
+from advpipe.pipeline.core.versions import installed
 from advpipe.pipeline.detector.protocol import Detector
-from advpipe.pipeline.versions import installed
 from advpipe.stages.evaluate.detection.comparison import Comparison, bag_name
 from advpipe.stages.evaluate.detection.figures import Row
 
@@ -22,6 +22,8 @@ SCORING = (*CLOUDS, "pipeline/defences", "stages/evaluate/detection")
 REPORTING = (
     *SCORING,
     "pipeline/bag",
+    "pipeline/messages",
+    "pipeline/replay",
     "pipeline/localisation",
     "pipeline/misbehaviour",
     "pipeline/scenario/attacks.py",

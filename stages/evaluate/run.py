@@ -13,11 +13,11 @@ from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import window_of
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.partial import FolderKind, staged_folder
+from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.detector.device import CPU, device_record
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
-from advpipe.pipeline.errors import UsageError
-from advpipe.pipeline.partial import FolderKind, staged_folder
-from advpipe.pipeline.progress import track
 from advpipe.stages.evaluate.cooperative.section import KEY as COOPERATIVE
 from advpipe.stages.evaluate.cooperative.section import sections as cooperative
 from advpipe.stages.evaluate.coordinated.section import sections as coordinated

@@ -7,8 +7,8 @@ from importlib.resources import files
 from pathlib import Path
 
 from advpipe.pipeline.bag.v2x_picture import draw_bag
+from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.dataset.layout import CARD_NAME, Layout
-from advpipe.pipeline.progress import track
 from advpipe.stages.share import names
 from advpipe.stages.share.baglint_spec import baglint_spec
 from advpipe.stages.share.card import write_card
@@ -54,7 +54,7 @@ def write_additions(
 
 def _write_messages(folder: Path) -> None:
     """The ROS 2 package of our own types, for colcon to build."""
-    source = files("advpipe.pipeline.bag.msgs")
+    source = files("advpipe.pipeline.messages.msgs")
     (folder / "msg").mkdir(parents=True)
     for file in (source / "CMakeLists.txt", source / "package.xml"):
         (folder / file.name).write_bytes(file.read_bytes())

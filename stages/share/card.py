@@ -12,11 +12,11 @@ import yaml
 from jinja2 import Environment, StrictUndefined
 from pydantic import ConfigDict, Field
 
-from advpipe.pipeline.bag.document import Document, Number, Text, Word, read_yaml
 from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.core.document import Document, Number, Text, Word, read_yaml
+from advpipe.pipeline.core.errors import one_line
 from advpipe.pipeline.dataset.layout import Layout
-from advpipe.pipeline.errors import one_line
 from advpipe.stages.share import names
 from advpipe.stages.share.effects import banners, effect_tables
 from advpipe.stages.share.facts import CLOUD_TYPE, BagFacts, TopicFacts

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.dataset.layout import REPORT_NAME, Layout
 from advpipe.pipeline.dataset.reports import read_report
-from advpipe.pipeline.errors import AdvpipeError
 
 
 def check_chain(layout: Layout, sha256_of_bags: Mapping[str, str]) -> list[str]:

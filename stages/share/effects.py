@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from advpipe.pipeline.bag.document import Document
+from advpipe.pipeline.core.document import Document
 from advpipe.pipeline.dataset.layout import REPORT_NAME
 from advpipe.pipeline.dataset.reports import DetectionRow, read_report
 

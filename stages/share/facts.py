@@ -11,10 +11,11 @@ from pathlib import Path
 from rosbags.interfaces import QosDurability
 
 from advpipe.pipeline.bag.inspect import BagDescription, describe
-from advpipe.pipeline.bag.messages import NS_PER_S
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import TF, TF_STATIC, RawMessage, VehicleTopics, is_truth
+from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.pipeline.messages.build import NS_PER_S
+from advpipe.pipeline.messages.topics import TF, TF_STATIC, VehicleTopics, is_truth
 
 CLOUD_TYPE = "sensor_msgs/msg/PointCloud2"
 _HEADER_TYPES = ("std_msgs/Header", "std_msgs/msg/Header", "Header")

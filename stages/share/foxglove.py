@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from advpipe.pipeline.bag.topics import VehicleTopics
+from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.stages.share.facts import BagFacts
 
 _SCENE, _SPEED, _TOPICS = "3D!scene", "Plot!speed", "RawMessages!objects"

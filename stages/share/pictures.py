@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.bag.frames import Frame, FrameSlice, read_frames
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.birds_eye import (
@@ -21,7 +20,8 @@ from advpipe.pipeline.birds_eye import (
     draw_rings,
     prepare_axes,
 )
-from advpipe.pipeline.figure import Figure
+from advpipe.pipeline.core.figure import Figure
+from advpipe.pipeline.messages.cloud import Cloud, xyz
 
 REACH_M = 45.0
 SIDE_IN, HEAD_IN = 6.2, 0.4

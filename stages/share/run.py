@@ -8,14 +8,14 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.provenance import parent_sha256
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.hashing import sha256_of
+from advpipe.pipeline.core.progress import track
+from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.dataset import checksums, layout, signature
 from advpipe.pipeline.dataset.archive import pack, refuse_existing
 from advpipe.pipeline.dataset.lay_out import lay_out, refuse_folder
 from advpipe.pipeline.dataset.layout import Layout, read_layout
-from advpipe.pipeline.errors import UsageError
-from advpipe.pipeline.hashing import sha256_of
-from advpipe.pipeline.progress import track
-from advpipe.pipeline.scratch import scratch_folder
 from advpipe.stages.share import names
 from advpipe.stages.share.additions import write_additions
 from advpipe.stages.share.chain import check_chain

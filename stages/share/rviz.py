@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-from advpipe.pipeline.bag.topics import VehicleTopics
+from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.stages.share.facts import BagFacts, TopicFacts
 
 _DEFAULT = "rviz_default_plugins"

@@ -9,9 +9,9 @@ from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.localisation.measurements import InitialPose
 from advpipe.pipeline.localisation.onboard import OnBoard, OnBoardStep
 from advpipe.pipeline.scenario.models import Scenario
-from advpipe.stages.simulate.rig import Rig, View
-from advpipe.stages.simulate.road_users import RoadUser
-from advpipe.stages.simulate.world.world import World
+from advpipe.stages.simulate.sensors.lidar.rig import Rig, View
+from advpipe.stages.simulate.traffic.road_users import RoadUser
+from advpipe.stages.simulate.world.raycast.world import World
 
 
 @dataclass(frozen=True)

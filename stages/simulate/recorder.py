@@ -9,15 +9,18 @@ from typing import Any
 import numpy as np
 import shapely
 
-from advpipe.pipeline.bag import messages, topics
-from advpipe.pipeline.bag.cloud import cloud_to_cdr
 from advpipe.pipeline.bag.footprints import footprints_text
-from advpipe.pipeline.bag.ldm import ldm_detections_cdr, ldm_snapshot_cdr
 from advpipe.pipeline.bag.localisation import MAP_FRAME, initial_pose_message, onboard_messages
-from advpipe.pipeline.bag.markers import Lane, lane_markers, markers
-from advpipe.pipeline.bag.topics import Topic, VehicleTopics
-from advpipe.pipeline.bag.types import serialise
-from advpipe.pipeline.bag.v2x import (
+from advpipe.pipeline.bag.v2x_statistics import statistics_message
+from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.mcap.channel import Topic
+from advpipe.pipeline.messages import build, topics
+from advpipe.pipeline.messages.cloud import cloud_to_cdr
+from advpipe.pipeline.messages.ldm import ldm_detections_cdr, ldm_snapshot_cdr
+from advpipe.pipeline.messages.markers import Lane, lane_markers, markers
+from advpipe.pipeline.messages.topics import VehicleTopics
+from advpipe.pipeline.messages.types import serialise
+from advpipe.pipeline.messages.v2x import (
     RadioPlace,
     StampedCdr,
     own_messages,
@@ -25,15 +28,13 @@ from advpipe.pipeline.bag.v2x import (
     sent_message,
     stations_message,
 )
-from advpipe.pipeline.bag.v2x_statistics import statistics_message
-from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.scenario.load import scenario_tree
 from advpipe.pipeline.scenario.models import Scenario
-from advpipe.pipeline.v2x.ldm import Snapshot as LdmSnapshot
+from advpipe.pipeline.v2x.facilities.ldm import Snapshot as LdmSnapshot
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.instrumented import Instrumented, Snapshot
-from advpipe.stages.simulate.rig import View
-from advpipe.stages.simulate.v2x.communication import Exchange
+from advpipe.stages.simulate.network.embedded.communication import Exchange
+from advpipe.stages.simulate.sensors.lidar.rig import View
 
 
 class Recorder:
@@ -65,13 +66,13 @@ class Recorder:
             for name, lidar in vehicle.rig.lidars.items():
                 lidar_frame = VehicleTopics(vehicle.name, name).lidar_frame
                 static.append((topic.base_frame, lidar_frame, lidar.base_SE3_lidar))
-        self._write(topics.TF_STATIC, messages.transforms(stamp_ns, static), stamp_ns)
+        self._write(topics.TF_STATIC, build.transforms(stamp_ns, static), stamp_ns)
         info = json.dumps(scenario_tree(self._scenario), sort_keys=True)
-        self._write(topics.SCENARIO_INFO, messages.string(info), stamp_ns)
+        self._write(topics.SCENARIO_INFO, build.string(info), stamp_ns)
         self._write(topics.LANES, lane_markers(stamp_ns, MAP_FRAME, lanes), stamp_ns)
         if self._scenario.v2x.enabled and footprints is not None:
             text = footprints_text(footprints)
-            self._write(topics.V2X_BUILDINGS, messages.string(text), stamp_ns)
+            self._write(topics.V2X_BUILDINGS, build.string(text), stamp_ns)
 
     def record(
         self,
@@ -82,12 +83,12 @@ class Recorder:
     ) -> None:
         """One step: what went over the air until then, all instrumented vehicles, all radios on the road."""
         stamp_ns = exchange.stamp_ns
-        self._write(topics.CLOCK, messages.clock(stamp_ns), stamp_ns)
+        self._write(topics.CLOCK, build.clock(stamp_ns), stamp_ns)
         estimates = [
             (MAP_FRAME, VehicleTopics(s.vehicle).base_frame, s.onboard.estimate.map_SE3_base)
             for s in snapshots
         ]
-        self._write(topics.TF, messages.transforms(stamp_ns, estimates), stamp_ns)
+        self._write(topics.TF, build.transforms(stamp_ns, estimates), stamp_ns)
         self._record_exchange(exchange)
         for snapshot in snapshots:
             self._record_onboard(snapshot)
@@ -150,7 +151,7 @@ class Recorder:
 
     def _record_truth(self, stamp_ns: int, snapshot: Snapshot) -> None:
         topic, truth = VehicleTopics(snapshot.vehicle), snapshot.onboard.truth
-        odometry = messages.odometry(
+        odometry = build.odometry(
             stamp_ns,
             truth.map_SE3_base,
             truth.base_velocity_mps,
@@ -167,8 +168,8 @@ class Recorder:
                 (topic.lidar_points, cloud_to_cdr(cloud, stamp_ns, topic.lidar_frame), stamp_ns)
             )
         topic, boxes = VehicleTopics(vehicle), view.boxes
-        self._write(topic.objects, messages.detections(stamp_ns, MAP_FRAME, boxes), stamp_ns)
-        road_users = messages.road_users(stamp_ns, MAP_FRAME, boxes, view.lidar_points, view.occlusion)
+        self._write(topic.objects, build.detections(stamp_ns, MAP_FRAME, boxes), stamp_ns)
+        road_users = build.road_users(stamp_ns, MAP_FRAME, boxes, view.lidar_points, view.occlusion)
         self._write(topic.road_users, road_users, stamp_ns)
         if self._scenario.recording.markers:
             self._write(topic.markers, markers(stamp_ns, MAP_FRAME, boxes), stamp_ns)

@@ -7,22 +7,22 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.provenance import clean_provenance
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.errors import wrong_use
-from advpipe.pipeline.garbage import settled
-from advpipe.pipeline.partial import FolderKind, staged_folder
-from advpipe.pipeline.progress import track
+from advpipe.pipeline.core.errors import wrong_use
+from advpipe.pipeline.core.garbage import settled
+from advpipe.pipeline.core.partial import FolderKind, staged_folder
+from advpipe.pipeline.core.progress import track
+from advpipe.pipeline.core.scratch import scratch_folder
+from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.scenario import Scenario, dump_scenario
-from advpipe.pipeline.scratch import scratch_folder
-from advpipe.pipeline.seeding import named_generator
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.instrumented import Instrumented, Snapshot
-from advpipe.stages.simulate.network import load_network
+from advpipe.stages.simulate.network.embedded.communication import Communication
 from advpipe.stages.simulate.recorder import Recorder
-from advpipe.stages.simulate.traffic import Traffic
-from advpipe.stages.simulate.v2x.communication import Communication
-from advpipe.stages.simulate.walkers import draw_walkers
-from advpipe.stages.simulate.world.bodies import draw_variants
-from advpipe.stages.simulate.world.world import World
+from advpipe.stages.simulate.road_network.network import load_network
+from advpipe.stages.simulate.traffic.sumo.traffic import Traffic
+from advpipe.stages.simulate.traffic.walkers import draw_walkers
+from advpipe.stages.simulate.world.raycast.bodies import draw_variants
+from advpipe.stages.simulate.world.raycast.world import World
 
 DATA_SET = FolderKind("data set", ("scenario.yaml", "clean"), ("scenario.yaml", "clean/metadata.yaml"))
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.second.presets import preset_named
-from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS
 
 MOST_SEED = 2**63 - 1

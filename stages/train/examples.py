@@ -8,8 +8,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.detector.second.presets import preset_named
-from advpipe.pipeline.seeding import named_generator
 from advpipe.stages.train.augment import ObjectBank, augment
 from advpipe.stages.train.config import TrainConfig
 from advpipe.stages.train.frames import FrameStore

@@ -9,12 +9,12 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from advpipe.pipeline.bag import plain_json
+from advpipe.pipeline.core import plain_json
+from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError, UsageError
+from advpipe.pipeline.core.leftover_names import has_leftover_name
+from advpipe.pipeline.core.lock import LOCK_NAME, lock_of_dead, take_lock
+from advpipe.pipeline.core.whole_file import write_whole
 from advpipe.pipeline.detector.device import device_record
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError, UsageError
-from advpipe.pipeline.leftover_names import has_leftover_name
-from advpipe.pipeline.lock import LOCK_NAME, lock_of_dead, take_lock
-from advpipe.pipeline.whole_file import write_whole
 from advpipe.stages.train.config import TrainConfig
 
 

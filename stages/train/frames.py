@@ -12,10 +12,10 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.bag.cloud import Cloud, xyzi
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.partial import PartialFolder
 from advpipe.pipeline.geometry.boxes import Boxes, points_in_boxes
-from advpipe.pipeline.partial import PartialFolder
+from advpipe.pipeline.messages.cloud import Cloud, xyzi
 
 Points = npt.NDArray[np.float32]
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from advpipe.pipeline.core.whole_file import whole_file
 from advpipe.pipeline.geometry.boxes import CLASSES
-from advpipe.pipeline.whole_file import whole_file
 
 LOSSES = ("loss", "score_loss", "box_loss", "direction_loss", "quality_loss")
 STEPS = ("step", "learning_rate", *LOSSES, "gradient_norm")
@@ -46,7 +46,7 @@ def plot_training(steps: Path, validations: Path, picture: Path) -> None:
     """The losses over the steps, smoothed over about a fiftieth of the run, and the average precision."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    from advpipe.pipeline.figure import Figure
+    from advpipe.pipeline.core.figure import Figure
 
     losses, precision = (np.genfromtxt(f, delimiter=",", names=True, ndmin=1) for f in (steps, validations))
     width = max(1, len(losses) // 50)

@@ -16,15 +16,15 @@ from advpipe.pipeline.bag.frames import Frame, FrameSlice, count_frames, has_gro
 from advpipe.pipeline.bag.ground_truth import BOX_TYPES
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.provenance import parent_sha256
+from advpipe.pipeline.core import signals
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.detector.device import device_record, open_device
 from advpipe.pipeline.detector.registry import detector_sha256
 from advpipe.pipeline.detector.second.checkpoint import load_checkpoint, save_checkpoint
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import preset_named
 from advpipe.pipeline.detector.training_maps import KEY
-from advpipe.pipeline.errors import UsageError
-from advpipe.pipeline.process import signals
-from advpipe.pipeline.progress import track
 from advpipe.stages.train.config import TrainConfig
 from advpipe.stages.train.examples import Examples
 from advpipe.stages.train.folder import RunFolder

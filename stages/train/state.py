@@ -8,9 +8,9 @@ from pathlib import Path
 
 import torch
 
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.whole_file import write_whole
 from advpipe.pipeline.detector.second.model import SecondNet
-from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.whole_file import write_whole
 
 
 @dataclass

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from advpipe.pipeline.bag.cloud import xyz
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
+from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.geometry.boxes import CLASSES, count_points
+from advpipe.pipeline.messages.cloud import xyz
 from advpipe.pipeline.metrics.average_precision import LOOSE_IOU, STRICT_IOU, average_precision, match_frame
-from advpipe.pipeline.progress import track
 from advpipe.stages.train.frames import LabelledCloud
 
 

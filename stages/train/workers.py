@@ -17,12 +17,12 @@ from typing import Any, Protocol
 import torch
 from torch import Tensor, multiprocessing, nn
 
+from advpipe.pipeline.core import signals
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.second.loss import losses
 from advpipe.pipeline.detector.second.model import SecondNet
 from advpipe.pipeline.detector.second.voxels import voxelise
-from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.process import signals
 from advpipe.stages.train.examples import Examples
 
 PARTS = ("score_loss", "box_loss", "direction_loss", "quality_loss")

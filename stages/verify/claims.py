@@ -17,7 +17,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from advpipe.pipeline.bag.mcap_records import Record, parse
+from advpipe.pipeline.mcap.records import Record, parse
 
 if TYPE_CHECKING:
     from advpipe.stages.verify.walk import Walk

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.recorded_filter import usual_victim, vehicles_with_filter
-from advpipe.pipeline.bag.v2x_attackers import Cast
-from advpipe.pipeline.bag.v2x_drive import V2xDrive
 from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.replay.recorded_filter import usual_victim, vehicles_with_filter
+from advpipe.pipeline.replay.v2x_attackers import Cast
+from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario import mixes
 from advpipe.pipeline.scenario.acting import Acting, acting_on_messages
 from advpipe.pipeline.scenario.attacks import NS_PER_S, AttackSpec

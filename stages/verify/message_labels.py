@@ -8,8 +8,14 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import NamedTuple
 
-from advpipe.pipeline.v2x.cam_values import FIELDS, Values, changed_fields, places_m, values_of_payload
-from advpipe.pipeline.v2x.effect import WHATEVER_THEY_SAY, matters
+from advpipe.pipeline.v2x.facilities.cam_values import (
+    FIELDS,
+    Values,
+    changed_fields,
+    places_m,
+    values_of_payload,
+)
+from advpipe.pipeline.v2x.facilities.effect import WHATEVER_THEY_SAY, matters
 from advpipe.stages.verify.ledger import Ledger, Message, Row, Story
 from advpipe.stages.verify.liars import Liars
 

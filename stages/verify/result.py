@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from typing import NamedTuple
 
-from advpipe.pipeline.errors import one_line
+from advpipe.pipeline.core.errors import one_line
 
 FAULTS_A_PLACE = 5
 """Of faults of one check at one place, so many are told one by one; the others are counted."""

@@ -7,12 +7,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from advpipe.pipeline.bag.locate import named
-from advpipe.pipeline.bag.mcap_file import DAMAGE
+from advpipe.pipeline.core.errors import AdvpipeError, os_error_line
+from advpipe.pipeline.core.progress import track
+from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.dataset import archive
 from advpipe.pipeline.dataset.parts import existing_parts, whole_name
-from advpipe.pipeline.errors import AdvpipeError, os_error_line
-from advpipe.pipeline.progress import track
-from advpipe.pipeline.scratch import scratch_folder
+from advpipe.pipeline.mcap.reader import DAMAGE
 from advpipe.stages.verify.checks.base import BagCheck, FolderCheck, MessageCheck, Seen
 from advpipe.stages.verify.registry import CHECKS, QUICK, QUICK_ALONE
 from advpipe.stages.verify.result import Fault, Gap, Result, Verification

@@ -19,9 +19,9 @@ from mcap.opcode import Opcode
 from mcap.records import DataEnd, Footer, Header
 from mcap.writer import MCAP0_MAGIC
 
-from advpipe.pipeline.bag.mcap_file import DAMAGE
-from advpipe.pipeline.bag.mcap_records import HEAD, parse, read_records
-from advpipe.pipeline.bag.mcap_summary import FOOTER_BYTES
+from advpipe.pipeline.mcap.reader import DAMAGE
+from advpipe.pipeline.mcap.records import HEAD, parse, read_records
+from advpipe.pipeline.mcap.summary import FOOTER_BYTES
 
 BLOCK_BYTES = 1 << 20
 _BLOCKS = 3  # one is read while two wait to be hashed

@@ -7,16 +7,16 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from advpipe.pipeline.bag.document import read_yaml
 from advpipe.pipeline.bag.files import METADATA_NAME, mcap_files
 from advpipe.pipeline.bag.locate import CLEAN_NAME
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.core.document import read_yaml
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.core.leftover_names import has_leftover_name
 from advpipe.pipeline.dataset import checksums
 from advpipe.pipeline.dataset.layout import Layout, read_layout
-from advpipe.pipeline.errors import AdvpipeError, UsageError
-from advpipe.pipeline.leftover_names import has_leftover_name
 from advpipe.stages.verify.scan import FileScan, scan
 from advpipe.stages.verify.walk import Walk
 

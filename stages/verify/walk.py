@@ -25,8 +25,10 @@ from mcap.records import (
 )
 from mcap.writer import MCAP0_MAGIC
 
-from advpipe.pipeline.bag.mcap_file import DAMAGE, ros2_topic
-from advpipe.pipeline.bag.mcap_records import (
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.mcap.channel import RawMessage, Topic
+from advpipe.pipeline.mcap.reader import DAMAGE, ros2_topic
+from advpipe.pipeline.mcap.records import (
     HEAD,
     Record,
     inner_records,
@@ -36,9 +38,7 @@ from advpipe.pipeline.bag.mcap_records import (
     parse_message_index,
     read_records,
 )
-from advpipe.pipeline.bag.topics import RawMessage, Topic
-from advpipe.pipeline.bag.unpacking import UnpackBudget
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.mcap.unpacking import UnpackBudget
 from advpipe.stages.verify.claims import check_claims
 
 FIRST_PRIVATE_OPCODE = 0x80

@@ -36,7 +36,7 @@ def test_importing_is_light_and_tells_the_version() -> None:
 
 def test_only_light_modules_come_before_the_handlers_of_signals() -> None:
     code = (
-        "import sys; import advpipe.__main__; from advpipe.pipeline.process import signals, streams;"
+        "import sys; import advpipe.__main__; from advpipe.pipeline.core import signals, streams;"
         "print([name for name in ('typer', 'rich', 'numpy', 'tempfile') if name in sys.modules])"
     )
     assert output_of(sys.executable, "-c", code) == "[]\n"

@@ -90,7 +90,7 @@ def _names_of(name: str, their_names: object) -> tuple[str, ...]:
 
 def _networks(networks: Path) -> None:
     """Four junctions as SUMO and as OpenDRIVE have them."""
-    from advpipe.stages.simulate.network_file import sumo_program
+    from advpipe.stages.simulate.road_network.file import sumo_program
 
     networks.mkdir()
     net, xodr = networks / "town.net.xml", networks / "town.xodr"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from advpipe.pipeline.bag.cloud import Cloud
 from advpipe.pipeline.detector.protocol import Detections, Range
+from advpipe.pipeline.messages.cloud import Cloud
 
 
 class BlindDetector:

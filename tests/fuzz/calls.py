@@ -11,12 +11,12 @@ from advpipe.pipeline.bag.frames import read_frames
 from advpipe.pipeline.bag.inspect import describe
 from advpipe.pipeline.bag.localisation import read_measurements
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.recorded_filter import read_filter, vehicles_with_filter
 from advpipe.pipeline.bag.recover import recover
-from advpipe.pipeline.bag.topics import VehicleTopics
-from advpipe.pipeline.bag.v2x_drive import V2xDrive
+from advpipe.pipeline.core.text import spelt_out
+from advpipe.pipeline.messages.topics import VehicleTopics
+from advpipe.pipeline.replay.recorded_filter import read_filter, vehicles_with_filter
+from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import attack_spec
-from advpipe.pipeline.text import spelt_out
 from advpipe.stages.attack.run import AttackRequest, attack
 from advpipe.stages.evaluate.v2x.veremi import export_veremi
 from advpipe.stages.verify.run import verify

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 
-from advpipe.pipeline.errors import AdvpipeError, one_line
+from advpipe.pipeline.core.errors import AdvpipeError, one_line
 from tests.fuzz.case import Case, Fault, Target, Unhandled
 
 LONGEST_LINE = 2000

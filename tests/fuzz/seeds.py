@@ -11,8 +11,8 @@ from typing import Any
 
 from mcap.records import Channel
 
-from advpipe.pipeline.bag import messages
-from advpipe.pipeline.bag.types import serialise, typestore
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.types import serialise, typestore
 from tests.fuzz import base
 from tests.fuzz.case import Case
 from tests.fuzz.mcap_tree import body_of, put_together, take_apart
@@ -57,7 +57,7 @@ def text_in_bag(call: str, topic: str, edit: Edit, bag: str = "clean") -> Callab
         changed, place = list(found.messages), found.of_topic(topic)[0]
         old = typestore().deserialize_cdr(changed[place].cdr, embedded_text.STRING).data
         text = document(edit(json.loads(old)))
-        changed[place] = replace(changed[place], cdr=serialise(messages.string(text), embedded_text.STRING))
+        changed[place] = replace(changed[place], cdr=serialise(build.string(text), embedded_text.STRING))
         return Case(call, f"{bag}/{bag}_0.mcap", mcap_bytes(changed, found.provenance))
 
     return make

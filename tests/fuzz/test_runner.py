@@ -48,7 +48,7 @@ def test_every_planted_fault_is_found_and_nothing_else(found: dict[str, Finding]
 
 def test_a_finding_says_where(found: dict[str, Finding]) -> None:
     assert found["raises"].fault.what == "KeyError: 'planted'"
-    assert found["raises"].fault.where.startswith("pipeline/text.py:")
+    assert found["raises"].fault.where.startswith("pipeline/core/text.py:")
     assert "planted.py" in found["raises"].fault.trace
     assert "_grow" in found["grows"].fault.trace  # of a worker that had to be stopped, too
     assert found["aborts"].fault.what == "ended by SIGABRT"

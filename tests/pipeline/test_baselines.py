@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.stats import chisquare, kstest
 
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, xyz
 from advpipe.pipeline.baselines import (
     add_random_points,
     move_random_points,
@@ -13,6 +12,7 @@ from advpipe.pipeline.baselines import (
     remove_random_points,
 )
 from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, xyz
 
 
 def cloud_of(count, scale_m=50.0, seed=1):

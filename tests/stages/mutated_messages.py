@@ -19,9 +19,9 @@ import numpy as np
 from typer.testing import CliRunner
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import RawMessage
-from advpipe.pipeline.bag.types import serialise
 from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.pipeline.messages.types import serialise
 
 V2X = ("/v2x/sent", "/v2x/stations")
 SENSED = (
@@ -186,13 +186,13 @@ def write_mutated(source: Path, out: Path, mutation: Mutation) -> None:
 
 def write_text(source: Path, out: Path, topic: str, text: str) -> None:
     """The bag with another text on a topic of texts, which it need not have."""
-    from advpipe.pipeline.bag import messages, topics
+    from advpipe.pipeline.messages import build, topics
 
     reader = BagReader(source)
     raws = [raw for raw in reader.raw_messages() if raw.topic.name != topic]
     known = {one.name: one for one in (topics.SCENARIO_INFO, topics.V2X_BUILDINGS, topics.V2X_STATISTICS)}
     with BagWriter(out, provenance=reader.provenance) as writer:
-        writer.write(known[topic], messages.string(text), raws[0].log_time_ns)
+        writer.write(known[topic], build.string(text), raws[0].log_time_ns)
         for raw in raws:
             writer.copy(raw)
 

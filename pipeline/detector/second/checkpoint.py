@@ -12,13 +12,13 @@ from pydantic import Field
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
-from advpipe.pipeline.bag.document import Document, Text, Word, read_json
+from advpipe.pipeline.core.document import Document, Text, Word, read_json
+from advpipe.pipeline.core.errors import OutputExistsError, UsageError, wrong_use
+from advpipe.pipeline.core.shown import cut
+from advpipe.pipeline.core.whole_file import write_whole
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import preset_named
 from advpipe.pipeline.detector.training_maps import with_listed_maps
-from advpipe.pipeline.errors import OutputExistsError, UsageError, wrong_use
-from advpipe.pipeline.shown import cut
-from advpipe.pipeline.whole_file import write_whole
 
 KIND = "advpipe-second-1"
 SHIPPED = {"small": Path(__file__).parent / "checkpoints" / "small.safetensors"}

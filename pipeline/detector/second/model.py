@@ -9,7 +9,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
-from advpipe.pipeline.bag.cloud import xyzi
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.protocol import Detections, LossInput, Range, VoxelGrid
 from advpipe.pipeline.detector.second.anchors import AnchorGrid
 from advpipe.pipeline.detector.second.backbone2d import Backbone2d
@@ -20,7 +20,7 @@ from advpipe.pipeline.detector.second.loss import losses, losses_by_cloud
 from advpipe.pipeline.detector.second.presets import Preset
 from advpipe.pipeline.detector.second.voxels import Voxels, voxelise
 from advpipe.pipeline.detector.training_maps import KEY, listed
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.messages.cloud import xyzi
 
 
 class SecondNet(nn.Module):

@@ -11,13 +11,13 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.core.hashing import sha256_of
+from advpipe.pipeline.core.shown import cut
 from advpipe.pipeline.detector.second.backbone3d import STRIDED
 from advpipe.pipeline.detector.second.model import SecondNet
 from advpipe.pipeline.detector.second.presets import KITTI
 from advpipe.pipeline.detector.second.torch_archive import check_archive
-from advpipe.pipeline.errors import AdvpipeError, UsageError
-from advpipe.pipeline.hashing import sha256_of
-from advpipe.pipeline.shown import cut
 
 LAYERS_3D = {
     "stage1.0": "conv_input",

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import pi
 
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.shown import shown
 from advpipe.pipeline.detector.protocol import Range
-from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.geometry.boxes import CLASSES
-from advpipe.pipeline.shown import shown
 
 
 @dataclass(frozen=True)

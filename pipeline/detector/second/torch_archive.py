@@ -12,8 +12,8 @@ import zipfile
 from pathlib import Path
 from typing import IO
 
-from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.shown import cut
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.shown import cut
 
 MOST_BYTES = 1 << 28
 """A SECOND for KITTI has 21 MB of weights, and three times that with its optimiser."""

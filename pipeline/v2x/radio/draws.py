@@ -11,8 +11,8 @@ import zlib
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.pipeline.seeding import named_generator
 
 UInt64 = npt.NDArray[np.uint64]
 

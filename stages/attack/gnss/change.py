@@ -8,15 +8,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.localisation import MAP_FRAME, estimate_message
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.recorded_filter import GNSS_FIX, read_filter, usual_victim, vehicles_with_filter
-from advpipe.pipeline.bag.topics import TF, V2X_STATIONS, RawMessage, VehicleTopics
-from advpipe.pipeline.bag.types import serialise
-from advpipe.pipeline.bag.v2x import stations_of_message
-from advpipe.pipeline.bag.v2x_drive import V2xDrive
-from advpipe.pipeline.errors import UsageError
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.topics import TF, V2X_STATIONS, VehicleTopics
+from advpipe.pipeline.messages.types import serialise
+from advpipe.pipeline.messages.v2x import stations_of_message
+from advpipe.pipeline.replay.recorded_filter import GNSS_FIX, read_filter, usual_victim, vehicles_with_filter
+from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.gnss.estimated_cams import EstimatedCams
 from advpipe.stages.attack.gnss.labels import FILE_NAME, write_labels
@@ -100,11 +101,11 @@ class GnssChange:
     def _transform(self, transform: Any) -> Any:
         """The newest estimate of a victim instead of the recorded one."""
         estimates = self._estimates.get(transform.child_frame_id, {})
-        estimate = estimates.get(messages.stamp_ns(transform))
+        estimate = estimates.get(build.stamp_ns(transform))
         if estimate is None or transform.header.frame_id != MAP_FRAME:
             return transform
         link = (MAP_FRAME, transform.child_frame_id, estimate.map_SE3_base)
-        return messages.transforms(estimate.stamp_ns, [link]).transforms[0]
+        return build.transforms(estimate.stamp_ns, [link]).transforms[0]
 
 
 def spoof(reader: BagReader, attacks: Sequence[AttackSpec], seed: int) -> GnssChange:

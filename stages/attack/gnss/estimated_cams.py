@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from advpipe.pipeline.bag.recorded_filter import RecordedFilter
-from advpipe.pipeline.bag.v2x import RadioPlace
-from advpipe.pipeline.bag.v2x_drive import V2xStep
 from advpipe.pipeline.localisation.estimate import Estimate
+from advpipe.pipeline.messages.v2x import RadioPlace
+from advpipe.pipeline.replay.recorded_filter import RecordedFilter
+from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.scenario.v2x import V2x
 from advpipe.pipeline.v2x.air import Sent
-from advpipe.pipeline.v2x.cam import Cam, cam_of_state
-from advpipe.pipeline.v2x.cam_error import CamError
-from advpipe.pipeline.v2x.cam_tree import decode_cam, encode_cam
-from advpipe.pipeline.v2x.generation import CHECK_INTERVAL_NS, first_check_ns, switched_on_ns
-from advpipe.pipeline.v2x.own_state import Identity, accuracy_of_estimate, own_state
-from advpipe.pipeline.v2x.path_history import PathHistory
-from advpipe.pipeline.v2x.reference_point import ReferencePoint, reference_point
+from advpipe.pipeline.v2x.codec.cam_error import CamError
+from advpipe.pipeline.v2x.facilities.cam import Cam, cam_of_state
+from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam, encode_cam
+from advpipe.pipeline.v2x.facilities.generation import CHECK_INTERVAL_NS, first_check_ns, switched_on_ns
+from advpipe.pipeline.v2x.facilities.own_state import Identity, accuracy_of_estimate, own_state
+from advpipe.pipeline.v2x.facilities.path_history import PathHistory
+from advpipe.pipeline.v2x.facilities.reference_point import ReferencePoint, reference_point
 from advpipe.stages.attack.gnss.victim import SpoofedVehicle
 
 

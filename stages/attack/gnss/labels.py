@@ -9,7 +9,7 @@ import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.gnss import squared_sigmas
-from advpipe.pipeline.v2x.effect import fix_matters
+from advpipe.pipeline.v2x.facilities.effect import fix_matters
 from advpipe.stages.attack.gnss.victim import FixRecord, SpoofedVehicle
 
 FILE_NAME = "gnss_labels.parquet"
@@ -24,7 +24,7 @@ def write_labels(vehicles: Sequence[SpoofedVehicle], path: Path) -> None:
     false latitude_deg, longitude_deg, altitude_m: what the receiver would have said and what it says, null
     without a fix; offset_east_m, offset_north_m, offset_up_m: false minus true; squared_sigmas: the offset in
     the receiver's own covariance; mattered: whether it is missing, or as far off as matters in messages, too
-    (`pipeline/v2x/effect.py`). Who spoofs is no station of the bag, and so no column.
+    (`pipeline/v2x/facilities/effect.py`). Who spoofs is no station of the bag, and so no column.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from advpipe.pipeline.errors import UsageError
+from advpipe.pipeline.core.errors import UsageError
 from advpipe.stages.attack.bounds import number, one_of
 from advpipe.stages.attack.gnss.base import Sight, Spoofer, any_direction
 

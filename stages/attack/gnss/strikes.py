@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
 
-from advpipe.pipeline.errors import UsageError
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.estimate import Innovation
 from advpipe.pipeline.scenario.acting import Acting, acting_on_fixes
 from advpipe.pipeline.scenario.attacks import AttackSpec
-from advpipe.pipeline.seeding import named_generator
 from advpipe.stages.attack.gnss.base import Genuine, GnssAttack, Sight, Spoofer
 from advpipe.stages.attack.parameters import resolved_parameters
 from advpipe.stages.attack.recording import Recording

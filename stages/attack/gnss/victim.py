@@ -9,17 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.localisation import read_initial_pose, read_measurements
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.recorded_filter import RecordedFilter, filter_errors
-from advpipe.pipeline.bag.topics import RawMessage, VehicleTopics
-from advpipe.pipeline.bag.types import serialise
 from advpipe.pipeline.geometry.transforms import Float64, yaw_of
 from advpipe.pipeline.localisation.estimate import Estimate, Innovation
 from advpipe.pipeline.localisation.estimator import Estimator
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.localisation.measurements import Measurements
+from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.topics import VehicleTopics
+from advpipe.pipeline.messages.types import serialise
+from advpipe.pipeline.replay.recorded_filter import RecordedFilter, filter_errors
 from advpipe.stages.attack.gnss.strikes import Lie, Strikes
 
 NO_FIX = -1
@@ -113,7 +114,7 @@ def _spoof_fix(
     heading_rad: float,
     foresee: Callable[[Float64], Innovation],
 ) -> tuple[RawMessage, FixRecord]:
-    stamp_ns = messages.stamp_ns(message)
+    stamp_ns = build.stamp_ns(message)
     covariance_m2 = np.array(message.position_covariance, dtype=np.float64).reshape(3, 3)
     genuine = np.array([message.latitude, message.longitude, message.altitude])
     if message.status.status < 0 or not np.isfinite(genuine).all():

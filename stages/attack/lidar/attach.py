@@ -11,10 +11,10 @@ import numpy.typing as npt
 import torch
 from scipy.spatial import cKDTree
 
-from advpipe.pipeline.bag.cloud import Cloud, xyz, xyzi
+from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
-from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
 from advpipe.stages.attack.lidar.attach_game import AttachGame
 from advpipe.stages.attack.lidar.attach_paper import salient_copies
 from advpipe.stages.attack.lidar.attach_places import Places, ball_places, joined, voxel_places

@@ -8,9 +8,9 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.bag.cloud import Cloud
 from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.messages.cloud import Cloud
 
 REMOVED = "removed"
 """The action on a point that the adversarial cloud no longer holds."""

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from advpipe.pipeline.errors import UsageError
+from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.geometry.boxes import Boxes, points_in_boxes
 from advpipe.stages.attack.lidar.ghost import Ghost
 

@@ -7,11 +7,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from advpipe.pipeline.bag.cloud import Cloud, xyz, xyzi
 from advpipe.pipeline.baselines import remove_random_points
+from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
-from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
 from advpipe.stages.attack.lidar.base import NO_GRADIENT, LidarResult, PointLabels, told, unchanged
 from advpipe.stages.attack.lidar.climb import climb, looks
 from advpipe.stages.attack.lidar.constraints import GOALS, Constraints

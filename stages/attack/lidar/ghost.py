@@ -8,8 +8,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import Detector
-from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
 
 SIZES_M = {

@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.detector.protocol import Detections, Detector
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes, points_in_boxes
 from advpipe.pipeline.geometry.iou import iou_3d, iou_bev
+from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.pipeline.metrics.average_precision import LOOSE_IOU, STRICT_IOU
 from advpipe.pipeline.metrics.matching import match_overlaps
 from advpipe.stages.attack.lidar.base import told

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, Cloud
 from advpipe.pipeline.detector.protocol import Detector
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud
 from advpipe.stages.attack.lidar.goal import Goal
 
 Float32 = npt.NDArray[np.float32]

@@ -8,10 +8,10 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.bag.cloud import Cloud, xyz, xyzi
+from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
-from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
 from advpipe.stages.attack.lidar.base import NO_GRADIENT, LidarResult, PointLabels, told, unchanged
 from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
 from advpipe.stages.attack.lidar.crossing import Crossing, Tactics

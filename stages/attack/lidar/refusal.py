@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, Cloud
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud
 from advpipe.stages.attack.lidar.base import LidarResult, PointLabels
 
 ACTIONS = ("removed", "moved", "added")

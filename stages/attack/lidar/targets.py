@@ -8,9 +8,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from advpipe.pipeline.bag.cloud import Cloud, xyz, xyzi
 from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS, Boxes, count_points
+from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from advpipe.pipeline.v2x.cam_error import CamError
-from advpipe.pipeline.v2x.cam_values import FIELDS, HIGH, PEDALS, PLAIN, QUANTITIES, is_vehicle
-from advpipe.pipeline.v2x.codec import CamTree, decode, encode
-from advpipe.pipeline.v2x.codes import AccelerationControl
+from advpipe.pipeline.v2x.codec.cam_error import CamError
+from advpipe.pipeline.v2x.codec.codec import CamTree, decode, encode
+from advpipe.pipeline.v2x.codec.codes import AccelerationControl
+from advpipe.pipeline.v2x.facilities.cam_values import FIELDS, HIGH, PEDALS, PLAIN, QUANTITIES, is_vehicle
 
 LOW, VEHICLE_LOW = "lowFrequencyContainer", "basicVehicleContainerLowFrequency"
 

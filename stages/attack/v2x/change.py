@@ -8,29 +8,23 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from advpipe.pipeline.bag.ldm import ldm_detections_cdr, ldm_snapshot_cdr
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import (
-    V2X_SENT,
-    V2X_STATIONS,
-    V2X_STATISTICS,
-    RawMessage,
-    Topic,
-    VehicleTopics,
-)
-from advpipe.pipeline.bag.types import schema_text, type_hash
-from advpipe.pipeline.bag.v2x import (
+from advpipe.pipeline.bag.v2x_statistics import statistics_message
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.mcap.channel import RawMessage, Topic
+from advpipe.pipeline.messages.ldm import ldm_detections_cdr, ldm_snapshot_cdr
+from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATIONS, V2X_STATISTICS, VehicleTopics
+from advpipe.pipeline.messages.types import schema_text, type_hash
+from advpipe.pipeline.messages.v2x import (
     StampedCdr,
     own_messages,
     received_messages,
     sent_message,
     stations_message,
 )
-from advpipe.pipeline.bag.v2x_attackers import Cast
-from advpipe.pipeline.bag.v2x_drive import V2xDrive, V2xStep
-from advpipe.pipeline.bag.v2x_statistics import statistics_message
-from advpipe.pipeline.errors import UsageError
-from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.replay.v2x_attackers import Cast
+from advpipe.pipeline.replay.v2x_drive import V2xDrive, V2xStep
 from advpipe.pipeline.scenario.acting import acting_on_messages
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.pipeline.v2x.air import Air, Sent

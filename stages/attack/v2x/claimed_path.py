@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from advpipe.pipeline.v2x import quantities as q
 from advpipe.pipeline.v2x.air import Sent
-from advpipe.pipeline.v2x.cam import PathPoint
-from advpipe.pipeline.v2x.codec import CamTree
-from advpipe.pipeline.v2x.path_history import PathHistory
-from advpipe.pipeline.v2x.timestamps import generation_time_ns
+from advpipe.pipeline.v2x.codec import quantities as q
+from advpipe.pipeline.v2x.codec.codec import CamTree
+from advpipe.pipeline.v2x.codec.timestamps import generation_time_ns
+from advpipe.pipeline.v2x.facilities.cam import PathPoint
+from advpipe.pipeline.v2x.facilities.path_history import PathHistory
 from advpipe.stages.attack.v2x.cams import LOW, VEHICLE_LOW, told, with_code
 
 _LOW = ("cam", "camParameters", LOW)

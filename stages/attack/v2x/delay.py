@@ -6,9 +6,9 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 
-from advpipe.pipeline.bag.v2x_drive import V2xStep
+from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
-from advpipe.pipeline.v2x.codec import CamTree
+from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.stages.attack.bounds import number, span, whole
 from advpipe.stages.attack.v2x.cams import retold, told
 from advpipe.stages.attack.v2x.ears import later

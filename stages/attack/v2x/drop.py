@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from advpipe.pipeline.bag.v2x_drive import V2xStep
-from advpipe.pipeline.errors import UsageError
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.stages.attack.bounds import number
 from advpipe.stages.attack.v2x.cams import told

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from advpipe.pipeline.bag.v2x import RadioPlace
-from advpipe.pipeline.bag.v2x_drive import V2xStep
+from advpipe.pipeline.messages.v2x import RadioPlace
+from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
-from advpipe.pipeline.v2x.codec import CamTree
-from advpipe.pipeline.v2x.timestamps import GENERATION_DELTA_TIME_CYCLE_MS, NS_PER_MS
+from advpipe.pipeline.v2x.codec.codec import CamTree
+from advpipe.pipeline.v2x.codec.timestamps import GENERATION_DELTA_TIME_CYCLE_MS, NS_PER_MS
 from advpipe.stages.attack.v2x.cams import retold, told
 
 HEARING_M = 400.0

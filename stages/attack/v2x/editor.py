@@ -23,7 +23,7 @@ that are to be sent instead:
 Labels are none of an attack's business: the engine compares what goes in with what comes out, by number.
 A message in another form is "changed", one that is missing "dropped" (or "delayed", if it comes later), a new
 one "added"; attacker is the one whose radio sends it. True values are those of the recorded message;
-whether the lie mattered is judged from both (`pipeline/v2x/effect.py`), unless
+whether the lie mattered is judged from both (`pipeline/v2x/facilities/effect.py`), unless
 all of the attack's do.
 """
 
@@ -39,11 +39,11 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from advpipe.pipeline.bag.v2x import RadioPlace
-from advpipe.pipeline.bag.v2x_drive import V2xStep
+from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.messages.v2x import RadioPlace
+from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.scenario.v2x import V2x
-from advpipe.pipeline.seeding import named_generator
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.stages.attack.v2x.cams import Cams

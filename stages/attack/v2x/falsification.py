@@ -9,9 +9,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from advpipe.pipeline.bag.v2x_drive import V2xStep
+from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
-from advpipe.pipeline.v2x.codec import CamTree
+from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.stages.attack.v2x.cams import retold, told
 from advpipe.stages.attack.v2x.claimed_path import ClaimedPath
 from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from advpipe.pipeline.bag.v2x import RadioPlace
-from advpipe.pipeline.bag.v2x_drive import V2xStep
+from advpipe.pipeline.messages.v2x import RadioPlace
+from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
-from advpipe.pipeline.v2x.cam import Cam
-from advpipe.pipeline.v2x.cam_tree import cam_tree
-from advpipe.pipeline.v2x.codec import CamTree
-from advpipe.pipeline.v2x.codes import DriveDirection, StationType
-from advpipe.pipeline.v2x.ellipsoid import east_north_m
-from advpipe.pipeline.v2x.timestamps import generation_delta_time_ms
+from advpipe.pipeline.v2x.codec.codec import CamTree
+from advpipe.pipeline.v2x.codec.codes import DriveDirection, StationType
+from advpipe.pipeline.v2x.codec.timestamps import generation_delta_time_ms
+from advpipe.pipeline.v2x.facilities.cam import Cam
+from advpipe.pipeline.v2x.facilities.cam_tree import cam_tree
+from advpipe.pipeline.v2x.facilities.ellipsoid import east_north_m
 from advpipe.stages.attack.bounds import number
 from advpipe.stages.attack.v2x.cams import retold, told
 from advpipe.stages.attack.v2x.ears import HEARING_M, Ears, later

@@ -11,8 +11,8 @@ import numpy as np
 
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.v2x.air import Sent
-from advpipe.pipeline.v2x.cam_values import FIELDS, Values, changed_fields, places_m, values
-from advpipe.pipeline.v2x.effect import WHATEVER_THEY_SAY, matters
+from advpipe.pipeline.v2x.facilities.cam_values import FIELDS, Values, changed_fields, places_m, values
+from advpipe.pipeline.v2x.facilities.effect import WHATEVER_THEY_SAY, matters
 from advpipe.stages.attack.v2x.cams import Cams, told
 from advpipe.stages.attack.v2x.editor import MessageEditor, V2xAttack
 
@@ -46,8 +46,8 @@ class Labels:
     empty), `attacker` (the vehicle or roadside unit; empty where it is not the sender who lies, as with a
     spoofed GPS), `sender`, `action` (changed, added, delayed, dropped, or corrupt: no CAM, left as it is),
     `fields` that the attack changed, with commas between them ("other" for what has no column), `mattered`
-    (see `pipeline/v2x/effect.py`), and `true_...` and `false_...` of each field of a CAM, with x and y in the
-    map's frame.
+    (see `pipeline/v2x/facilities/effect.py`), and `true_...` and `false_...` of each field of a CAM, with x
+    and y in the map's frame.
 
     True values are those of the recorded message. Of one that was added or delayed, they are what the station
     that it claims to be from had said itself by then; null for a station that does not exist.

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from advpipe.pipeline.bag.v2x_drive import V2xStep
-from advpipe.pipeline.errors import UsageError
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.scenario.mixes import MIXES, WORD, drawn, settings_of, words_of
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.stages.attack.registry import ATTACKS, find_attack

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from advpipe.pipeline.bag.v2x_drive import V2xStep
+from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
-from advpipe.pipeline.v2x.cam_values import HIGH
-from advpipe.pipeline.v2x.codec import CamTree
+from advpipe.pipeline.v2x.codec.codec import CamTree
+from advpipe.pipeline.v2x.facilities.cam_values import HIGH
 from advpipe.stages.attack.bounds import one_of
 from advpipe.stages.attack.v2x.cams import with_code
 from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack

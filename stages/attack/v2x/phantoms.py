@@ -9,15 +9,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from advpipe.pipeline.bag.v2x import RadioPlace
-from advpipe.pipeline.bag.v2x_drive import V2xStep
 from advpipe.pipeline.geometry.transforms import Float64, transform_points, wrap_angle, yaw_of
+from advpipe.pipeline.messages.v2x import RadioPlace
+from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
-from advpipe.pipeline.v2x.codes import StationType, TrailerPresence
-from advpipe.pipeline.v2x.generation import CHECK_INTERVAL_NS, CamGenerator, GenerationRules, first_check_ns
-from advpipe.pipeline.v2x.own_state import Accuracy, Identity, own_state
-from advpipe.pipeline.v2x.reference_point import ReferencePoint, reference_points
-from advpipe.pipeline.v2x.station_state import StationState
+from advpipe.pipeline.v2x.codec.codes import StationType, TrailerPresence
+from advpipe.pipeline.v2x.facilities.generation import (
+    CHECK_INTERVAL_NS,
+    CamGenerator,
+    GenerationRules,
+    first_check_ns,
+)
+from advpipe.pipeline.v2x.facilities.own_state import Accuracy, Identity, own_state
+from advpipe.pipeline.v2x.facilities.reference_point import ReferencePoint, reference_points
+from advpipe.pipeline.v2x.facilities.station_state import StationState
 from advpipe.stages.attack.bounds import number
 from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack
 from advpipe.stages.attack.v2x.gate import Gate

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from advpipe.pipeline.bag.v2x_drive import V2xStep
+from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.stages.attack.bounds import number, one_of, span
 from advpipe.stages.attack.v2x.cams import retold, told

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from advpipe.pipeline.v2x.codes import AccelerationControl
+from advpipe.pipeline.v2x.codec.codes import AccelerationControl
 from advpipe.stages.attack.bounds import number
 from advpipe.stages.attack.v2x.draws import Draws
 from advpipe.stages.attack.v2x.editor import AttackContext

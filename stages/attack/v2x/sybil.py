@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from advpipe.pipeline.bag.v2x_drive import V2xStep
-from advpipe.pipeline.errors import UsageError
+from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.stages.attack.bounds import number, one_of, whole
 from advpipe.stages.attack.v2x.cams import retold

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.geometry.boxes import Boxes, count_points
 from advpipe.pipeline.geometry.iou import iou_bev
 from advpipe.pipeline.geometry.transforms import Float64, transform_points
+from advpipe.pipeline.messages.cloud import Cloud, xyz
 
 SAME_OBJECT_IOU = 0.15
 """In the bird's eye: of two boxes of a class that overlap by more, the better one stays (OpenCOOD's late

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from advpipe.pipeline.bag.frame_slice import ALL_FRAMES, FrameSlice
 from advpipe.pipeline.bag.frames import find_lidar_topic
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
 from advpipe.stages.evaluate.cooperative.pair import Alignment, Pair
 
 MOST_FRAMES = 50

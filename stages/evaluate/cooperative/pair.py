@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from advpipe.pipeline.bag import messages
-from advpipe.pipeline.bag.cloud import Cloud
-from advpipe.pipeline.bag.frame_slice import FrameSlice
 from advpipe.pipeline.bag.frames import Frame, read_frames
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import TF_STATIC, VehicleTopics
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.pipeline.geometry.transforms import Float64, invert
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.cloud import Cloud
+from advpipe.pipeline.messages.topics import TF_STATIC, VehicleTopics
 
 MARGIN_NS = 10**9
 """Clouds of one instant are logged within so much of each other."""
@@ -71,7 +71,7 @@ def shared_frames(reader: BagReader, pair: Pair, chosen: FrameSlice) -> Iterator
 def poses(reader: BagReader, topic: str, last_ns: int | None = None) -> Poses:
     """Of an odometry topic, up to `last_ns`."""
     return {
-        messages.stamp_ns(message): messages.se3_from_pose(message.pose.pose)
+        build.stamp_ns(message): build.se3_from_pose(message.pose.pose)
         for _, message in reader.messages(topic, last_ns)
     }
 
@@ -130,7 +130,7 @@ def _mounted(reader: BagReader) -> dict[tuple[str, str], Float64]:
     if TF_STATIC.name not in reader.topics:
         return {}
     return {
-        (one.header.frame_id, one.child_frame_id): messages.se3_from_transform(one.transform)
+        (one.header.frame_id, one.child_frame_id): build.se3_from_transform(one.transform)
         for _, message in reader.messages(TF_STATIC.name)
         for one in message.transforms
     }

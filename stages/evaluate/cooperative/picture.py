@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.birds_eye import draw_boxes, draw_points, draw_rings, prepare_axes
-from advpipe.pipeline.figure import Figure
+from advpipe.pipeline.core.figure import Figure
 from advpipe.pipeline.geometry.transforms import Float64, transform_points
+from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.stages.evaluate.report.style import BASELINE, INK, LOST, PREDICTION, TRUTH
 
 HALF_M = 45.0

@@ -8,16 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from advpipe.pipeline.bag.frame_slice import ALL_FRAMES, FrameSlice
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.recorded_filter import vehicles_with_filter
+from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
+from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.metrics.average_precision import RankedMatches
 from advpipe.pipeline.metrics.matching import FrameMatches
-from advpipe.pipeline.progress import track
+from advpipe.pipeline.replay.recorded_filter import vehicles_with_filter
 from advpipe.stages.evaluate.cooperative.fusion import fuse_clouds, fuse_detections, without_oneself
 from advpipe.stages.evaluate.cooperative.instants import asked_for, false_span, fused_instants
 from advpipe.stages.evaluate.cooperative.pair import (

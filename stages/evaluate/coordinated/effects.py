@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import V2X_STATIONS, VehicleTopics
-from advpipe.pipeline.bag.v2x_drive import V2xDrive
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.messages.topics import V2X_STATIONS, VehicleTopics
+from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.stages.evaluate.cooperative.pair import poses
 from advpipe.stages.evaluate.coordinated.struck import Int64, touched_points
 from advpipe.stages.evaluate.v2x.ldm_error import ldm_error, moments

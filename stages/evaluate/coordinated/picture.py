@@ -10,7 +10,7 @@ from advpipe.stages.evaluate.coordinated.struck import Struck
 from advpipe.stages.evaluate.report.style import BASELINE, INK, PREDICTION, SOFT, plain_axes
 
 if TYPE_CHECKING:
-    from advpipe.pipeline.figure import Figure
+    from advpipe.pipeline.core.figure import Figure
 
 SHADE = "#fbe3e4"
 
@@ -22,7 +22,7 @@ def draw_coordinated(
 
     together_ns: from when to when, None for never. start_ns: of the recording.
     """
-    from advpipe.pipeline.figure import Figure
+    from advpipe.pipeline.core.figure import Figure
 
     heights = [0.3 + 0.4 * len(strikes), *(1.5 for _ in told)]
     size = (11.0, sum(heights) + 1.0)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
-from advpipe.pipeline.progress import track
+from advpipe.pipeline.core.progress import track
 from advpipe.stages.evaluate.coordinated.effects import Effect, effects
 from advpipe.stages.evaluate.coordinated.picture import draw_coordinated
 from advpipe.stages.evaluate.coordinated.struck import Struck, read_struck

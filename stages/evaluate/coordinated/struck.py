@@ -13,11 +13,11 @@ import numpy.typing as npt
 
 from advpipe.pipeline.bag.provenance_record import AttackRecord
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.recorded_filter import vehicles_with_filter
-from advpipe.pipeline.bag.v2x_drive import V2xDrive
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
-from advpipe.pipeline.bounded_parquet import Kind, batches, rows
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.bounded_parquet import Kind, batches, rows
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.replay.recorded_filter import vehicles_with_filter
+from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns
 from advpipe.stages.evaluate.v2x.labels import read_labels
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.baselines import points_near_boxes
-from advpipe.pipeline.seeding import named_generator
+from advpipe.pipeline.core.seeding import named_generator
+from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.stages.evaluate.detection.random_change import Budget, Change, RandomChange
 
 Float64 = npt.NDArray[np.float64]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.bag.cloud import Cloud, xyz
+from advpipe.pipeline.messages.cloud import Cloud, xyz
 
 Int64 = npt.NDArray[np.int64]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from advpipe.pipeline.bag.cloud import Cloud, xyz
+from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.stages.evaluate.detection.cloud_difference import CloudDifference
 
 

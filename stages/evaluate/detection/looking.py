@@ -9,19 +9,19 @@ from pathlib import Path
 
 import numpy as np
 
-from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.bag.frames import ALL_FRAMES, Frame, FrameSlice, find_lidar_topic
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.jobs import map_jobs
+from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.defences.registry import parse_defences
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
-from advpipe.pipeline.errors import UsageError
 from advpipe.pipeline.geometry.boxes import count_points
-from advpipe.pipeline.jobs import map_jobs
+from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.pipeline.metrics.chamfer import chamfer_distance
-from advpipe.pipeline.seeding import named_generator
 from advpipe.stages.evaluate.detection.baseline import looks_of, random_baselines
 from advpipe.stages.evaluate.detection.cloud_difference import CloudDifference, cloud_difference
 from advpipe.stages.evaluate.detection.comparison import (

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from advpipe.pipeline.bag.messages import stamp_ns as header_stamp_ns
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import VehicleTopics
+from advpipe.pipeline.messages.build import stamp_ns as header_stamp_ns
+from advpipe.pipeline.messages.topics import VehicleTopics
 
 
 class Occlusion:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from advpipe.pipeline.bag.frames import ALL_FRAMES, Frame, FrameSlice, count_frames, read_frames
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 
 
 def pair_frames(

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.baselines import move_within, random_directions
 from advpipe.pipeline.defences.base import with_xyz
 from advpipe.pipeline.geometry.boxes import points_in_boxes
+from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.stages.evaluate.detection.cloud_difference import CloudDifference
 from advpipe.stages.evaluate.detection.displacement import added_distance_m
 

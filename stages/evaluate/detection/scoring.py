@@ -9,16 +9,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.bag.cloud import Cloud, xyz
 from advpipe.pipeline.bag.frames import Frame
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.plugins import class_of_users, mistakes_told
 from advpipe.pipeline.defences.base import Placement
 from advpipe.pipeline.detector.protocol import Detections, Detector, Range
-from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS, Boxes, count_points
 from advpipe.pipeline.geometry.iou import iou_3d, iou_bev
+from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.pipeline.metrics.average_precision import LOOSE_IOU, STRICT_IOU
 from advpipe.pipeline.metrics.matching import FrameMatches, match_overlaps
-from advpipe.pipeline.own_code import class_of_users, mistakes_told
 
 Bool = npt.NDArray[np.bool_]
 Int64 = npt.NDArray[np.int64]

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.geometry.boxes import MIN_POINTS
 from advpipe.pipeline.metrics.average_precision import RankedMatches
 from advpipe.pipeline.metrics.bootstrap import MIN_BLOCK_S, BlockBootstrap, percentile_interval
-from advpipe.pipeline.seeding import named_generator
 from advpipe.stages.evaluate.detection.arm import Arm, Precision
 from advpipe.stages.evaluate.detection.baseline import (
     BASELINES,

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.frames import find_lidar_topic
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import RawMessage, Topic
-from advpipe.pipeline.bag.types import schema_text, serialise, type_hash
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.mcap.channel import RawMessage, Topic
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.types import schema_text, serialise, type_hash
 from advpipe.stages.evaluate.detection.occlusion import vehicle_of
 
 CLOUD_TYPE = "sensor_msgs/msg/PointCloud2"
@@ -75,7 +75,7 @@ def _message(reader: BagReader, raw: RawMessage, topic: Topic, found: Detections
 def detections_message(stamp_ns: int, frame_id: str, found: Detections) -> Any:
     """vision_msgs/Detection3DArray, best first, with scores; detections have no name over time."""
     boxes = Boxes(found.boxes, found.labels, ("",) * len(found), np.zeros((len(found), 3)))
-    message = messages.detections(stamp_ns, frame_id, boxes)
+    message = build.detections(stamp_ns, frame_id, boxes)
     for item, score in zip(message.detections, found.scores, strict=True):
         item.results[0].hypothesis.score = float(score)
     return message

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from matplotlib.axes import Axes
 
-from advpipe.pipeline.figure import Figure
+from advpipe.pipeline.core.figure import Figure
 from advpipe.stages.evaluate.localisation.figures import gate
 from advpipe.stages.evaluate.localisation.track import Bool, Track
 from advpipe.stages.evaluate.report.style import BASELINE, INK, LOST, PREDICTION, TRUTH, plain_axes

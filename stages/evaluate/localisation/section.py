@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.recorded_filter import usual_victim, vehicles_with_filter
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
-from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.progress import track
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.progress import track
+from advpipe.pipeline.replay.recorded_filter import usual_victim, vehicles_with_filter
 from advpipe.stages.evaluate.detection.comparison import bag_name
 from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.localisation.figures import (

@@ -7,14 +7,14 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.localisation import read_measurements
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.recorded_filter import filter_errors, read_filter
-from advpipe.pipeline.bag.topics import VehicleTopics
 from advpipe.pipeline.bag.window import Window
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.topics import VehicleTopics
+from advpipe.pipeline.replay.recorded_filter import filter_errors, read_filter
 
 Bool = npt.NDArray[np.bool_]
 
@@ -66,7 +66,7 @@ def read_track(reader: BagReader, vehicle: str, last_ns: int | None = None) -> T
 def _read_track(reader: BagReader, vehicle: str, last_ns: int | None) -> Track:
     topics = VehicleTopics(vehicle)
     truth = {
-        time_ns: messages.se3_from_pose(message.pose.pose)
+        time_ns: build.se3_from_pose(message.pose.pose)
         for time_ns, message in reader.messages(topics.true_odometry.name, last_ns)
     }
     recorded = read_filter(reader)

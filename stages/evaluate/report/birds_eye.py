@@ -10,7 +10,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from advpipe.pipeline.bag.cloud import xyz
 from advpipe.pipeline.birds_eye import (
     ADDED,
     INK,
@@ -24,7 +23,8 @@ from advpipe.pipeline.birds_eye import (
     draw_rings,
     prepare_axes,
 )
-from advpipe.pipeline.figure import Figure
+from advpipe.pipeline.core.figure import Figure
+from advpipe.pipeline.messages.cloud import xyz
 from advpipe.stages.evaluate.report.scene import Scene, View, crop
 from advpipe.stages.evaluate.report.style import LOST, PREDICTION
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from matplotlib.axes import Axes
 
-from advpipe.pipeline.figure import Figure
+from advpipe.pipeline.core.figure import Figure
 from advpipe.stages.evaluate.detection.baseline import BASELINES, BEST, baseline_title, baseline_words
 from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.report.style import BASELINE, INK, PREDICTION, SOFT, plain_axes

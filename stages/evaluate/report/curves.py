@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 
-from advpipe.pipeline.figure import Figure
+from advpipe.pipeline.core.figure import Figure
 from advpipe.pipeline.geometry.boxes import CLASSES
 from advpipe.stages.evaluate.detection.scoring import CRITERIA
 from advpipe.stages.evaluate.detection.summary import Summary

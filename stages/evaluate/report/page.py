@@ -6,7 +6,7 @@ from typing import Any
 
 from jinja2 import Environment, StrictUndefined
 
-from advpipe.pipeline.text import spelt_out
+from advpipe.pipeline.core.text import spelt_out
 
 
 def rendered(template: str, **values: Any) -> str:

@@ -9,8 +9,8 @@ from pathlib import Path
 from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from advpipe.pipeline.figure import Figure
-from advpipe.pipeline.progress import track
+from advpipe.pipeline.core.figure import Figure
+from advpipe.pipeline.core.progress import track
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.birds_eye import draw_scene
 from advpipe.stages.evaluate.report.budget_curves import budget_groups, draw_budget_curves

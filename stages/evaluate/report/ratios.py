@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from matplotlib.axes import Axes
 
-from advpipe.pipeline.figure import Figure
+from advpipe.pipeline.core.figure import Figure
 from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.report.numbers import short_name
 from advpipe.stages.evaluate.report.scene import attack_title

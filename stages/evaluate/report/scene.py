@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.bag.cloud import Cloud
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
+from advpipe.pipeline.messages.cloud import Cloud
 from advpipe.stages.evaluate.detection.cloud_difference import CloudDifference, cloud_difference
 from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult
 from advpipe.stages.evaluate.detection.frame_row import lost_objects

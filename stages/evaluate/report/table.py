@@ -7,7 +7,7 @@ from typing import Literal
 from rich import box
 from rich.table import Table
 
-from advpipe.pipeline.process.streams import plain_console
+from advpipe.pipeline.core.streams import plain_console
 from advpipe.stages.evaluate.detection.arm import WHOLE
 from advpipe.stages.evaluate.detection.baseline import baseline_title
 from advpipe.stages.evaluate.detection.figures import Row

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from advpipe.pipeline.bag.v2x import RadioPlace
+from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.stages.evaluate.v2x.ldm_error import Known, Moment
 
 WARN_S = 2.5

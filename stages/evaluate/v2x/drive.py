@@ -8,16 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import VehicleTopics
-from advpipe.pipeline.bag.v2x_drive import V2xDrive
 from advpipe.pipeline.bag.v2x_statistics import read_statistics
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.misbehaviour.catch import CatchParameters
 from advpipe.pipeline.misbehaviour.config import DetectorConfig
 from advpipe.pipeline.misbehaviour.roads import RoadMap
+from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.stages.evaluate.v2x.collision import Warnings, known_of_radio, warnings
 from advpipe.stages.evaluate.v2x.detection import Detection, attack_parameters, detect
 from advpipe.stages.evaluate.v2x.labels import MessageLabel, read_labels
@@ -111,7 +111,7 @@ def _believed(
         return None
     times_ns, told = [], []
     for time_ns, message in reader.messages(topic, last_ns):
-        pose = messages.se3_from_pose(message.pose.pose)
+        pose = build.se3_from_pose(message.pose.pose)
         yaw_rad = float(np.arctan2(pose[1, 0], pose[0, 0]))
         told.append((float(pose[0, 3]), float(pose[1, 3]), yaw_rad, float(message.twist.twist.linear.x)))
         times_ns.append(time_ns)

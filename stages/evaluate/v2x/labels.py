@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from advpipe.pipeline.bounded_parquet import Kind, flat_columns, rows
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.bounded_parquet import Kind, flat_columns, rows
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.misbehaviour.scores import Bools
 
 LABELS = "v2x_labels.parquet"

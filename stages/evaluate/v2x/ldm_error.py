@@ -10,12 +10,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import V2X_STATIONS, RawMessage, VehicleTopics
-from advpipe.pipeline.bag.v2x import RadioPlace, stations_of_message
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.topics import V2X_STATIONS, VehicleTopics
+from advpipe.pipeline.messages.v2x import RadioPlace, stations_of_message
 
 DISPLACED_M = 3.0
 """An entry farther from its station's true place is displaced; one carried on for a second is within."""
@@ -145,7 +146,7 @@ def ldm_error(found: Iterator[Moment] | list[Moment]) -> LdmError:
 
 def _known(entry: Any, at_ns: int) -> Known:
     stamp = entry.generation_time
-    age_s = (at_ns - int(stamp.sec) * messages.NS_PER_S - int(stamp.nanosec)) / 1e9
+    age_s = (at_ns - int(stamp.sec) * build.NS_PER_S - int(stamp.nanosec)) / 1e9
     way_m = float(entry.speed) * age_s
     turn = (math.cos(entry.yaw), math.sin(entry.yaw)) if math.isfinite(entry.yaw + way_m) else (0.0, 0.0)
     carried_m = way_m if math.isfinite(way_m) else 0.0

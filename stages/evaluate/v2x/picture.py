@@ -17,7 +17,7 @@ from advpipe.stages.evaluate.v2x.ldm_error import DISPLACED_M, MISSING_WITHIN_M,
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from advpipe.pipeline.figure import Figure
+    from advpipe.pipeline.core.figure import Figure
 
 REACH_M = MISSING_WITHIN_M
 ROAD = "#eef1f5"
@@ -25,7 +25,7 @@ ROAD = "#eef1f5"
 
 def draw_maps(before: Moment, during: Moment, roads: RoadMap | None = None) -> Figure:
     """Two maps of the same vehicle beside each other, around itself, on the roads where they are known."""
-    from advpipe.pipeline.figure import Figure
+    from advpipe.pipeline.core.figure import Figure
 
     figure = Figure(figsize=(12.0, 6.2), dpi=110, facecolor="white", layout="constrained")
     panels = figure.subplots(1, 2).tolist()
@@ -73,7 +73,7 @@ def draw_map(axes: Axes, moment: Moment, roads: RoadMap | None = None) -> None:
 
 def draw_detection(detections: Sequence[Detection]) -> Figure:
     """F1 of each attack: ours, the baseline's, and what is published of CaTCH on other data."""
-    from advpipe.pipeline.figure import Figure
+    from advpipe.pipeline.core.figure import Figure
 
     parts = [part for each in detections for part in each.parts]
     places = np.arange(len(parts))[::-1]
@@ -97,7 +97,7 @@ def draw_detection(detections: Sequence[Detection]) -> Figure:
 
 def draw_errors(clean: LdmError, attacked: LdmError, title: str = "") -> Figure:
     """Ghosts, missing and displaced stations over time, clean and attacked."""
-    from advpipe.pipeline.figure import Figure
+    from advpipe.pipeline.core.figure import Figure
 
     figure = Figure(figsize=(11.0, 3.0), dpi=110, facecolor="white", layout="constrained")
     start_ns = int(attacked.time_ns[0]) if len(attacked.time_ns) else 0

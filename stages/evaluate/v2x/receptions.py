@@ -11,22 +11,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from advpipe.pipeline.bag import messages
-from advpipe.pipeline.bag.markers import lanes_of_markers
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import LANES, VehicleTopics
-from advpipe.pipeline.bag.v2x import RadioPlace
-from advpipe.pipeline.bag.v2x_drive import V2xDrive, V2xStep
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.markers import lanes_of_markers
+from advpipe.pipeline.messages.topics import LANES, VehicleTopics
+from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.misbehaviour.claim import Claim, Receiver, claims_of_cams
 from advpipe.pipeline.misbehaviour.roads import NO_ROADS, RoadMap, lanes
+from advpipe.pipeline.replay.v2x_drive import V2xDrive, V2xStep
 from advpipe.pipeline.v2x.air import Received
-from advpipe.pipeline.v2x.cam import Cam
-from advpipe.pipeline.v2x.cam_error import CamError
-from advpipe.pipeline.v2x.cam_tree import cam_of_tree
+from advpipe.pipeline.v2x.codec.cam_error import CamError
+from advpipe.pipeline.v2x.facilities.cam import Cam
+from advpipe.pipeline.v2x.facilities.cam_tree import cam_of_tree
 from advpipe.pipeline.v2x.statistics import Statistics
 
 NEAR_M = 300.0
@@ -198,7 +198,7 @@ def _own_poses(
     """Times (K,) and x, y, yaw (K, 3) of the listener's own estimate; the truth where it makes none."""
     topic = VehicleTopics(name).odometry.name
     if topic in reader.topics:
-        found = [(t, messages.se3_from_pose(m.pose.pose)) for t, m in reader.messages(topic, last_ns)]
+        found = [(t, build.se3_from_pose(m.pose.pose)) for t, m in reader.messages(topic, last_ns)]
     else:
         found = [(t, radio.map_SE3_base) for t, radio in own]
     if not found:

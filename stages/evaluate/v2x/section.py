@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import LANES, V2X_SENT, V2X_STATIONS
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
+from advpipe.pipeline.core.progress import track
+from advpipe.pipeline.messages.topics import LANES, V2X_SENT, V2X_STATIONS
 from advpipe.pipeline.misbehaviour import tuned
 from advpipe.pipeline.misbehaviour.catch import TUNED_CATCH, CatchParameters
 from advpipe.pipeline.misbehaviour.config import NEED_ROADS, DetectorConfig
 from advpipe.pipeline.misbehaviour.scores import Scores
-from advpipe.pipeline.progress import track
 from advpipe.stages.evaluate.detection.comparison import bag_name
 from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.report.numbers import number

@@ -16,16 +16,16 @@ from pathlib import Path
 from typing import NamedTuple
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.v2x import RadioPlace
-from advpipe.pipeline.bag.v2x_drive import V2xDrive
-from advpipe.pipeline.errors import UsageError
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.partial import FolderKind, staged_folder
 from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.misbehaviour.claim import Claim, claims_of_cams
-from advpipe.pipeline.partial import FolderKind, staged_folder
+from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.v2x.air import Received, Sent
-from advpipe.pipeline.v2x.cam import Cam
-from advpipe.pipeline.v2x.cam_error import CamError
-from advpipe.pipeline.v2x.cam_tree import decode_cam
+from advpipe.pipeline.v2x.codec.cam_error import CamError
+from advpipe.pipeline.v2x.facilities.cam import Cam
+from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam
 from advpipe.stages.evaluate.v2x.labels import NOT_SENT, MessageLabel, read_labels
 
 ATTACKER_TYPES: Mapping[str, Mapping[str, int]] = {

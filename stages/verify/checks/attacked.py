@@ -10,17 +10,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.bag.frame_slice import FrameSlice
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import (
-    TF,
-    V2X_SENT,
-    V2X_STATIONS,
-    V2X_STATISTICS,
-    RawMessage,
-    VehicleTopics,
-)
-from advpipe.pipeline.bounded_parquet import rows
+from advpipe.pipeline.core.bounded_parquet import rows
+from advpipe.pipeline.core.frame_slice import FrameSlice
+from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.pipeline.messages.topics import TF, V2X_SENT, V2X_STATIONS, V2X_STATISTICS, VehicleTopics
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.verify.subject import Bag
 

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from functools import cached_property
 from typing import Any
 
-from advpipe.pipeline.bag.message_bounds import absurdity
-from advpipe.pipeline.bag.topics import RawMessage
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.pipeline.messages.message_bounds import absurdity
 from advpipe.stages.verify.result import Result
 from advpipe.stages.verify.subject import Bag, Subject
 

@@ -7,9 +7,9 @@ from pathlib import Path
 from textwrap import indent
 
 from advpipe.pipeline.bag.files import METADATA_NAME
-from advpipe.pipeline.bag.mcap_file import McapFile
 from advpipe.pipeline.bag.writer import FILES_RECORD
-from advpipe.pipeline.errors import AdvpipeError, os_error_line
+from advpipe.pipeline.core.errors import AdvpipeError, os_error_line
+from advpipe.pipeline.mcap.reader import McapFile
 from advpipe.stages.verify.checks.base import FolderCheck
 from advpipe.stages.verify.result import Fault, Gap, Result
 from advpipe.stages.verify.subject import Bag

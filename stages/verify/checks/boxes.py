@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from advpipe.pipeline.bag import messages
-from advpipe.pipeline.bag.cloud import xyz
-from advpipe.pipeline.bag.topics import TF_STATIC, RawMessage, VehicleTopics
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes, points_in_boxes
 from advpipe.pipeline.geometry.transforms import Float64, invert, yaw_of
+from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.cloud import xyz
+from advpipe.pipeline.messages.topics import TF_STATIC, VehicleTopics
 from advpipe.stages.verify.checks.base import MessageCheck, Seen
 from advpipe.stages.verify.result import Fault, Gap, Result
 from advpipe.stages.verify.subject import Bag
@@ -56,7 +57,7 @@ class BoxesHoldPoints(MessageCheck):
         raw, name = seen.raw, seen.raw.topic.name
         if name == TF_STATIC.name and seen.message is not None:
             for transform in seen.message.transforms:
-                base_SE3_child = messages.se3_from_transform(transform.transform)
+                base_SE3_child = build.se3_from_transform(transform.transform)
                 self._mounts[transform.child_frame_id] = (transform.header.frame_id, base_SE3_child)
             return
         vehicle = name.removeprefix("/").partition("/")[0]
@@ -104,7 +105,7 @@ class BoxesHoldPoints(MessageCheck):
             if base_frame != instant.odometry.child_frame_id:
                 yield Fault(where, f"{frame_id} is not tied to {instant.odometry.child_frame_id}")
                 return
-            map_SE3_lidar = messages.se3_from_pose(instant.odometry.pose.pose) @ base_SE3_lidar
+            map_SE3_lidar = build.se3_from_pose(instant.odometry.pose.pose) @ base_SE3_lidar
             geometry = boxes.transformed(invert(map_SE3_lidar)).geometry
             points = xyz(cloud)
             least += _count(points, geometry, -margin_m)
@@ -131,7 +132,7 @@ class BoxesHoldPoints(MessageCheck):
 def _boxes(users: Any) -> Boxes:
     geometry = np.zeros((len(users), 7))
     for row, user in enumerate(users):
-        pose = messages.se3_from_pose(user.pose)
+        pose = build.se3_from_pose(user.pose)
         geometry[row] = (*pose[:3, 3], user.size.x, user.size.y, user.size.z, yaw_of(pose))
     labels = np.array([CLASSES.index(u.class_id) if u.class_id in CLASSES else 0 for u in users], np.int64)
     return Boxes(geometry, labels, tuple(user.id for user in users), np.zeros((len(users), 3)))

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
-from advpipe.pipeline.bag.topics import V2X_SENT
-from advpipe.pipeline.bag.v2x import sent_of_message
-from advpipe.pipeline.bounded_parquet import flat_columns, rows
-from advpipe.pipeline.v2x.cam_values import FIELDS
+from advpipe.pipeline.core.bounded_parquet import flat_columns, rows
+from advpipe.pipeline.messages.topics import V2X_SENT
+from advpipe.pipeline.messages.v2x import sent_of_message
+from advpipe.pipeline.v2x.facilities.cam_values import FIELDS
 from advpipe.stages.verify.checks.attacked import MESSAGE_LABELS, Attacked
 from advpipe.stages.verify.checks.base import BagCheck
 from advpipe.stages.verify.ledger import Ledger

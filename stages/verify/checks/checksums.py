@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.dataset import checksums
 from advpipe.pipeline.dataset.layout import is_hidden
-from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.progress import track
 from advpipe.stages.verify.checks.base import FolderCheck
 from advpipe.stages.verify.result import Fault, Gap, Result
 

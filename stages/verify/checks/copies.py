@@ -7,7 +7,7 @@ from collections import Counter, deque
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from advpipe.pipeline.bag.topics import RawMessage
+from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.stages.verify.checks.attacked import Attacked, latched_topics
 from advpipe.stages.verify.checks.base import BagCheck
 from advpipe.stages.verify.result import Fault, Result

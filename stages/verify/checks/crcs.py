@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from advpipe.pipeline.bag.checksums import validate_checksums
-from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.progress import track
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.progress import track
+from advpipe.pipeline.mcap.checksums import validate_checksums
 from advpipe.stages.verify.checks.base import FolderCheck
 from advpipe.stages.verify.result import Fault, Gap, Result
 

@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.recorded_filter import read_filter
-from advpipe.pipeline.bag.topics import VehicleTopics
-from advpipe.pipeline.bag.types import serialise
-from advpipe.pipeline.bounded_parquet import rows
+from advpipe.pipeline.core.bounded_parquet import rows
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.localisation.gnss import squared_sigmas
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.topics import VehicleTopics
+from advpipe.pipeline.messages.types import serialise
+from advpipe.pipeline.replay.recorded_filter import read_filter
 from advpipe.pipeline.scenario.acting import Acting, acting_on_fixes
-from advpipe.pipeline.v2x.effect import fix_matters
+from advpipe.pipeline.v2x.facilities.effect import fix_matters
 from advpipe.stages.verify.checks.attacked import FIX_LABELS, Attacked
 from advpipe.stages.verify.checks.base import BagCheck
 from advpipe.stages.verify.ledger import Row
@@ -96,7 +96,7 @@ class _Receiver:
         self.count += 1
         if row["fix"] != self.count - 1:
             yield f"is number {self.count - 1}"
-        if {messages.stamp_ns(clean), messages.stamp_ns(false)} != {row["stamp_ns"]}:
+        if {build.stamp_ns(clean), build.stamp_ns(false)} != {row["stamp_ns"]}:
             yield "has another stamp than is told"
         for kind, place in (("true", genuine), ("false", told)):
             if [row[f"{kind}_{name}"] for name in _PLACE] != (

@@ -8,8 +8,8 @@ from typing import Any
 import yaml
 
 from advpipe.pipeline.bag.files import METADATA_NAME, read_information
-from advpipe.pipeline.bag.topics import qos_from_yaml
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.mcap.qos import qos_from_yaml
 from advpipe.stages.verify.checks.base import BagCheck
 from advpipe.stages.verify.result import Fault, Gap, Result
 from advpipe.stages.verify.walk import Walk

@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.bag.cloud import Cloud, xyz, xyzi
 from advpipe.pipeline.bag.provenance_record import AttackRecord
-from advpipe.pipeline.bounded_parquet import batches, rows
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.bounded_parquet import batches, rows
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
 from advpipe.stages.verify.checks.attacked import FRAMES, POINT_LABELS, Attacked
 from advpipe.stages.verify.checks.base import BagCheck
 from advpipe.stages.verify.result import Fault, Gap, Result

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from advpipe.pipeline.bag import topics
-from advpipe.pipeline.bag.topics import Topic, VehicleTopics
+from advpipe.pipeline.mcap.channel import Topic
+from advpipe.pipeline.messages import topics
+from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.stages.verify.checks.base import BagCheck
 from advpipe.stages.verify.result import Fault, Result
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from pydantic import ValidationError
 
-from advpipe.pipeline.bag.topics import CLOCK, TF, VehicleTopics
+from advpipe.pipeline.messages.topics import CLOCK, TF, VehicleTopics
 from advpipe.pipeline.scenario.attacks import NS_PER_S
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.stages.verify.checks.base import MessageCheck, Seen

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.dataset.layout import REPORT_NAME
 from advpipe.pipeline.dataset.reports import read_report
-from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.verify.checks.base import FolderCheck
 from advpipe.stages.verify.result import Fault, Result
 

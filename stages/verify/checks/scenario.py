@@ -7,10 +7,10 @@ from typing import Any
 
 import yaml
 
-from advpipe.pipeline.bag import plain_json
-from advpipe.pipeline.bag.plain_yaml import LIMIT_BYTES, load
-from advpipe.pipeline.bag.topics import SCENARIO_INFO
+from advpipe.pipeline.core import plain_json
+from advpipe.pipeline.core.plain_yaml import LIMIT_BYTES, load
 from advpipe.pipeline.dataset.layout import SCENARIO_NAME
+from advpipe.pipeline.messages.topics import SCENARIO_INFO
 from advpipe.stages.verify.checks.base import MessageCheck, Seen
 from advpipe.stages.verify.result import Fault, Gap, Result
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.dataset import signature
-from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.verify.checks.base import FolderCheck
 from advpipe.stages.verify.result import Fault, Gap, Result
 

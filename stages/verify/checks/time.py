@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from advpipe.pipeline.bag import messages
+from advpipe.pipeline.messages import build
 from advpipe.stages.verify.checks.base import MessageCheck, Seen
 from advpipe.stages.verify.result import Fault, Result
 from advpipe.stages.verify.subject import Bag
@@ -25,7 +25,7 @@ class Time(MessageCheck):
         self._log_ns[name] = log_ns
         if seen.header is None:
             return
-        stamp_ns = messages.stamp_ns(seen.message)
+        stamp_ns = build.stamp_ns(seen.message)
         if stamp_ns < self._stamp_ns.get(name, stamp_ns):
             yield Fault(seen.where, f"the header's stamp goes back to {stamp_ns} ns")
         self._stamp_ns[name] = stamp_ns

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from advpipe.pipeline.bag.topics import TF, TF_STATIC, VehicleTopics
+from advpipe.pipeline.messages.topics import TF, TF_STATIC, VehicleTopics
 from advpipe.stages.verify.checks.base import MessageCheck, Seen
 from advpipe.stages.verify.result import Fault, Gap, Result
 from advpipe.stages.verify.subject import Bag

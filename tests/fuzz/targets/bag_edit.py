@@ -6,10 +6,11 @@ from collections.abc import Iterable, Mapping
 from io import BytesIO
 from pathlib import Path
 
-from advpipe.pipeline.bag.mcap_writer import McapWriter
 from advpipe.pipeline.bag.provenance import RECORD_NAME, seal
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import RawMessage, qos_to_yaml
+from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.pipeline.mcap.qos import qos_to_yaml
+from advpipe.pipeline.mcap.writer import McapWriter
 
 
 class BagDocument:

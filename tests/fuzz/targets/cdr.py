@@ -12,8 +12,8 @@ from hypothesis import reject
 from hypothesis import strategies as st
 from rosbags.serde import SerdeError
 
-from advpipe.pipeline.bag.topics import RawMessage
-from advpipe.pipeline.bag.types import message_class, serialise, typestore
+from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.pipeline.messages.types import message_class, serialise, typestore
 from tests.fuzz import base, calls
 from tests.fuzz.case import Case, Target
 from tests.fuzz.edits import EXTREMES, edited_bytes

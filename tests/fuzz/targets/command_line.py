@@ -11,7 +11,7 @@ from pathlib import Path
 
 from hypothesis import strategies as st
 
-from advpipe.pipeline.errors import one_line
+from advpipe.pipeline.core.errors import one_line
 from tests.fuzz import base
 from tests.fuzz.case import Call, Case, Fault, Target, Unhandled
 from tests.fuzz.judge import LONGEST_LINE
@@ -120,7 +120,7 @@ def on_changed(tree: Path, out: Path) -> None:
 def _run(arguments: list[str], tree: Path) -> None:
     words = [os.fsencode(word.encode("utf-8", "surrogateescape")) for word in arguments]
     done = subprocess.run(
-        [os.fsencode(sys.executable), b"-m", b"advpipe.pipeline.cli", *words],
+        [os.fsencode(sys.executable), b"-m", b"advpipe", *words],
         cwd=tree,
         env={**os.environ, "OMP_NUM_THREADS": "1", "COLUMNS": "80"},
         capture_output=True,

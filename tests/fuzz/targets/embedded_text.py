@@ -11,8 +11,8 @@ from typing import Any
 import yaml
 from hypothesis import strategies as st
 
-from advpipe.pipeline.bag import messages
-from advpipe.pipeline.bag.types import serialise, typestore
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.types import serialise, typestore
 from tests.fuzz import base, calls
 from tests.fuzz.case import Call, Case, Target
 from tests.fuzz.edits import edited_bytes
@@ -128,7 +128,7 @@ def message_cases(draw: st.DrawFn, drive: _Drive) -> Case:
     (place, *_), changed = found.of_topic(topic), list(found.messages)
     old = typestore().deserialize_cdr(changed[place].cdr, STRING).data
     text, note = draw(other_texts(old))
-    changed[place] = replace(changed[place], cdr=serialise(messages.string(text), STRING))
+    changed[place] = replace(changed[place], cdr=serialise(build.string(text), STRING))
     return Case(call, f"{bag}/{bag}_0.mcap", mcap_bytes(changed, found.provenance), f"{topic}: {note}")
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from hypothesis import strategies as st
 
 from advpipe.pipeline.scenario.map import Map
-from advpipe.stages.simulate.network import load_network
-from advpipe.stages.simulate.network_repair import repair_lanes
+from advpipe.stages.simulate.road_network.network import load_network
+from advpipe.stages.simulate.road_network.repair import repair_lanes
 from tests.fuzz import base
 from tests.fuzz.case import Call, Case, Target
 from tests.fuzz.edits import edited_bytes

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from hypothesis import strategies as st
 
-from advpipe.pipeline.bag import plain_yaml
-from advpipe.pipeline.errors import AdvpipeError, one_line
+from advpipe.pipeline.core import plain_yaml
+from advpipe.pipeline.core.errors import AdvpipeError, one_line
 from tests.fuzz import base
 from tests.fuzz.case import Call, Case, Target
 

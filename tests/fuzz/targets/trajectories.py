@@ -6,7 +6,7 @@ from pathlib import Path
 
 from hypothesis import strategies as st
 
-from advpipe.stages.simulate.trajectory_table import read_trajectory_table
+from advpipe.stages.simulate.traffic.trajectories.table import read_trajectory_table
 from tests.fuzz import base
 from tests.fuzz.case import Call, Case, Target
 from tests.fuzz.edits import edited_bytes

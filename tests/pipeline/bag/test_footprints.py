@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from advpipe.pipeline.bag.footprints import footprints_of_text, footprints_text
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 
 SQUARE = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.0, 0.0]]
 

@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from advpipe.pipeline.bag import messages, topics
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, cloud_to_cdr
 from advpipe.pipeline.bag.frames import FrameSlice, count_frames, has_ground_truth, read_frames
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.transforms import se3_from_yaw
+from advpipe.pipeline.messages import build, topics
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr
 
 Record = Callable[..., Path]
 EGO = topics.VehicleTopics("ego")
@@ -88,7 +88,7 @@ def write_frame(
     cdr = cloud_to_cdr(np.zeros(5, POINT_DTYPE), stamp_ns, EGO.lidar_frame)
     bag.write_cdr(EGO.lidar_points, cdr, stamp_ns)
     if boxes is not None:
-        bag.write(EGO.objects, messages.detections(truth_ns, frame_id, boxes), truth_ns)
+        bag.write(EGO.objects, build.detections(truth_ns, frame_id, boxes), truth_ns)
 
 
 ONE = Boxes(np.array([[1.0, 2, 3, 4, 2, 1.5, 0.5]]), np.array([3]), ("a",), np.zeros((1, 3)))
@@ -130,7 +130,7 @@ def test_frames_that_nothing_ties(tmp_path: Path) -> None:
 def test_a_loop_of_transforms_ends(tmp_path: Path) -> None:
     loop = [("a", EGO.lidar_frame, np.eye(4)), (EGO.lidar_frame, "a", np.eye(4))]
     with BagWriter(tmp_path / "bag", provenance={}) as bag:
-        bag.write(topics.TF_STATIC, messages.transforms(0, loop), 0)
+        bag.write(topics.TF_STATIC, build.transforms(0, loop), 0)
         write_frame(bag, boxes=ONE)
     with pytest.raises(AdvpipeError, match="nothing ties"):
         list(read_frames(tmp_path / "bag"))
@@ -138,8 +138,8 @@ def test_a_loop_of_transforms_ends(tmp_path: Path) -> None:
 
 def test_the_true_pose_wins_over_tf(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "bag", provenance={}) as bag:
-        true = messages.odometry(0, np.eye(4), [0] * 3, [0] * 3, child_frame_id=EGO.lidar_frame)
-        wrong = messages.transforms(0, [("map", EGO.lidar_frame, se3_from_yaw([9, 9, 9], 1))])
+        true = build.odometry(0, np.eye(4), [0] * 3, [0] * 3, child_frame_id=EGO.lidar_frame)
+        wrong = build.transforms(0, [("map", EGO.lidar_frame, se3_from_yaw([9, 9, 9], 1))])
         bag.write(EGO.true_odometry, true, 0)
         bag.write(topics.TF, wrong, 0)
         write_frame(bag, boxes=ONE)
@@ -163,14 +163,14 @@ def test_an_unknown_class_is_refused(tmp_path: Path) -> None:
 def record_class(path: Path, name: str) -> None:
     with BagWriter(path, provenance={}) as bag:
         write_frame(bag)
-        message = messages.detections(0, EGO.lidar_frame, ONE)
+        message = build.detections(0, EGO.lidar_frame, ONE)
         message.detections[0].results[0].hypothesis.class_id = name
         bag.write(EGO.objects, message, 0)
 
 
 def test_which_lidar(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "none", provenance={}) as bag:
-        bag.write(topics.CLOCK, messages.clock(0), 0)
+        bag.write(topics.CLOCK, build.clock(0), 0)
     with pytest.raises(AdvpipeError, match="holds no LiDAR clouds"):
         read_frames(tmp_path / "none")
     with BagWriter(tmp_path / "two", provenance={}) as bag:
@@ -202,7 +202,7 @@ def test_memory_stays_flat(tmp_path: Path) -> None:
         for frame in range(40):
             stamp_ns = frame * 10**8
             bag.write_cdr(EGO.lidar_points, cloud_to_cdr(points, stamp_ns, EGO.lidar_frame), stamp_ns)
-            bag.write(EGO.objects, messages.detections(stamp_ns, EGO.lidar_frame, ONE), stamp_ns)
+            bag.write(EGO.objects, build.detections(stamp_ns, EGO.lidar_frame, ONE), stamp_ns)
     tracemalloc.start()
     assert sum(len(frame.boxes) for frame in read_frames(tmp_path / "bag")) == 40
     _, peak_bytes = tracemalloc.get_traced_memory()
@@ -244,7 +244,7 @@ def test_clouds_are_unpacked_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         for stamp_ns in range(10):
             cdr = cloud_to_cdr(np.zeros(60_000, POINT_DTYPE), stamp_ns, "ego/lidar")
             bag.write_cdr(EGO.lidar_points, cdr, stamp_ns)
-            bag.write(EGO.objects, messages.detections(stamp_ns, EGO.lidar_frame, ONE), stamp_ns)
+            bag.write(EGO.objects, build.detections(stamp_ns, EGO.lidar_frame, ONE), stamp_ns)
     unpacked = []
     original = mcap.reader.breakup_chunk
     monkeypatch.setattr(

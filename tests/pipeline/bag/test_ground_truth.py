@@ -7,10 +7,10 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, cloud_to_cdr
 from advpipe.pipeline.bag.frames import read_frames
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import CLASSES
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr
 
 TYPES = {
     "derived_object_msgs/msg/ObjectArray": """\

@@ -6,9 +6,9 @@ import pytest
 
 from advpipe.pipeline.bag.inspect import describe
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import Topic
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.mcap.channel import Topic
 
 Record = Callable[..., Path]
 

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.localisation import (
     estimate_message,
     initial_pose_message,
@@ -16,14 +15,15 @@ from advpipe.pipeline.bag.localisation import (
     read_measurements,
 )
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import VehicleTopics
-from advpipe.pipeline.bag.types import serialise
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import se3_from_yaw
 from advpipe.pipeline.localisation.estimator import Estimator
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.localisation.onboard import OnBoard, OnBoardStep
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.topics import VehicleTopics
+from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.scenario.sensors import GnssSensor, Sensors
 
 EGO = VehicleTopics("ego")
@@ -97,7 +97,7 @@ def test_topics_rates_and_frames(bag: Path) -> None:
         "/ego/odometry": STEPS,
     }
     _, imu = list(reader.messages("/ego/imu"))[37]
-    assert (messages.stamp_ns(imu) - START_NS) == 380_000_000
+    assert (build.stamp_ns(imu) - START_NS) == 380_000_000
     assert imu.header.frame_id == "ego/imu"
     assert imu.orientation_covariance[0] == -1
     assert imu.linear_acceleration.z == pytest.approx(9.8, abs=0.5)
@@ -117,7 +117,7 @@ def test_a_receiver_that_is_jammed(tmp_path: Path, steps: list[OnBoardStep]) -> 
         for k, step in enumerate(steps[:6]):
             stamp_ns = step.measured.stamp_ns
             place = (np.nan, np.nan, np.nan) if k == 4 else (50.1, 8.6, 100.0)
-            fix = messages.nav_sat_fix(stamp_ns, *place, is_fix=k != 2)
+            fix = build.nav_sat_fix(stamp_ns, *place, is_fix=k != 2)
             writer.write(EGO.gnss_fix, fix, stamp_ns)
             writer.write(*estimate_message(EGO, step.estimate))
     measured = list(read_measurements(BagReader(tmp_path / "jammed"), EGO))
@@ -127,7 +127,7 @@ def test_a_receiver_that_is_jammed(tmp_path: Path, steps: list[OnBoardStep]) -> 
 
 def test_refuses_a_bag_without_a_filter(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "empty", provenance={}) as writer:
-        writer.write(EGO.gnss_fix, messages.nav_sat_fix(5, 1, 2, 3), 5)
+        writer.write(EGO.gnss_fix, build.nav_sat_fix(5, 1, 2, 3), 5)
     reader = BagReader(tmp_path / "empty")
     with pytest.raises(AdvpipeError, match="no topic /ego/odometry"):
         next(read_measurements(reader, EGO))

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from advpipe.pipeline.bag.locate import adversarial_bags, named, newest_dataset, resolve_bag
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 
 Record = Callable[..., Path]
 

@@ -8,7 +8,7 @@ import pytest
 
 from advpipe.pipeline.bag.provenance import attack_provenance, clean_provenance, parent_sha256, seal, unseal
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 
 Record = Callable[..., Path]
 

@@ -10,7 +10,7 @@ import pytest
 from advpipe.pipeline.bag.provenance_record import MOST_LOOKS, Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.stages.evaluate.detection.baseline import USUAL_LOOKS, looks_of
 from advpipe.stages.evaluate.v2x.detection import attack_parameters
 

@@ -10,13 +10,13 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 
-from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.frames import read_frames
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.types import schema_text, serialise, typestore
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.types import schema_text, serialise, typestore
 
 Record = Callable[..., Path]
 
@@ -71,7 +71,7 @@ def test_chosen_topics_and_times(tmp_path: Path, record: Record) -> None:
 def test_decoded_messages(tmp_path: Path, record: Record) -> None:
     reader = BagReader(record(tmp_path / "bag"))
     fixes = list(reader.messages("/ego/gnss/fix"))
-    assert [messages.stamp_ns(fix) for _, fix in fixes] == [stamp_ns for stamp_ns, _ in fixes]
+    assert [build.stamp_ns(fix) for _, fix in fixes] == [stamp_ns for stamp_ns, _ in fixes]
     assert fixes[0][1].latitude == 50.1
     with pytest.raises(AdvpipeError, match=r"has no topic /nothing; it has /clock, /ego"):
         next(reader.messages("/nothing"))
@@ -102,7 +102,7 @@ def test_a_file_without_an_index(tmp_path: Path, use_chunking: bool, in_order: b
         schema = writer.register_schema(name, "ros2msg", schema_text(name).encode())
         channel = writer.register_channel("/clock", "cdr", schema)
         for stamp_ns in (1, 2, 3) if in_order else (1, 3, 2):
-            writer.add_message(channel, stamp_ns, serialise(messages.clock(stamp_ns), name), stamp_ns)
+            writer.add_message(channel, stamp_ns, serialise(build.clock(stamp_ns), name), stamp_ns)
         writer.finish()
     if in_order:
         assert [stamp_ns for stamp_ns, _ in BagReader(path).messages("/clock")] == [1, 2, 3]
@@ -250,7 +250,7 @@ def flipped(whole: bytes, place: int, path: Path) -> Path:
 
 
 def test_a_message_of_another_type_is_one_line(tmp_path: Path) -> None:
-    from advpipe.pipeline.bag import topics
+    from advpipe.pipeline.messages import topics
 
     with BagWriter(tmp_path / "bag", provenance={}) as bag:
         bag.write_cdr(topics.TF, b"\0\1\0\0\xff\xff\xff\xff", 7)

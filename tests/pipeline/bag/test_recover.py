@@ -15,19 +15,19 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
 
-from advpipe.pipeline.bag import messages, topics
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, cloud_to_cdr
 from advpipe.pipeline.bag.frames import read_frames
 from advpipe.pipeline.bag.inspect import describe
 from advpipe.pipeline.bag.provenance import clean_provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.recover import recover
-from advpipe.pipeline.bag.topics import VehicleTopics
-from advpipe.pipeline.bag.types import schema_text, serialise
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
+from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError
+from advpipe.pipeline.core.partial import PartialFolder
 from advpipe.pipeline.geometry.boxes import Boxes
-from advpipe.pipeline.partial import PartialFolder
+from advpipe.pipeline.messages import build, topics
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr
+from advpipe.pipeline.messages.topics import VehicleTopics
+from advpipe.pipeline.messages.types import schema_text, serialise
 
 EGO = VehicleTopics()
 STEP_NS = 100_000_000
@@ -42,9 +42,9 @@ def write_drive(bag: BagWriter, frames: int) -> None:
         stamp_ns = frame * STEP_NS
         cloud = np.zeros(POINTS, POINT_DTYPE)
         cloud["x"] = np.random.default_rng(frame).normal(size=POINTS)
-        bag.write(topics.CLOCK, messages.clock(stamp_ns), stamp_ns)
+        bag.write(topics.CLOCK, build.clock(stamp_ns), stamp_ns)
         bag.write_cdr(EGO.lidar_points, cloud_to_cdr(cloud, stamp_ns, EGO.lidar_frame), stamp_ns)
-        bag.write(EGO.objects, messages.detections(stamp_ns, EGO.lidar_frame, boxes), stamp_ns)
+        bag.write(EGO.objects, build.detections(stamp_ns, EGO.lidar_frame, boxes), stamp_ns)
 
 
 @pytest.fixture
@@ -172,7 +172,7 @@ def test_several_files_and_records_of_others(tmp_path: Path) -> None:
             writer.add_metadata("notes", {"who": part})
             schema = writer.register_schema(name, "ros2msg", schema_text(name).encode())
             channel = writer.register_channel("/clock", "cdr", schema)
-            writer.add_message(channel, stamp_ns, serialise(messages.clock(stamp_ns), name), stamp_ns)
+            writer.add_message(channel, stamp_ns, serialise(build.clock(stamp_ns), name), stamp_ns)
             writer.finish()
     (folder / "long_11.mcap").touch()  # made, and not filled
     recover(folder)
@@ -244,7 +244,7 @@ import os, signal, sys
 from pathlib import Path
 from advpipe.pipeline.bag.provenance import clean_provenance
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.partial import FolderKind, staged_folder
+from advpipe.pipeline.core.partial import FolderKind, staged_folder
 sys.path.insert(0, sys.argv[2])
 from test_recover import write_drive
 kind = FolderKind("data set", ("scenario.yaml", "clean"), ("scenario.yaml", "clean/metadata.yaml"))

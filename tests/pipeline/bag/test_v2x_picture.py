@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from advpipe.pipeline.bag.messages import string
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import V2X_STATISTICS
 from advpipe.pipeline.bag.v2x_picture import draw_bag
 from advpipe.pipeline.bag.v2x_statistics import read_statistics, statistics_message
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.cli import app
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.messages.build import string
+from advpipe.pipeline.messages.topics import V2X_STATISTICS
 from advpipe.pipeline.v2x.statistics import Tally
 
 NOTHING = Tally().statistics()

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from advpipe.pipeline.bag import messages, topics
-from advpipe.pipeline.bag.frame_slice import FrameSlice
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window, window_of
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.frame_slice import FrameSlice
+from advpipe.pipeline.messages import build, topics
 
 START_NS, STEP_NS = 1_700_000_000_000_000_000, 100_000_000
 
@@ -46,7 +46,7 @@ def test_its_begin_is_inside_and_its_end_is_not() -> None:
 
 def test_a_bag_without_clouds_has_no_frames_to_choose(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "bag", provenance={}) as bag:
-        bag.write(topics.CLOCK, messages.clock(START_NS), START_NS)
+        bag.write(topics.CLOCK, build.clock(START_NS), START_NS)
     reader = BagReader(tmp_path / "bag")
     assert window_of(reader, FrameSlice()) == WHOLE_DRIVE
     with pytest.raises(AdvpipeError, match="holds no LiDAR clouds, so frames 2:5:1 choose no time") as error:

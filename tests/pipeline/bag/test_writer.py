@@ -13,10 +13,11 @@ from mcap.stream_reader import StreamReader
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 
-from advpipe.pipeline.bag import messages, topics
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
+from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError
+from advpipe.pipeline.mcap.channel import Topic
+from advpipe.pipeline.messages import build, topics
 
 Record = Callable[..., Path]
 
@@ -102,14 +103,14 @@ def test_same_content_same_bytes(tmp_path: Path, record: Record) -> None:
 
 def fail_after_a_message(path: Path, overwrite: bool = False) -> None:
     with BagWriter(path, provenance={}, overwrite=overwrite) as bag:
-        bag.write(topics.CLOCK, messages.clock(0), 0)
+        bag.write(topics.CLOCK, build.clock(0), 0)
         raise ZeroDivisionError
 
 
 def write_text(path: Path, kilobytes: int) -> None:
     with BagWriter(path, provenance={"scenario": "x" * 5000}, compression="none") as bag:
         for stamp_ns in range(kilobytes):
-            bag.write(topics.SCENARIO_INFO, messages.string("x" * 1000), stamp_ns)
+            bag.write(topics.SCENARIO_INFO, build.string("x" * 1000), stamp_ns)
 
 
 def test_an_error_leaves_nothing(tmp_path: Path) -> None:
@@ -146,11 +147,11 @@ def test_only_a_bag_is_ever_replaced(tmp_path: Path) -> None:
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from advpipe.pipeline.bag import messages, topics
+from advpipe.pipeline.messages import build, topics
 from advpipe.pipeline.bag.writer import BagWriter
 with BagWriter(Path(sys.argv[1]), provenance={}) as bag:
     for stamp_ns in range(10_000):
-        bag.write(topics.SCENARIO_INFO, messages.string("x" * 1000), stamp_ns)
+        bag.write(topics.SCENARIO_INFO, build.string("x" * 1000), stamp_ns)
     os.kill(os.getpid(), signal.SIGKILL)
 """
 
@@ -168,7 +169,7 @@ def test_a_killed_run_leaves_nothing_under_the_final_name(tmp_path: Path, record
 
 def test_two_living_runs_do_not_disturb_each_other(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "bag", provenance={}) as first:
-        first.write(topics.CLOCK, messages.clock(0), 0)
+        first.write(topics.CLOCK, build.clock(0), 0)
         with pytest.raises(ZeroDivisionError):
             fail_after_a_message(tmp_path / "bag")
     assert BagReader(tmp_path / "bag").topics["/clock"].count == 1
@@ -206,11 +207,11 @@ def test_paths_that_cannot_be_written(tmp_path: Path) -> None:
 
 def test_wrong_input_is_refused(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "bag", provenance={}) as bag:
-        bag.write(topics.CLOCK, messages.clock(0), 0)
+        bag.write(topics.CLOCK, build.clock(0), 0)
         with pytest.raises(AdvpipeError, match="outside of a bag's time"):
-            bag.write(topics.CLOCK, messages.clock(0), -1)
+            bag.write(topics.CLOCK, build.clock(0), -1)
         with pytest.raises(AdvpipeError, match="no std_msgs/msg/String can join"):
-            bag.write(topics.Topic("/clock", "std_msgs/msg/String"), messages.string(""), 0)
+            bag.write(Topic("/clock", "std_msgs/msg/String"), build.string(""), 0)
 
 
 @pytest.mark.oracle

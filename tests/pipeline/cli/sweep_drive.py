@@ -9,13 +9,13 @@ sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2] / "sta
 
 from linear_detector import LinearVoxelDetector  # noqa: E402
 
-from advpipe.pipeline.bag import messages  # noqa: E402
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, cloud_to_cdr  # noqa: E402
 from advpipe.pipeline.bag.provenance import clean_provenance  # noqa: E402
-from advpipe.pipeline.bag.topics import TF_STATIC, VehicleTopics  # noqa: E402
 from advpipe.pipeline.bag.writer import BagWriter  # noqa: E402
 from advpipe.pipeline.geometry.boxes import Boxes  # noqa: E402
 from advpipe.pipeline.geometry.transforms import se3_from_yaw  # noqa: E402
+from advpipe.pipeline.messages import build  # noqa: E402
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr  # noqa: E402
+from advpipe.pipeline.messages.topics import TF_STATIC, VehicleTopics  # noqa: E402
 
 DETECTOR = "sweep_drive:OneVoxel"
 BOX = [4.5, 5.5, 5.5, 1.0, 1.0, 1.0, 0.0]
@@ -38,7 +38,7 @@ def write_drive(path: Path, seed: int = 11) -> Path:
     base_SE3_lidar = se3_from_yaw([0.5, 0.0, 1.8], 0.2)
     with BagWriter(path, provenance=clean_provenance("test", "simulation: {}\n", 7, "0" * 64)) as bag:
         static = [(ego.base_frame, ego.lidar_frame, base_SE3_lidar)]
-        bag.write(TF_STATIC, messages.transforms(EPOCH_NS, static), EPOCH_NS)
+        bag.write(TF_STATIC, build.transforms(EPOCH_NS, static), EPOCH_NS)
         for frame in range(FRAMES):
             stamp_ns = EPOCH_NS + frame * PERIOD_NS
             map_SE3_base = se3_from_yaw([10.0 + frame, 5.0, 0.0], 0.3)
@@ -50,8 +50,8 @@ def write_drive(path: Path, seed: int = 11) -> Path:
             cloud = np.zeros(POINTS, POINT_DTYPE)
             cloud["x"], cloud["y"], cloud["z"] = points.T.astype(np.float32)
             cloud["ring"] = np.arange(POINTS) % 64
-            bag.write(ego.objects, messages.detections(stamp_ns, "map", boxes), stamp_ns)
-            odometry = messages.odometry(stamp_ns, map_SE3_base, [1.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+            bag.write(ego.objects, build.detections(stamp_ns, "map", boxes), stamp_ns)
+            odometry = build.odometry(stamp_ns, map_SE3_base, [1.0, 0.0, 0.0], [0.0, 0.0, 0.0])
             bag.write(ego.true_odometry, odometry, stamp_ns)
             bag.write_cdr(ego.lidar_points, cloud_to_cdr(cloud, stamp_ns, ego.lidar_frame), stamp_ns)
     return path

@@ -9,7 +9,7 @@ import pytest
 from advpipe.pipeline.bag.provenance import clean_provenance
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.cli.attack import _attackers, _parameters, attack
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack import run as stage
 from advpipe.stages.attack.run import AttackRequest, AttackSummary

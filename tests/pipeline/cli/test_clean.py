@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.provenance import clean_provenance
-from advpipe.pipeline.bag.topics import CLOCK
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.cli import app
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.topics import CLOCK
 
 
 def run(*arguments: str) -> tuple[int, str]:
@@ -25,7 +25,7 @@ def cut_off(town: Path) -> Path:
     whole = town.parent / "whole"
     with BagWriter(whole, provenance=clean_provenance("town", "", 7, "")) as bag:
         for stamp_ns in range(1, 10):
-            bag.write(CLOCK, messages.clock(stamp_ns), stamp_ns)
+            bag.write(CLOCK, build.clock(stamp_ns), stamp_ns)
     data = (whole / "whole_0.mcap").read_bytes()
     hidden = town.parent / f".{town.name}.partial-abcdefgh"
     (hidden / "clean").mkdir(parents=True)

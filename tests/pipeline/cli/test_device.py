@@ -18,7 +18,7 @@ from advpipe.pipeline.cli.evaluate import evaluate
 from advpipe.pipeline.cli.run import run
 from advpipe.pipeline.cli.sweep import sweep
 from advpipe.pipeline.cli.train import train
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.provenance import provenance_of
 from advpipe.stages.attack.run import AttackRequest

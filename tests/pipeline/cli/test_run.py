@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from advpipe.pipeline.cli.run import run
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 
 SCENARIO = """
 name: tiny
@@ -58,7 +58,7 @@ def test_all_stages_and_again(
 
     # Other code would report otherwise.
     with monkeypatch.context() as other:
-        other.setattr("advpipe.pipeline.code.code_sha256", lambda *parts: "7" * 64)
+        other.setattr("advpipe.pipeline.core.code.code_sha256", lambda *parts: "7" * 64)
         with pytest.raises(AdvpipeError, match="out/reports/small exists already"):
             run(str(scenario), made)
     assert stamps(made) == before

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from advpipe.pipeline.bag.messages import string
-from advpipe.pipeline.bag.topics import SCENARIO_INFO
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.cli import app
+from advpipe.pipeline.messages.build import string
+from advpipe.pipeline.messages.topics import SCENARIO_INFO
 
 
 @pytest.fixture

@@ -17,14 +17,14 @@ sys.path.insert(0, str(Path(__file__).parent))
 from sweep_drive import DETECTOR, write_drive
 
 from advpipe.pipeline.bag.locate import resolve_bag
+from advpipe.pipeline.campaigns.sweep import settings
+from advpipe.pipeline.campaigns.sweep.store import Store
+from advpipe.pipeline.campaigns.sweep.tables import NOT_RUN
 from advpipe.pipeline.cli.sweep import _commands, sweep
-from advpipe.pipeline.code import source_commit
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.code import source_commit
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.stages.evaluate.report.wording import RANDOM_BEST
 from advpipe.stages.evaluate.run import evaluate
-from advpipe.stages.evaluate.sweep import settings
-from advpipe.stages.evaluate.sweep.store import Store
-from advpipe.stages.evaluate.sweep.tables import NOT_RUN
 
 # 1 % of 600 points are six, so that one of the car's seven is left; 1.5 % are nine.
 DETACH = ["detach-1,detach-1.5"]

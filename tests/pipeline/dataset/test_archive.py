@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.dataset import checksums
 from advpipe.pipeline.dataset.archive import Limits, contents, pack, unpack
 from advpipe.pipeline.dataset.lay_out import lay_out
 from advpipe.pipeline.dataset.layout import read_layout
-from advpipe.pipeline.errors import AdvpipeError
 
 NAMES = ("README.md", "clean/clean_0.mcap", "clean/metadata.yaml", "figures/größe.png", "e/" * 60 + "empty")
 

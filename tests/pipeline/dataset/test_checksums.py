@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.hashing import sha256_of
 from advpipe.pipeline.dataset import checksums
-from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.hashing import sha256_of
 
 # Of FIPS 180-2: the message "abc".
 ABC = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.lock import LOCK_NAME, take_lock
+from advpipe.pipeline.core.partial import MOVING_NAME, REPLACED_NAME, PartialFolder
+from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.dataset.layout import read_layout
 from advpipe.pipeline.dataset.leftovers import find_leftovers, find_scratch, recognise, refuse_inside
-from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.lock import LOCK_NAME, take_lock
-from advpipe.pipeline.partial import MOVING_NAME, REPLACED_NAME, PartialFolder
-from advpipe.pipeline.scratch import scratch_folder
 
 
 def killed(folder: Path, *names: str) -> Path:

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.dataset import checksums, signature
-from advpipe.pipeline.errors import AdvpipeError
 
 pytest.importorskip("cryptography")
 needs_openssl = pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl")

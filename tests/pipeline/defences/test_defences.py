@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, xyz
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.defences.registry import DEFENCES, parse_defences
-from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import points_in_boxes
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, xyz
 
 BOXES = np.array([[5.0, 3.0, 0.5, 4.0, 2.0, 1.5, 0.4], [-8.0, -2.0, 0.0, 6.0, 2.5, 3.0, -2.9]])
 

@@ -15,10 +15,10 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "stages" / "attack"))
 
 from linear_detector import BOX, LinearVoxelDetector
 
-from advpipe.pipeline.bag.cloud import POINT_DTYPE
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.batching import run_together
 from advpipe.pipeline.detector.protocol import VoxelDetector
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.messages.cloud import POINT_DTYPE
 
 BOXES, LABELS = torch.tensor([BOX]), torch.tensor([0])
 

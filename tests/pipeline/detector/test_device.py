@@ -6,10 +6,10 @@ import types
 import pytest
 import torch
 
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.device import device_record, frames_at_once, open_device
 from advpipe.pipeline.detector.protocol import Range
 from advpipe.pipeline.detector.registry import load_detector
-from advpipe.pipeline.errors import AdvpipeError
 
 
 def test_the_cpu():

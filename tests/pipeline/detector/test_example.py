@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 import torch
 
-from advpipe.pipeline.bag import messages
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, cloud_to_cdr
-from advpipe.pipeline.bag.topics import VehicleTopics
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.iou import iou_3d
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr
+from advpipe.pipeline.messages.topics import VehicleTopics
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "my_detector.py"
 NAME = "my_detector:ClusterDetector"
@@ -94,7 +94,7 @@ def test_evaluate_takes_it_from_the_working_directory(tmp_path):
             cdr = cloud_to_cdr(cloud_of(CARS, index), stamp_ns, TOPICS.lidar_frame)
             bag.write_cdr(TOPICS.lidar_points, cdr, stamp_ns)
             truth = Boxes(CARS, np.zeros(2, np.int64), ("a", "b"), np.zeros((2, 3)))
-            bag.write(TOPICS.objects, messages.detections(stamp_ns, TOPICS.lidar_frame, truth), stamp_ns)
+            bag.write(TOPICS.objects, build.detections(stamp_ns, TOPICS.lidar_frame, truth), stamp_ns)
     program = "from advpipe.pipeline.cli import app; app()"
     words = ["evaluate", "clean", "--detector", NAME, "--workers", "1", "--out", "report"]
     command = [sys.executable, "-c", program]

@@ -17,7 +17,7 @@ from advpipe.pipeline.detector.second.model import SecondNet
 from advpipe.pipeline.detector.second.presets import SMALL
 from advpipe.pipeline.detector.training_maps import KEY, MapList, is_training_map, list_beside, map_of
 from advpipe.pipeline.scenario import load_scenario
-from advpipe.stages.simulate.network import load_network
+from advpipe.stages.simulate.road_network.network import load_network
 
 ROOT = Path(__file__).parents[3]
 NETWORKS = ROOT / "scenarios" / "networks"

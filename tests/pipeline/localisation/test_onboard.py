@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.localisation.gnss import GnssReceiver
 from advpipe.pipeline.localisation.onboard import OnBoard, OnBoardStep
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.sensors import GnssSensor, ImuSensor, Sensors
-from advpipe.pipeline.seeding import named_generator
 
 STEP_NS = 100_000_000
 

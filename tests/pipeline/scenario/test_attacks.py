@@ -10,7 +10,7 @@ import pytest
 import yaml
 from pydantic import ValidationError
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario import dump_scenario, load_scenario
 from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule, attack_spec
 from advpipe.pipeline.scenario.schema import scenario_schema

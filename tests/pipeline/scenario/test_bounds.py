@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario import load_scenario, shipped_scenarios
 from advpipe.pipeline.scenario.schema import scenario_schema
 

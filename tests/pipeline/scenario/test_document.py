@@ -23,7 +23,7 @@ MERGES = "a0: &a0 {k: 1}\n" + "".join(
 LOAD = """
 import sys, time
 from advpipe.pipeline.scenario import load_scenario
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 def peak_kib():  # that of `resource` is at least what the process that started this one held
     with open("/proc/self/status") as file:
         return next(int(line.split()[1]) for line in file if line.startswith("VmHWM"))

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario import dump_scenario, load_scenario, shipped_scenarios
 
 GOOD = "name: here\nmap:\n  sumo_net: boulevard.net.xml\n"

@@ -8,7 +8,7 @@ import jsonschema
 import pytest
 import yaml
 
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
+from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError
 from advpipe.pipeline.scenario import dump_scenario, load_scenario, shipped_scenarios
 from advpipe.pipeline.scenario.schema import scenario_schema, schema_json, write_schema
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario import dump_scenario, load_scenario
 from advpipe.pipeline.scenario.lidar_presets import LIDAR_PRESETS
 from advpipe.pipeline.scenario.sensors import LidarSensor

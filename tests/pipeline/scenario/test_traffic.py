@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario import load_scenario
 
 BAD = {

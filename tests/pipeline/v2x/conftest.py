@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import pytest
 
-from advpipe.pipeline.v2x.codes import StationType
-from advpipe.pipeline.v2x.station_state import StationState
+from advpipe.pipeline.v2x.codec.codes import StationType
+from advpipe.pipeline.v2x.facilities.station_state import StationState
 
 START_NS = 1_767_268_800_000_000_000  # 2026-01-01 12:00 UTC
 

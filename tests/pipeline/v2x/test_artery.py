@@ -15,12 +15,12 @@ from pathlib import Path
 import pyproj
 import pytest
 
-from advpipe.pipeline.v2x.cam import Cam
-from advpipe.pipeline.v2x.cam_tree import cam_tree, decode_cam
-from advpipe.pipeline.v2x.codes import StationType
-from advpipe.pipeline.v2x.dcc import STATES
-from advpipe.pipeline.v2x.generation import CHECK_INTERVAL_NS, CamGenerator, Cause
-from advpipe.pipeline.v2x.station_state import StationState
+from advpipe.pipeline.v2x.codec.codes import StationType
+from advpipe.pipeline.v2x.facilities.cam import Cam
+from advpipe.pipeline.v2x.facilities.cam_tree import cam_tree, decode_cam
+from advpipe.pipeline.v2x.facilities.dcc import STATES
+from advpipe.pipeline.v2x.facilities.generation import CHECK_INTERVAL_NS, CamGenerator, Cause
+from advpipe.pipeline.v2x.facilities.station_state import StationState
 
 EPOCH_NS = 1_370_090_100 * 10**9
 END_NS = 60 * 10**9

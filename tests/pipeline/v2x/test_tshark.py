@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from advpipe.pipeline.bag.cam_message import cam_of_message
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.messages.cam_message import cam_of_message
 from advpipe.pipeline.scenario import load_scenario
-from advpipe.pipeline.v2x.btp import btp_packet, cam_payload
-from advpipe.pipeline.v2x.cam_tree import cam_tree, decode_cam
-from advpipe.pipeline.v2x.codec import asn1_cam, decode, encode
-from advpipe.pipeline.v2x.generation import CHECK_INTERVAL_NS, CamGenerator
-from advpipe.pipeline.v2x.station_state import StationState
+from advpipe.pipeline.v2x.codec.btp import btp_packet, cam_payload
+from advpipe.pipeline.v2x.codec.codec import asn1_cam, decode, encode
+from advpipe.pipeline.v2x.facilities.cam_tree import cam_tree, decode_cam
+from advpipe.pipeline.v2x.facilities.generation import CHECK_INTERVAL_NS, CamGenerator
+from advpipe.pipeline.v2x.facilities.station_state import StationState
 from advpipe.stages.simulate.run import simulate
 
 CamTree = dict[str, Any]

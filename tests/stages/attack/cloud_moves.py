@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from advpipe.pipeline.bag.cloud import xyz
+from advpipe.pipeline.messages.cloud import xyz
 
 
 def rng(seed=0):

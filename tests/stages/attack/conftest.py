@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from advpipe.pipeline.bag import messages
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, cloud_to_cdr
 from advpipe.pipeline.bag.provenance import clean_provenance
-from advpipe.pipeline.bag.topics import CLOCK, SCENARIO_INFO, TF_STATIC, VehicleTopics
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.transforms import se3_from_yaw
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr
+from advpipe.pipeline.messages.topics import CLOCK, SCENARIO_INFO, TF_STATIC, VehicleTopics
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -83,19 +83,19 @@ def write_drive(path, frames=FRAMES):
     draw = np.random.default_rng(11)
     with BagWriter(path, provenance=clean_provenance("test", "simulation: {}\n", 7, "0" * 64)) as bag:
         static = [(ego.base_frame, ego.lidar_frame, base_SE3_lidar)]
-        bag.write(TF_STATIC, messages.transforms(EPOCH_NS, static), EPOCH_NS)
-        bag.write(SCENARIO_INFO, messages.string("{}"), EPOCH_NS)
+        bag.write(TF_STATIC, build.transforms(EPOCH_NS, static), EPOCH_NS)
+        bag.write(SCENARIO_INFO, build.string("{}"), EPOCH_NS)
         for frame in range(frames):
             stamp_ns = EPOCH_NS + frame * PERIOD_NS
             map_SE3_base = se3_from_yaw([10.0 + frame, 5.0, 0.0], 0.3)
             boxes = (car(BOX) if frame != 4 else car()).transformed(map_SE3_base @ base_SE3_lidar)
             cloud = cloud_of(draw.uniform(0, 10, (500 + frame, 3)))
             cloud["ring"], cloud["intensity"] = np.arange(len(cloud)) % 64, draw.random(len(cloud))
-            bag.write(ego.objects, messages.detections(stamp_ns, "map", boxes), stamp_ns)
-            odometry = messages.odometry(stamp_ns, map_SE3_base, [10.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+            bag.write(ego.objects, build.detections(stamp_ns, "map", boxes), stamp_ns)
+            odometry = build.odometry(stamp_ns, map_SE3_base, [10.0, 0.0, 0.0], [0.0, 0.0, 0.0])
             bag.write(ego.true_odometry, odometry, stamp_ns)
             bag.write_cdr(ego.lidar_points, cloud_to_cdr(cloud, stamp_ns, ego.lidar_frame), stamp_ns)
             for tick in range(5):
                 tick_ns = stamp_ns + tick * PERIOD_NS // 5
-                bag.write(CLOCK, messages.clock(tick_ns), tick_ns)
+                bag.write(CLOCK, build.clock(tick_ns), tick_ns)
     return path

@@ -8,8 +8,8 @@ import signal
 import numpy as np
 import torch
 
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, xyzi
 from advpipe.pipeline.detector.protocol import Detections, Range, VoxelGrid
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, xyzi
 
 BOX = [4.0, 5.0, 5.0, 6.0, 6.0, 6.0, 0.0]
 

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.stages.attack.bounds import number, one_of, span, whole
 
 

@@ -11,8 +11,8 @@ import yaml
 
 from advpipe.pipeline.bag.frames import read_frames
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.v2x import stations_of_message
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.messages.v2x import stations_of_message
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
 from advpipe.stages.attack.job import Job
@@ -151,7 +151,7 @@ def test_messages_alone_need_no_clouds_and_keep_all(drive, tmp_path):
 
 
 def test_same_bytes_in_one_go_in_pieces_and_on_two_workers(drive, tmp_path, monkeypatch):
-    monkeypatch.setattr("advpipe.pipeline.jobs.JOBS_WORTH_A_WORKER", 1)
+    monkeypatch.setattr("advpipe.pipeline.core.jobs.JOBS_WORTH_A_WORKER", 1)
     request = AttackRequest((detach(frames="::10"), SPEED, GPS), 7)
     attack(drive, tmp_path / "one" / "adv", request, workers=1)
     attack(drive, tmp_path / "two" / "adv", request, workers=2)

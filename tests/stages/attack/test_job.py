@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from advpipe.pipeline.bag.cloud import POINT_DTYPE
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.messages.cloud import POINT_DTYPE
 from advpipe.stages.attack.job import Job, open_job
 from advpipe.stages.attack.lidar.base import LidarResult, unchanged
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.own_code import mistakes_told, own_words
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.plugins import mistakes_told, own_words
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.parameters import build_lidar_attack
 from advpipe.stages.attack.registry import find_attack
@@ -87,7 +87,7 @@ def test_a_mistake_on_a_cloud_is_one_line(clean_bag, tmp_path, name, said):
 
 
 def test_a_mistake_in_a_worker_is_the_same_line(clean_bag, tmp_path, monkeypatch):
-    monkeypatch.setattr("advpipe.pipeline.jobs.JOBS_WORTH_A_WORKER", 1)
+    monkeypatch.setattr("advpipe.pipeline.core.jobs.JOBS_WORTH_A_WORKER", 1)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     with pytest.raises(AdvpipeError, match=r"KeyError: 'key' \(wrong_attack\.py, line 11\); fix it"):
         attack(clean_bag, tmp_path / "out", request("wrong_attack:Missing"), workers=2)

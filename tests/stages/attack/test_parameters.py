@@ -7,7 +7,7 @@ import types
 
 import pytest
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack import contradictions
 from advpipe.stages.attack.parameters import (

@@ -13,18 +13,18 @@ import pytest
 import torch
 import yaml
 
-from advpipe.pipeline.bag import messages
-from advpipe.pipeline.bag.cloud import cloud_from_cdr
 from advpipe.pipeline.bag.frames import read_frames
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import CLOCK
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.code import code_sha256
+from advpipe.pipeline.core.code import code_sha256
+from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError
 from advpipe.pipeline.detector.second.checkpoint import save_checkpoint
 from advpipe.pipeline.detector.second.model import SecondNet
 from advpipe.pipeline.detector.second.presets import preset_named
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.cloud import cloud_from_cdr
+from advpipe.pipeline.messages.topics import CLOCK
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack import provenance
 from advpipe.stages.attack.run import AttackRequest, attack
@@ -150,7 +150,7 @@ def test_same_request_same_bytes(clean_bag, tmp_path):
 
 
 def test_same_bytes_on_one_worker_and_on_two(clean_bag, tmp_path, monkeypatch):
-    monkeypatch.setattr("advpipe.pipeline.jobs.JOBS_WORTH_A_WORKER", 1)
+    monkeypatch.setattr("advpipe.pipeline.core.jobs.JOBS_WORTH_A_WORKER", 1)
     attack(clean_bag, tmp_path / "one" / "adv", request(), workers=1)
     attack(clean_bag, tmp_path / "two" / "adv", request(), workers=2)
     assert files_of(tmp_path / "one" / "adv") == files_of(tmp_path / "two" / "adv")
@@ -305,7 +305,7 @@ def test_bad_request_is_one_line_and_leaves_nothing(clean_bag, tmp_path, changes
 
 def test_bag_without_clouds(tmp_path):
     with BagWriter(tmp_path / "blind", provenance={}) as bag:
-        bag.write(CLOCK, messages.clock(7), 7)
+        bag.write(CLOCK, build.clock(7), 7)
     with pytest.raises(AdvpipeError, match="no LiDAR clouds"):
         attack(tmp_path / "blind", tmp_path / "adv", request())
     with BagWriter(tmp_path / "empty", provenance={}):

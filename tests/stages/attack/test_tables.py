@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, StampedCloud
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, StampedCloud
 from advpipe.stages.attack import tables
 from advpipe.stages.attack.lidar.base import LidarResult, PointLabels
 from advpipe.stages.attack.tables import AttackTables

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from advpipe.pipeline.bag import messages
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, cloud_to_cdr, xyz
-from advpipe.pipeline.bag.topics import VehicleTopics
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.detector.protocol import Detections, Range
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes, count_points
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr, xyz
+from advpipe.pipeline.messages.topics import VehicleTopics
 
 FRAMES = 24  # at 2 Hz: 12 s, two blocks
 PERIOD_NS = 500_000_000
@@ -97,7 +97,7 @@ def write_bag(path, provenance, clouds, truth=True):
             if truth:
                 ids = tuple(f"user{i}" for i in range(len(PLACES)))
                 boxes = Boxes(PLACES, LABELS, ids, np.zeros((len(PLACES), 3)))
-                bag.write(TOPICS.objects, messages.detections(stamp_ns, TOPICS.lidar_frame, boxes), stamp_ns)
+                bag.write(TOPICS.objects, build.detections(stamp_ns, TOPICS.lidar_frame, boxes), stamp_ns)
     return path
 
 

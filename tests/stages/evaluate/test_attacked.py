@@ -8,10 +8,10 @@ import pyarrow.parquet as pq
 import pytest
 from place_drive import DETECTOR, FRAMES, clean_cloud, hide_first_car, rows, write_bag
 
-from advpipe.pipeline.bag.cloud import xyz
 from advpipe.pipeline.bag.frames import FrameSlice
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.geometry.boxes import count_points
+from advpipe.pipeline.messages.cloud import xyz
 from advpipe.stages.evaluate.run import evaluate as evaluate_anywhere
 from advpipe.stages.evaluate.run import print_report
 

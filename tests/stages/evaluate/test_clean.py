@@ -12,15 +12,15 @@ import pytest
 import shapely
 from rosbags.highlevel import AnyReader
 
-from advpipe.pipeline.bag import messages
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, cloud_to_cdr
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import CLOCK, VehicleTopics
-from advpipe.pipeline.bag.types import typestore
 from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.protocol import Detections, Range
-from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import BOX_COLUMNS, CLASSES, Boxes
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr
+from advpipe.pipeline.messages.topics import CLOCK, VehicleTopics
+from advpipe.pipeline.messages.types import typestore
 from advpipe.stages.evaluate.run import evaluate as evaluate_anywhere
 
 evaluate = partial(evaluate_anywhere, workers=1)
@@ -90,14 +90,14 @@ def write_bag(path: Path, vehicles=(EGO,), frames: int = FRAMES) -> Path:
     with BagWriter(path, provenance={"kind": "clean"}) as bag:
         for index in range(frames):
             stamp_ns = 10**12 + index * PERIOD_NS
-            bag.write(CLOCK, messages.clock(stamp_ns), stamp_ns)
+            bag.write(CLOCK, build.clock(stamp_ns), stamp_ns)
             for topics in vehicles:
                 cdr = cloud_to_cdr(cloud(index), stamp_ns, topics.lidar_frame)
                 bag.write_cdr(topics.lidar_points, cdr, stamp_ns)
             boxes = objects(index)
-            truth = messages.detections(stamp_ns, vehicles[0].lidar_frame, boxes)
+            truth = build.detections(stamp_ns, vehicles[0].lidar_frame, boxes)
             bag.write(vehicles[0].objects, truth, stamp_ns)
-            users = messages.road_users(
+            users = build.road_users(
                 stamp_ns, vehicles[0].lidar_frame, boxes, np.zeros(12), np.arange(12) / 12
             )
             bag.write(vehicles[0].road_users, users, stamp_ns)
@@ -288,7 +288,7 @@ def test_detections_are_written_back(bag, report):
     assert len(read) == FRAMES
     found = []
     for index, (log_time_ns, message) in enumerate(read):
-        assert log_time_ns == messages.stamp_ns(message) == 10**12 + index * PERIOD_NS
+        assert log_time_ns == build.stamp_ns(message) == 10**12 + index * PERIOD_NS
         assert message.header.frame_id == "ego/lidar"
         for item in message.detections:
             centre, size, result = item.bbox.center, item.bbox.size, item.results[0].hypothesis

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from place_drive import DETECTOR, FRAMES, clean_cloud, hide_first_car, write_bag
 
-from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.frames import FrameSlice
-from advpipe.pipeline.bag.topics import CLOCK
 from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError
 from advpipe.pipeline.detector.protocol import Detections, Range
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.topics import CLOCK
 from advpipe.stages.evaluate import run
 from advpipe.stages.evaluate.detection.scoring import Eye
 from advpipe.stages.evaluate.run import evaluate as evaluate_anywhere
@@ -69,7 +69,7 @@ def test_a_detector_that_breaks_down_is_told_where(monkeypatch, mistake):
 
 def test_bag_without_clouds_is_refused(tmp_path):
     with BagWriter(tmp_path / "no_clouds", provenance={}) as bag:
-        bag.write(CLOCK, messages.clock(1), 1)
+        bag.write(CLOCK, build.clock(1), 1)
     refused(tmp_path, "holds no LiDAR clouds", tmp_path / "no_clouds", [])
 
 

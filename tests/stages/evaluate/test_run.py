@@ -10,8 +10,8 @@ import pytest
 from place_drive import DETECTOR, FRAMES, clean_cloud, hide_first_car, rows
 from scipy.spatial.distance import cdist
 
-from advpipe.pipeline.bag.cloud import xyz
-from advpipe.pipeline.errors import OutputExistsError
+from advpipe.pipeline.core.errors import OutputExistsError
+from advpipe.pipeline.messages.cloud import xyz
 from advpipe.stages.evaluate.run import evaluate as evaluate_anywhere
 from advpipe.stages.evaluate.run import print_report
 

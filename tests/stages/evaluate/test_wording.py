@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from place_drive import FRAMES, PLACES, PlaceDetector, hide_first_car
 
-from advpipe.pipeline.bag.cloud import xyz
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.geometry.boxes import count_points
+from advpipe.pipeline.messages.cloud import xyz
 from advpipe.stages.evaluate.report.wording import RANDOM_BEST, WHITE_BOX
 from advpipe.stages.evaluate.run import evaluate as evaluate_anywhere
 from advpipe.stages.evaluate.run import print_report

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.types import serialise
 from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.messages.types import serialise
 from advpipe.stages.share.run import share
 from advpipe.stages.verify.run import verify
 

@@ -12,11 +12,12 @@ import pytest
 import yaml
 from markdown_it import MarkdownIt
 
-from advpipe.pipeline.bag import messages
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, cloud_to_cdr
 from advpipe.pipeline.bag.provenance import parent_sha256
-from advpipe.pipeline.bag.topics import Topic, VehicleTopics
 from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.mcap.channel import Topic
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr
+from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.stages.share.markdown import Markdown, block, code, escaped, literal, own_words
 from advpipe.stages.share.run import ShareOptions, share
 
@@ -169,7 +170,7 @@ def shared_card(folder: Path, word: str) -> str:
             cloud = cloud_to_cdr(np.zeros(3, POINT_DTYPE), 5, word)
             writer.write_cdr(Topic(f"/{name}/points", ego.lidar_points.type), cloud, 5)
             writer.write(
-                Topic(f"/{name}", ego.gnss_fix.type), messages.nav_sat_fix(5, 1, 2, 3, frame_id=word), 5
+                Topic(f"/{name}", ego.gnss_fix.type), build.nav_sat_fix(5, 1, 2, 3, frame_id=word), 5
             )
     share(folder / "set", folder / "out", ShareOptions(citation=f"```\n{word}"))
     return (folder / "out" / "README.md").read_text(encoding="utf-8")

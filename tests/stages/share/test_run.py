@@ -14,11 +14,11 @@ import yaml
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.types import message_class, serialise, typestore
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.hashing import sha256_of
 from advpipe.pipeline.dataset import checksums, signature
 from advpipe.pipeline.dataset.archive import contents, unpack
-from advpipe.pipeline.errors import AdvpipeError
-from advpipe.pipeline.hashing import sha256_of
+from advpipe.pipeline.messages.types import message_class, serialise, typestore
 from advpipe.stages.share.options import citation_text
 from advpipe.stages.share.run import ShareOptions, share
 

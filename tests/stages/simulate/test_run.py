@@ -14,13 +14,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from advpipe.pipeline.bag.cloud import xyz
 from advpipe.pipeline.bag.frames import Frame, read_frames
-from advpipe.pipeline.bag.messages import se3_from_pose
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import CLASSES, count_points
 from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.messages.build import se3_from_pose
+from advpipe.pipeline.messages.cloud import xyz
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.stages.simulate.run import simulate
 

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from advpipe.pipeline.bag import messages
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, cloud_to_cdr
-from advpipe.pipeline.bag.topics import VehicleTopics
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.detector.protocol import Range
 from advpipe.pipeline.detector.second import presets
 from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr
+from advpipe.pipeline.messages.topics import VehicleTopics
 
 EGO = VehicleTopics("ego")
 SIZES = np.array([[4.5, 1.85, 1.55], [5.4, 2.05, 2.3], [1.9, 0.75, 1.7], [0.8, 0.7, 1.75]])
@@ -53,7 +53,7 @@ def _record(path: Path, frames: int, seed: int, **about: str) -> Path:
             stamp_ns = 1_000_000_000 + frame * 100_000_000
             cloud, boxes = labelled_cloud(rng)
             bag.write_cdr(EGO.lidar_points, cloud_to_cdr(cloud, stamp_ns, EGO.lidar_frame), stamp_ns)
-            bag.write(EGO.objects, messages.detections(stamp_ns, EGO.lidar_frame, boxes), stamp_ns)
+            bag.write(EGO.objects, build.detections(stamp_ns, EGO.lidar_frame, boxes), stamp_ns)
     return path
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.stages.train.config import TrainConfig
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 import torch
 
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.registry import load_detector
-from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.train import run
 from advpipe.stages.train.config import TrainConfig
 

@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from advpipe.pipeline.bag.cloud import xyzi
 from advpipe.pipeline.bag.frames import read_frames
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import count_points
+from advpipe.pipeline.messages.cloud import xyzi
 from advpipe.stages.train.frames import FrameStore
 
 

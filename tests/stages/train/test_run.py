@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 import torch
 
-from advpipe.pipeline.bag import messages
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, cloud_to_cdr
-from advpipe.pipeline.bag.topics import VehicleTopics
 from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError
 from advpipe.pipeline.detector.registry import load_detector
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
 from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr
+from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.stages.train import run
 from advpipe.stages.train.config import Augmentation, TrainConfig
 
@@ -243,7 +243,7 @@ def test_bags_without_ground_truth_or_clouds(tiny, tmp_path):
     with pytest.raises(AdvpipeError, match="no ground truth"):
         run.train(configured(tmp_path / "bare", tmp_path / "run"))
     with BagWriter(tmp_path / "blind", provenance={}) as bag:
-        bag.write(ego.objects, messages.detections(0, ego.lidar_frame, Boxes()), 0)
+        bag.write(ego.objects, build.detections(0, ego.lidar_frame, Boxes()), 0)
     with pytest.raises(AdvpipeError, match="no LiDAR clouds"):
         run.train(configured(tmp_path / "blind", tmp_path / "run"))
     with pytest.raises(AdvpipeError, match="does not exist"):

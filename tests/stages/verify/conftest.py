@@ -11,9 +11,9 @@ import pytest
 
 from advpipe.pipeline.bag.files import METADATA_NAME
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import RawMessage
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.dataset import checksums
+from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.stages.attack.run import AttackRequest, attack

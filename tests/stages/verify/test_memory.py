@@ -9,8 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import RawMessage
 from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.mcap.channel import RawMessage
 
 SHORT, LONG = 4, 32
 FLAT_MB = 6.0

@@ -15,13 +15,14 @@ import pytest
 from found_checks import checks_of
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from advpipe.pipeline.bag import messages
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, cloud_from_cdr, cloud_to_cdr
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import RawMessage, Topic, VehicleTopics
-from advpipe.pipeline.bag.types import serialise, typestore
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.mcap.channel import RawMessage, Topic
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_from_cdr, cloud_to_cdr
+from advpipe.pipeline.messages.topics import VehicleTopics
+from advpipe.pipeline.messages.types import serialise, typestore
 from advpipe.stages.verify.checks.points import Labels, excesses
 from advpipe.stages.verify.run import verify
 
@@ -267,7 +268,7 @@ def test_another_tools_bag(tmp_path: Path) -> None:
     with Writer(tmp_path / "b", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         clock = writer.add_connection("/clock", "rosgraph_msgs/msg/Clock", typestore=store)
         for stamp_ns in range(0, 100, 10):
-            writer.write(clock, stamp_ns, serialise(messages.clock(stamp_ns), "rosgraph_msgs/msg/Clock"))
+            writer.write(clock, stamp_ns, serialise(build.clock(stamp_ns), "rosgraph_msgs/msg/Clock"))
     result = verify(tmp_path / "b")
     assert result.findings == []
     said = " ".join(map(str, result.unchecked))

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from found_checks import checks_of
 
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.dataset import archive, checksums, signature
-from advpipe.pipeline.errors import AdvpipeError
 from advpipe.stages.verify.run import verify
 
 

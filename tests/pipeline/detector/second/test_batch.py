@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 import torch
 
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.protocol import BatchDetector, LossInput
 from advpipe.pipeline.detector.second.model import Second
-from advpipe.pipeline.errors import AdvpipeError
 
 CLOSE = {"rtol": 1e-9, "atol": 1e-12}
 

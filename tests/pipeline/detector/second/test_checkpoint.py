@@ -9,10 +9,10 @@ import torch
 from safetensors import safe_open
 from safetensors.torch import save_file
 
+from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError
 from advpipe.pipeline.detector.second.checkpoint import MOST_BYTES, load_checkpoint, save_checkpoint
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import SMALL
-from advpipe.pipeline.errors import AdvpipeError, OutputExistsError
 
 
 @pytest.fixture

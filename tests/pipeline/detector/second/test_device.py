@@ -16,9 +16,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 from conftest import TINY
 from far_device import FAR, FarDevice, FarTensor
 
-from advpipe.pipeline.bag.cloud import POINT_DTYPE
 from advpipe.pipeline.detector.second import decode
 from advpipe.pipeline.detector.second.model import Second
+from advpipe.pipeline.messages.cloud import POINT_DTYPE
 
 needs_cuda = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA GPU")
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import torch
 
-from advpipe.pipeline.bag.cloud import POINT_DTYPE
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.protocol import Range, VoxelDetector
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import KITTI, SMALL
 from advpipe.pipeline.detector.second.voxels import voxelise
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.messages.cloud import POINT_DTYPE
 
 
 def cloud_of(points: torch.Tensor) -> np.ndarray:

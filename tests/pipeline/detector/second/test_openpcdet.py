@@ -13,12 +13,12 @@ import torch
 from typer.testing import CliRunner
 
 from advpipe.pipeline.cli import app
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.detector.second.model import SecondNet
 from advpipe.pipeline.detector.second.openpcdet import import_openpcdet, their_names
 from advpipe.pipeline.detector.second.presets import KITTI
 from advpipe.pipeline.detector.second.voxels import voxelise
-from advpipe.pipeline.errors import AdvpipeError
 
 HERE = Path(__file__).parent
 

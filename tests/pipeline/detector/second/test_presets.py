@@ -7,12 +7,12 @@ from dataclasses import replace
 import pytest
 import torch
 
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.second.anchors import AnchorGrid, decode, encode
 from advpipe.pipeline.detector.second.loss import losses
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import ALL_AROUND, KITTI, PRESETS, preset_named
 from advpipe.pipeline.detector.second.voxels import voxelise
-from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import CLASSES
 
 

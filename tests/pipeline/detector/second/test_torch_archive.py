@@ -11,16 +11,16 @@ from pathlib import Path
 import pytest
 import torch
 
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.second.openpcdet import import_openpcdet
 from advpipe.pipeline.detector.second.torch_archive import MOST_BYTES, MOST_PICKLE_BYTES, check_archive
-from advpipe.pipeline.errors import AdvpipeError
 
 IMPORT = """
 import sys
 from pathlib import Path
 import torch
 from advpipe.pipeline.detector.second.openpcdet import import_openpcdet
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 def peak_kib():  # that of `resource` is at least what the process that started this one held
     with open("/proc/self/status") as file:
         return next(int(line.split()[1]) for line in file if line.startswith("VmHWM"))

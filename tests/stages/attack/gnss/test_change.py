@@ -9,14 +9,14 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.localisation import estimate_message, read_measurements
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.recorded_filter import read_filter
-from advpipe.pipeline.bag.topics import SCENARIO_INFO, VehicleTopics
-from advpipe.pipeline.bag.types import serialise
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.topics import SCENARIO_INFO, VehicleTopics
+from advpipe.pipeline.messages.types import serialise
+from advpipe.pipeline.replay.recorded_filter import read_filter
 from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.stages.attack.change import changed_messages
 from advpipe.stages.attack.gnss.change import spoof
@@ -94,8 +94,8 @@ def test_odometry_and_tf_follow_from_the_first_lie_on(drive, biased):
         recorded = {one.child_frame_id: one for one in old.transforms}
         assert list(found) == list(recorded)
         assert found["other/base_link"] == recorded["other/base_link"]
-        ego = messages.se3_from_transform(found["ego/base_link"].transform)
-        assert np.array_equal(ego, messages.se3_from_pose(odometry.pose.pose))
+        ego = build.se3_from_transform(found["ego/base_link"].transform)
+        assert np.array_equal(ego, build.se3_from_pose(odometry.pose.pose))
 
 
 def test_the_written_bag_is_what_a_filter_makes_of_its_fixes(drive, biased, tmp_path: Path):
@@ -124,7 +124,7 @@ def test_the_estimate_goes_where_the_fixes_go(drive):
     truth = decoded(drive, drive.raw_messages(), EGO.true_odometry.name)
     estimates = [one.map_SE3_base[:3, 3] for one in made.vehicles[0].estimates.values()]
     errors = [
-        np.hypot(*(estimate - messages.se3_from_pose(one.pose.pose)[:3, 3])[:2])
+        np.hypot(*(estimate - build.se3_from_pose(one.pose.pose)[:3, 3])[:2])
         for estimate, one in zip(estimates, truth, strict=True)
     ]
     assert max(errors[5:30]) < 6
@@ -221,7 +221,7 @@ def test_a_place_without_a_fix_is_left_alone(drive, tmp_path: Path):
         for raw in drive.raw_messages():
             if raw.topic.name == EGO.gnss_fix.name:
                 fix = drive.decode(raw)
-                if messages.stamp_ns(fix) % 1_000_000_000 < 500_000_000:
+                if build.stamp_ns(fix) % 1_000_000_000 < 500_000_000:
                     fix = replace(fix, status=replace(fix.status, status=-1))
                 raw = replace(raw, cdr=serialise(fix, raw.topic.type))
             bag.copy(raw)

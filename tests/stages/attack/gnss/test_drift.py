@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.stages.attack.gnss.drift import Drift
 
 

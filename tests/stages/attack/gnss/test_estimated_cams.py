@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.v2x_drive import V2xDrive
+from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import attack_spec
-from advpipe.pipeline.v2x.cam_tree import decode_cam
-from advpipe.pipeline.v2x.codec import decode, encode
-from advpipe.pipeline.v2x.ellipsoid import east_north_m
+from advpipe.pipeline.v2x.codec.codec import decode, encode
+from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam
+from advpipe.pipeline.v2x.facilities.ellipsoid import east_north_m
 from advpipe.stages.attack.gnss.change import spoof
 from advpipe.stages.attack.v2x.cams import retold
 

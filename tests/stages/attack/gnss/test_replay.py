@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.stages.attack.gnss.replay import Replay
 
 PATH = [[float(k), 0, 0] for k in range(10)]

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from advpipe.pipeline.bag.recorded_filter import read_filter
-from advpipe.pipeline.bag.v2x_drive import V2xDrive
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.replay.recorded_filter import read_filter
+from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import attack_spec
-from advpipe.pipeline.v2x.cam_tree import decode_cam
+from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam
 from advpipe.stages.attack.gnss.change import spoof
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.stages.attack.gnss.strikes import Strikes
 from advpipe.stages.attack.recording import Recording

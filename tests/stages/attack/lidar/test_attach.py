@@ -7,8 +7,8 @@ from cloud_moves import rng
 from linear_detector import LinearVoxelDetector
 from scipy.spatial import cKDTree
 
-from advpipe.pipeline.bag.cloud import xyz, xyzi
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.messages.cloud import xyz, xyzi
 from advpipe.stages.attack.lidar.attach import RECIPES, Attach
 from advpipe.stages.attack.lidar.attach_places import voxel_places
 from advpipe.stages.attack.lidar.base import NO_GRADIENT

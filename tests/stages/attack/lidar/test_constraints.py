@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.stages.attack.lidar.constraints import APPLIES, Constraints, along_rays
 from advpipe.stages.attack.lidar.ghost import Ghost

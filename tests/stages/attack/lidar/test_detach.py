@@ -8,9 +8,9 @@ import torch
 from cloud_moves import rng
 from linear_detector import LinearVoxelDetector
 
-from advpipe.pipeline.bag.cloud import xyz
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import points_in_boxes
+from advpipe.pipeline.messages.cloud import xyz
 from advpipe.stages.attack.lidar.detach import RECIPES, Detach
 
 CHANCE = ("random", "random-near", "random-best")

@@ -6,7 +6,7 @@ import pytest
 import torch
 from linear_detector import LinearVoxelDetector
 
-from advpipe.pipeline.seeding import named_generator
+from advpipe.pipeline.core.seeding import named_generator
 from advpipe.stages.attack.lidar.attach import Attach
 from advpipe.stages.attack.lidar.detach import Detach
 from advpipe.stages.attack.lidar.gradient import gradient_of, gradients_of

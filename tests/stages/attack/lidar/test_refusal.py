@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.stages.attack.lidar.base import LidarResult, PointLabels
 from advpipe.stages.attack.lidar.refusal import refuse_wrong
 

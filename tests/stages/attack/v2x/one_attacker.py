@@ -7,10 +7,10 @@ from dataclasses import replace
 from typing import Any
 
 from advpipe.pipeline.v2x.air import Sent
-from advpipe.pipeline.v2x.cam import Cam, LowFrequency
-from advpipe.pipeline.v2x.cam_tree import encode_cam
-from advpipe.pipeline.v2x.codes import AccelerationControl, DriveDirection
-from advpipe.pipeline.v2x.timestamps import generation_delta_time_ms
+from advpipe.pipeline.v2x.codec.codes import AccelerationControl, DriveDirection
+from advpipe.pipeline.v2x.codec.timestamps import generation_delta_time_ms
+from advpipe.pipeline.v2x.facilities.cam import Cam, LowFrequency
+from advpipe.pipeline.v2x.facilities.cam_tree import encode_cam
 
 START_NS = 1_700_000_000_000_000_000
 ATTACKER, OTHER = 7, 8

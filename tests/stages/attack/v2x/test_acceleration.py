@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from one_attacker import honest
 
-from advpipe.pipeline.v2x.codes import AccelerationControl
+from advpipe.pipeline.v2x.codec.codes import AccelerationControl
 
 BRAKE, GAS = AccelerationControl.BRAKE_PEDAL, AccelerationControl.GAS_PEDAL
 

@@ -5,10 +5,10 @@ import math
 import pytest
 from one_attacker import honest
 
-from advpipe.pipeline.v2x.cam_error import CamError
-from advpipe.pipeline.v2x.cam_tree import cam_of_tree
-from advpipe.pipeline.v2x.cam_values import FIELDS, values
-from advpipe.pipeline.v2x.codec import decode
+from advpipe.pipeline.v2x.codec.cam_error import CamError
+from advpipe.pipeline.v2x.codec.codec import decode
+from advpipe.pipeline.v2x.facilities.cam_tree import cam_of_tree
+from advpipe.pipeline.v2x.facilities.cam_values import FIELDS, values
 from advpipe.stages.attack.v2x.cams import Cams, retold, told
 
 OTHER = {"heading_rad": None, "speed_mps": math.inf, "acceleration_control": None, "yaw_rate_radps": 0.5}

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 from one_attacker import START_NS
 
-from advpipe.pipeline.bag.v2x import RadioPlace
-from advpipe.pipeline.bag.v2x_drive import V2xStep
+from advpipe.pipeline.messages.v2x import RadioPlace
+from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.scenario.v2x import CamRules
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.pipeline.v2x.radio.load import ChannelLoad

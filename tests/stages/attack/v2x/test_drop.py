@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 from v2x_lane import SPEED_MPS, context, edited, lane, radio
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.stages.attack.v2x.drop import Drop
 
 DRIVE = lane({1: 0.0, 2: 50.0}, 20)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from v2x_lane import context, edited, lane, radio, said, time_s
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.stages.attack.v2x.flood import Dos, DosDisruptive, DosDisruptiveSybil, DosRandom, DosRandomSybil
 
 DRIVE = lane({1: 0.0, 2: 50.0}, 40)

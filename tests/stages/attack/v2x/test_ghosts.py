@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from v2x_lane import BEGIN_NS, STEP_NS, context, edited, lane, said, time_s
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.stages.attack.v2x.ghosts import GhostBrake, GhostStop
 
 GAP_M = 2 + 10 + 10**2 / (2 * 6)

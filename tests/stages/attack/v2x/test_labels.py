@@ -7,7 +7,7 @@ from collections import Counter
 import pyarrow.parquet as pq
 import pytest
 
-from advpipe.pipeline.bag.v2x_drive import V2xDrive
+from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.stages.attack.v2x.change import forge
 from advpipe.stages.attack.v2x.labels import FILE_NAME

@@ -6,7 +6,7 @@ import pyarrow.parquet as pq
 import pytest
 from one_attacker import honest
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.pipeline.scenario.mixes import MIXES
 from advpipe.stages.attack.v2x.change import forge

@@ -14,11 +14,11 @@ from pydantic import TypeAdapter
 from v2x_lane import context, edited, lane
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import V2X_STATIONS, V2X_STATISTICS
+from advpipe.pipeline.messages.topics import V2X_STATIONS, V2X_STATISTICS
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.attacks import attack_spec
-from advpipe.pipeline.v2x.cam_tree import decode_cam
-from advpipe.pipeline.v2x.codec import decode, encode
+from advpipe.pipeline.v2x.codec.codec import decode, encode
+from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.attack.v2x.change import forge
 from advpipe.stages.attack.v2x.delay import Delay, Stale

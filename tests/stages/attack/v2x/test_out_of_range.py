@@ -5,7 +5,7 @@ import math
 import pytest
 from one_attacker import honest
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 
 
 def test_all_fields(strike):

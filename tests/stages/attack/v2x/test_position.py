@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from one_attacker import honest
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 
 NORTH_M, EAST_M = 111_190.32, 74_625.36
 

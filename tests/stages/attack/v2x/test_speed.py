@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 from one_attacker import honest
 
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 
 
 def speeds(cams):

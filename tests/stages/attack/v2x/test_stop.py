@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 from one_attacker import honest
 
-from advpipe.pipeline.v2x.codes import AccelerationControl
+from advpipe.pipeline.v2x.codec.codes import AccelerationControl
 
 
 def drive():

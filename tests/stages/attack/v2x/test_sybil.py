@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from v2x_lane import BEGIN_NS, LENGTH_M, STEP_NS, context, edited, lane, radio, said, time_s
 
-from advpipe.pipeline.bag.v2x_drive import V2xStep
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.stages.attack.v2x.sybil import SybilCongestion, SybilGrid, SybilReplay, grid_cells
 
 DRIVE = lane({1: 0.0, 2: 50.0}, 30)

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from advpipe.pipeline.bag.v2x_drive import V2xDrive
+from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import attack_spec
-from advpipe.pipeline.v2x.cam_values import HIGH
-from advpipe.pipeline.v2x.codec import decode
+from advpipe.pipeline.v2x.codec.codec import decode
+from advpipe.pipeline.v2x.facilities.cam_values import HIGH
 from advpipe.stages.attack.gnss.change import spoof
 from advpipe.stages.attack.registry import ATTACKS
 from advpipe.stages.attack.v2x.change import forge

@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from advpipe.pipeline.bag import messages
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, cloud_to_cdr
-from advpipe.pipeline.bag.frame_slice import FrameSlice
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import TF_STATIC, VehicleTopics
 from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.pipeline.detector.protocol import Detections
-from advpipe.pipeline.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.transforms import invert, se3_from_yaw, transform_points
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr
+from advpipe.pipeline.messages.topics import TF_STATIC, VehicleTopics
 from advpipe.stages.evaluate.cooperative.fusion import fuse_detections, without_oneself
 from advpipe.stages.evaluate.cooperative.instants import asked_for, fused_instants
 from advpipe.stages.evaluate.cooperative.pair import Alignment, find_pair, misalignment_deg, misalignment_m
@@ -61,24 +61,24 @@ def write(
     seen = {EGO: (MAP_SE3_EGO, ground), OTHER: (MAP_SE3_OTHER, corners())}
     with BagWriter(path, provenance={"kind": "clean"}) as bag:
         static = [(one.base_frame, one.lidar_frame, np.eye(4)) for one in vehicles]
-        bag.write(TF_STATIC, messages.transforms(STAMPS_NS[0], static), STAMPS_NS[0])
+        bag.write(TF_STATIC, build.transforms(STAMPS_NS[0], static), STAMPS_NS[0])
         for one in vehicles:
-            start = messages.initial_pose(STAMPS_NS[0], np.zeros(3), [0, 0, 0, 1], np.eye(6))
+            start = build.initial_pose(STAMPS_NS[0], np.zeros(3), [0, 0, 0, 1], np.eye(6))
             bag.write(one.initial_pose, start, STAMPS_NS[0])
         for frame, stamp_ns in enumerate(STAMPS_NS):
             is_false = false_from <= frame < false_to
             car = Boxes(np.array([CAR]), np.zeros(1, np.int64), ("car",), np.zeros((1, 3)))
-            bag.write(EGO.objects, messages.detections(stamp_ns, "map", car), stamp_ns)
+            bag.write(EGO.objects, build.detections(stamp_ns, "map", car), stamp_ns)
             for one in vehicles:
                 pose, map_m = seen[one]
                 told = pose.copy()
                 told[:2, 3] += shift_m if one is OTHER and is_false else (0.0, 0.0)
                 for topic, place in ((one.true_odometry, pose), (one.odometry, told)):
-                    odometry = messages.odometry(
+                    odometry = build.odometry(
                         stamp_ns, place, np.zeros(3), np.zeros(3), child_frame_id=one.base_frame
                     )
                     bag.write(topic, odometry, stamp_ns)
-                fix = messages.nav_sat_fix(stamp_ns, 50 + shift_m[0] * (one is OTHER), 8, 0)
+                fix = build.nav_sat_fix(stamp_ns, 50 + shift_m[0] * (one is OTHER), 8, 0)
                 bag.write(one.gnss_fix, fix, stamp_ns)
                 cdr = cloud_to_cdr(cloud_of(map_m, pose), stamp_ns, one.lidar_frame)
                 bag.write_cdr(one.lidar_points, cdr, stamp_ns)

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from advpipe.pipeline.bag.frame_slice import FrameSlice
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.stages.attack.run import AttackRequest, attack
 from advpipe.stages.evaluate.cooperative.pair import Alignment, find_pair, misalignment_m

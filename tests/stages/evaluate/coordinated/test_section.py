@@ -10,7 +10,7 @@ import pytest
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import Window
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
 from advpipe.stages.attack.request import AttackRequest

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from advpipe.pipeline.bag.cloud import POINT_DTYPE, xyz
 from advpipe.pipeline.baselines import points_near_boxes
 from advpipe.pipeline.geometry.boxes import points_in_boxes
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, xyz
 from advpipe.stages.evaluate.detection.baseline import baseline_title, random_baselines
 from advpipe.stages.evaluate.detection.cloud_difference import cloud_difference
 from advpipe.stages.evaluate.detection.random_change import Budget, RandomChange, regions

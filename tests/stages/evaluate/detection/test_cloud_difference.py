@@ -5,7 +5,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from advpipe.pipeline.bag.cloud import POINT_DTYPE
+from advpipe.pipeline.messages.cloud import POINT_DTYPE
 from advpipe.stages.evaluate.detection.cloud_difference import cloud_difference
 
 

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from advpipe.pipeline.bag import messages
 from advpipe.pipeline.bag.localisation import initial_pose_message, onboard_messages
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import SCENARIO_INFO, VehicleTopics
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.geometry.transforms import se3_from_yaw
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.localisation.onboard import OnBoard
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.topics import SCENARIO_INFO, VehicleTopics
 from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.pipeline.scenario.sensors import GnssSensor, Sensors
 from advpipe.stages.attack.change import changed_messages
@@ -38,7 +38,7 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "simulation": {"seed": 11, "duration_s": 20, "step_s": 0.1},
     }
     with BagWriter(path, provenance={"kind": "clean"}) as bag:
-        bag.write(SCENARIO_INFO, messages.string(json.dumps(scenario)), START_NS)
+        bag.write(SCENARIO_INFO, build.string(json.dumps(scenario)), START_NS)
         for index in range(STEPS):
             angle, stamp_ns = 0.15 * 0.1 * index, START_NS + index * STEP_NS
             pose = se3_from_yaw([80 * np.sin(angle), 80 - 80 * np.cos(angle), 0.0], angle)
@@ -48,7 +48,7 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
                 bag.write(*initial_pose_message(EGO, board.initial, stamp_ns))
             for stamped in onboard_messages(EGO, SENSORS.imu, step):
                 bag.write(*stamped)
-            truth = messages.odometry(stamp_ns, pose, step.truth.base_velocity_mps, np.zeros(3))
+            truth = build.odometry(stamp_ns, pose, step.truth.base_velocity_mps, np.zeros(3))
             bag.write(EGO.true_odometry, truth, stamp_ns)
     return path
 

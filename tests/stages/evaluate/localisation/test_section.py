@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from advpipe.pipeline.bag.frame_slice import FrameSlice
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.stages.evaluate.localisation.figures import gate
 from advpipe.stages.evaluate.localisation.section import sections
 from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns, read_track

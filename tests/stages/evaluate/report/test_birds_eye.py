@@ -7,8 +7,8 @@ import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.image import imread
 
-from advpipe.pipeline.bag.cloud import POINT_DTYPE
 from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.messages.cloud import POINT_DTYPE
 from advpipe.stages.evaluate.detection.cloud_difference import cloud_difference
 from advpipe.stages.evaluate.detection.scoring import Truth
 from advpipe.stages.evaluate.report.birds_eye import LOST, PREDICTION, TRUTH, draw_scene

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from advpipe.pipeline.bag.v2x import RadioPlace
 from advpipe.pipeline.geometry.transforms import se3_from_yaw
+from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.stages.evaluate.v2x.collision import time_to_collision_s, warnings
 from advpipe.stages.evaluate.v2x.ldm_error import Known, Moment
 

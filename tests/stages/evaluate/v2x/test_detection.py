@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.misbehaviour.claim import Claim
 from advpipe.stages.evaluate.v2x.detection import PUBLISHED_CATCH_F1, detect, published_f1
 from advpipe.stages.evaluate.v2x.labels import LABELS, MessageLabel, lies, read_labels

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.v2x import RadioPlace
 from advpipe.pipeline.geometry.transforms import se3_from_yaw
+from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.scenario.attacks import Attackers, AttackSpec, RoadsideUnit
 from advpipe.stages.attack.request import AttackRequest
 from advpipe.stages.attack.run import attack

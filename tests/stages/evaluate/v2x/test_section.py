@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.topics import LANES
 from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.messages.topics import LANES
 from advpipe.pipeline.misbehaviour.catch import TUNED_CATCH
 from advpipe.pipeline.misbehaviour.config import CHECKS, THRESHOLDS, DetectorConfig
 from advpipe.pipeline.misbehaviour.scores import Scores

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.cli import app
-from advpipe.pipeline.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.registry import ATTACKS
 from advpipe.stages.attack.request import AttackRequest

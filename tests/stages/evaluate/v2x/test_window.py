@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from advpipe.pipeline.bag.frame_slice import FrameSlice
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.v2x_drive import V2xDrive, V2xStep
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window, window_of
+from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.pipeline.misbehaviour.config import DetectorConfig
 from advpipe.pipeline.misbehaviour.detector import judge_all
+from advpipe.pipeline.replay.v2x_drive import V2xDrive, V2xStep
 from advpipe.pipeline.v2x.air import Air, Heard, Sent
 from advpipe.stages.evaluate.options import Options
 from advpipe.stages.evaluate.run import added_sections

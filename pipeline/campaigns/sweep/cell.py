@@ -1,0 +1,102 @@
+"""One cell of a sweep: a recipe at a budget, with every figure that tables and pictures need."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from advpipe.pipeline.core import plain_json
+from advpipe.pipeline.detector.device import CPU
+from advpipe.stages.evaluate.detection.figures import Row
+
+LIMIT_BYTES = 1 << 24
+"""The longest cell that is read: one of 100 frames has 40 kB."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a cell's figures depend on, besides recipe and budget.
+
+    clean_sha256: of the clean bag, as `parent_sha256` has it. detector: its name in reports. frames:
+    start:stop:step, counted in the clean bag. seed: of the attack, the baselines and the bootstrap.
+    baseline_tries: of how many the best is scored, None for as many as the attack looked at. advpipe,
+    code_sha256: the version of this package, and of its code that attacks clouds and scores.
+    device: what the detector computed on, cpu or cuda.
+    """
+
+    clean_sha256: str
+    detector: str
+    detector_sha256: str
+    frames: str
+    seed: int
+    baseline_tries: int | None
+    lidar_topic: str | None
+    advpipe: str
+    code_sha256: str
+    device: str = CPU
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What came out of one cell.
+
+    budget: a name of `budgets`. row: of the evaluation's report. bag_sha256: of the adversarial bag.
+    frames, found_objects, lost_objects: of each frame that was scored, its index in the clean bag, how many
+    objects the detector finds in the clean cloud, and how many of those the attack hides, both at loose
+    overlap and a score of at least the row's `working_score`.
+    map_ratio_draws: of the bootstrap, in percent; cells of the same frames and seed are drawn together.
+    commit: of advpipe's sources, by `source_commit`. What differs from run to run is not in it: see `Times`.
+    """
+
+    budget: str
+    recipe: str
+    settings: Settings
+    row: Row
+    bag_sha256: str
+    frames: tuple[int, ...]
+    found_objects: tuple[int, ...]
+    lost_objects: tuple[int, ...]
+    map_ratio_draws: tuple[float | None, ...]
+    commit: str | None = None
+
+    @property
+    def name(self) -> str:
+        """Such as `best-perturb-10`."""
+        return f"{self.recipe}-{self.budget}"
+
+    def figures(self) -> dict[str, Any]:
+        """All of it that comes out alike when the cell is computed again: without the commit, as most of them
+        leave its code alone."""
+        return {key: value for key, value in asdict(self).items() if key != "commit"}
+
+    def to_json(self) -> str:
+        return json.dumps(asdict(self), indent=1, sort_keys=True, allow_nan=False) + "\n"
+
+    @staticmethod
+    def from_json(text: str) -> Cell:
+        """Raises ValueError, KeyError or TypeError for what is no cell."""
+        stored = plain_json.load(text, LIMIT_BYTES)
+        settings = Settings(**stored.pop("settings"))
+        for key in ("frames", "found_objects", "lost_objects", "map_ratio_draws"):
+            stored[key] = tuple(stored[key])
+        for key in ("attack_s", "evaluate_s"):  # they stood here before there was a times.json
+            stored.pop(key, None)
+        return Cell(settings=settings, row=with_intervals(stored.pop("row")), **stored)
+
+
+@dataclass(frozen=True)
+class Times:
+    """Wall-clock time that the run which finished a cell took to attack and to evaluate."""
+
+    attack_s: float
+    evaluate_s: float
+
+
+def with_intervals(stored: Mapping[str, object]) -> Row:
+    """The row with its intervals as tuples, as reports have them; JSON knows lists only."""
+    return {
+        key: tuple(value) if key.endswith("_ci95") and isinstance(value, list) else value
+        for key, value in stored.items()
+    }

@@ -1,0 +1,162 @@
+"""The report of a sweep: on the terminal, as report.json and as a page that needs no other file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from advpipe.pipeline.campaigns.sweep.budgets import AXES
+from advpipe.pipeline.campaigns.sweep.cell import Cell
+from advpipe.pipeline.campaigns.sweep.curves import draw_convergence, draw_curves
+from advpipe.pipeline.campaigns.sweep.ingredients import ingredients_tables, measured
+from advpipe.pipeline.campaigns.sweep.remarks import remarks
+from advpipe.pipeline.campaigns.sweep.tables import (
+    ON_THE_TERMINAL,
+    baselines_table,
+    convergence_table,
+    loose_table,
+    records,
+    steps_table,
+    table_one,
+    table_two,
+)
+from advpipe.pipeline.core.whole_file import write_whole
+from advpipe.stages.evaluate.report.page import rendered
+from advpipe.stages.evaluate.report.pictures import to_png
+from advpipe.stages.evaluate.report.report import FORMULAS
+from advpipe.stages.evaluate.report.section import OVERVIEW, Picture, Table
+
+TEMPLATE = Path(__file__).with_name("sweep.html")
+
+
+def write_document(
+    folder: Path,
+    cells: Sequence[Cell],
+    recipes: Sequence[str],
+    command: str,
+    panels: Sequence[Picture] = (),
+    banners: Sequence[str] = (),
+) -> None:
+    """Write report.json, report.html and figures/ of all cells; those of an earlier run are replaced.
+
+    command: that made them. panels: pictures of a frame, if they were drawn. banners: what must be read
+    before any figure.
+    """
+    pictures = [*panels, *_curves(cells)]
+    (folder / "figures").mkdir(exist_ok=True)
+    for picture in pictures:
+        write_whole(folder / "figures" / picture.file_name, picture.png)
+    write_whole(folder / "report.json", to_json(cells, recipes, command, banners).encode())
+    write_whole(folder / "report.html", _html(cells, recipes, command, pictures, banners).encode())
+
+
+def _curves(cells: Sequence[Cell]) -> list[Picture]:
+    caption = "mAP ratio over budget and over Chamfer distance, with 95 % intervals: "
+    pictures = [
+        Picture(OVERVIEW, "", f"{attack}.png", caption + axis.title, to_png(draw_curves(cells, attack)))
+        for attack, axis in AXES.items()
+    ]
+    if (figure := draw_convergence(cells)) is not None:
+        title = "More steps: mAP ratio over the number of steps, with 95 % intervals"
+        pictures.append(Picture(OVERVIEW, "", "convergence.png", title, to_png(figure)))
+    return pictures
+
+
+def to_json(cells: Sequence[Cell], recipes: Sequence[str], command: str, banners: Sequence[str] = ()) -> str:
+    """The text of report.json."""
+    formulas = {key: FORMULAS[key] for key in _SHOWN}
+    document: dict[str, Any] = {
+        "banners": list(banners),
+        "command": command,
+        "formulas": formulas,
+        "remarks": remarks(cells),
+        "provenance": provenance(cells),
+        "cells": records(cells, recipes),
+        "ingredients": measured(cells),
+    }
+    return json.dumps(document, indent=1, sort_keys=True, allow_nan=False) + "\n"
+
+
+def provenance(cells: Sequence[Cell]) -> list[dict[str, Any]]:
+    """What made the cells of each recipe: settings, commits, the list of frames, and the bags' checksums."""
+    by_recipe: dict[str, list[Cell]] = {}
+    for cell in cells:
+        by_recipe.setdefault(cell.recipe, []).append(cell)
+    return [
+        {
+            "recipe": recipe,
+            **vars(group[0].settings),
+            "commits": sorted({cell.commit for cell in group if cell.commit}),
+            "frame_list": list(group[0].frames),
+            "bags_sha256": {cell.budget: cell.bag_sha256 for cell in group},
+        }
+        for recipe, group in by_recipe.items()
+    ]
+
+
+def _html(
+    cells: Sequence[Cell],
+    recipes: Sequence[str],
+    command: str,
+    pictures: Sequence[Picture],
+    banners: Sequence[str],
+) -> str:
+    details = (
+        *(baselines_table(cells), loose_table(cells), steps_table(cells), convergence_table(cells)),
+        *ingredients_tables(cells),
+    )
+    return rendered(
+        TEMPLATE.read_text(encoding="utf-8"),
+        banners=banners,
+        remarks=remarks(cells),
+        tables=[table_one(cells, recipes), *(table_two(cells, recipes, attack) for attack in AXES)],
+        details=[table for table in details if table.lines],
+        pictures=pictures,
+        formulas={key: FORMULAS[key] for key in _SHOWN},
+        command=command,
+        provenance=json.dumps(provenance(cells), indent=1, sort_keys=True),
+    )
+
+
+_SHOWN = (
+    *("ap", "map", "map_ratio", "iou", "ignored", "chamfer", "interval", "baseline", "beats_random"),
+    *("lost", "white_box"),
+)
+
+
+def print_document(cells: Sequence[Cell], recipes: Sequence[str], banners: Sequence[str] = ()) -> None:
+    """Both tables on the terminal; of Table II the columns that fit there."""
+    from advpipe.pipeline.core.streams import plain_console
+
+    console = plain_console()
+    for banner in banners:
+        console.print(banner, style="bold yellow", highlight=False, markup=False)
+    console.print(_rich(_transposed(table_one(cells, recipes))))
+    for attack in AXES:
+        table = table_two(cells, recipes, attack)
+        lines = tuple(tuple(line[place] for place in ON_THE_TERMINAL) for line in table.lines)
+        console.print(_rich(Table(table.title, tuple(ON_THE_TERMINAL.values()), lines)))
+    for remark in remarks(cells):
+        console.print(remark, highlight=False, markup=False)
+
+
+def _transposed(table: Table) -> Table:
+    """A line for each column: there may be many recipes' lines, but they are too wide for a terminal."""
+    columns = list(zip(table.heads, *table.lines, strict=True))
+    return Table(table.title, columns[0], tuple(columns[1:]))
+
+
+def _rich(table: Table) -> Any:
+    from rich import box
+    from rich.table import Table as RichTable
+
+    shown = RichTable(
+        title=table.title, title_justify="left", box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0)
+    )
+    for place, head in enumerate(table.heads):
+        shown.add_column(head, justify="right" if place else "left")
+    for line in table.lines:
+        shown.add_row(*line)
+    return shown

@@ -1,0 +1,289 @@
+"""The paper's two tables, with its figures beside ours."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import cast
+
+import numpy as np
+
+from advpipe.pipeline.campaigns.sweep.budgets import AXES, TABLE_ONE, TABLES, Budget
+from advpipe.pipeline.campaigns.sweep.cell import Cell
+from advpipe.pipeline.campaigns.sweep.variants import by_steps, split_recipe, steps_factor
+from advpipe.pipeline.metrics.bootstrap import percentile_interval
+from advpipe.stages.evaluate.detection.baseline import BEST, baseline_title
+from advpipe.stages.evaluate.detection.figures import Row
+from advpipe.stages.evaluate.report.numbers import NOTHING, interval, number, short_name, with_interval
+from advpipe.stages.evaluate.report.ratios import strongest_baseline
+from advpipe.stages.evaluate.report.section import Table
+from advpipe.stages.evaluate.report.table import changed_points
+from advpipe.stages.evaluate.report.wording import PLAIN_RANDOM
+
+NOT_RUN = "not run"
+
+HEADS = (
+    "attack", "paper: ratio %", "CD m²", "ours: ratio %", "95 %", "CD m²", "below paper",
+    f"strongest {PLAIN_RANDOM}: ratio %", "ours minus it", "95 %", f"beats {PLAIN_RANDOM}", "max shift m",
+    "RMS shift m", "points", "frames",
+)  # fmt: skip
+
+ON_THE_TERMINAL = {
+    0: "attack", 1: "paper %", 2: "CD m²", 3: "ours %", 4: "95 %", 5: "CD m²", 7: "plain\nrandom %",
+    10: "beats\nit", 14: "frames",
+}  # fmt: skip
+"""The places in `HEADS` of what fits into 80 characters, and shorter heads."""
+
+SMALL_CHANGE_POINTS = 2.0
+"""Twice the steps that change the mAP ratio by less than so many points change little."""
+
+ANSWER = {True: "yes", False: "no", None: NOTHING}
+
+
+def recipes_of(cells: Sequence[Cell], asked: Sequence[str] = ()) -> list[str]:
+    """The recipes that tables have lines for: those asked for, then others that were run before."""
+    return list(dict.fromkeys([*asked, *sorted({cell.recipe for cell in cells})]))
+
+
+def table_one(cells: Sequence[Cell], recipes: Sequence[str]) -> Table:
+    """Table I: the attacks side by side, a line for the paper and one for each recipe and its baseline."""
+    found = {(cell.recipe, cell.budget): cell for cell in cells}
+    heads = ["detector and recipe"]
+    for name in TABLE_ONE:
+        heads += [f"{name.replace('-', ' ')}: CD m²", "mAP ratio %"]
+    lines = [["SECOND, the paper's figures"]]
+    budgets = {budget.name: budget for budget in TABLES["paper"]}
+    for name in TABLE_ONE:
+        lines[0] += [
+            number(budgets[name].paper_chamfer_distance_m2, 5),
+            number(budgets[name].paper_map_ratio_percent, 2),
+        ]
+    for recipe in recipes:
+        here = [found.get((recipe, name)) for name in TABLE_ONE]
+        seen = next((cell for cell in here if cell), None)
+        about = f"{short_name(seen.settings.detector)}, {len(seen.frames)} frames, " if seen else ""
+        lines.append([f"{about}recipe {recipe}"])
+        lines.append([f"  strongest {PLAIN_RANDOM} baseline"])
+        for cell in here:
+            if cell is None:
+                lines[-2] += [NOT_RUN, NOT_RUN]
+                lines[-1] += [NOTHING, NOTHING]
+                continue
+            for line, prefix in ((lines[-2], ""), (lines[-1], _strongest_prefix(cell))):
+                line += [
+                    number(cell.row.get(f"{prefix}chamfer_distance_m2"), 5)
+                    if prefix is not None
+                    else NOTHING,
+                    with_interval(
+                        cell.row.get(f"{prefix}map_ratio_percent"), cell.row.get(f"{prefix}map_ratio_ci95"), 2
+                    )
+                    if prefix is not None
+                    else NOTHING,
+                ]
+    return Table("Table I", tuple(heads), tuple(tuple(line) for line in lines))
+
+
+def table_two(cells: Sequence[Cell], recipes: Sequence[str], attack: str) -> Table:
+    """The part of Table II about one attack: a line for each budget and recipe.
+
+    Variants of a recipe have lines where they were run.
+    """
+    found = {(cell.recipe, cell.budget): cell for cell in cells}
+    lines = [
+        line(budget, recipe, found.get((recipe, budget.name)))
+        for budget in TABLES["paper"]
+        if budget.attack == attack
+        for recipe in recipes
+        if (recipe, budget.name) in found or not split_recipe(recipe)[1]
+    ]
+    return Table(f"Table II: {AXES[attack].title}", HEADS, tuple(lines))
+
+
+def line(budget: Budget, recipe: str, cell: Cell | None) -> tuple[str, ...]:
+    """The cells of `HEADS`; of the plain random baselines, the strongest."""
+    known = (
+        f"{budget.title}, {recipe}",
+        number(budget.paper_map_ratio_percent, 2),
+        number(budget.paper_chamfer_distance_m2, 5),
+    )
+    if cell is None:
+        return (*known, NOT_RUN, *[NOTHING] * (len(HEADS) - len(known) - 1))
+    row, word = cell.row, strongest_baseline(cell.row)
+    return (
+        *known,
+        number(row["map_ratio_percent"], 2),
+        interval(row["map_ratio_ci95"]),
+        number(row["chamfer_distance_m2"], 5),
+        ANSWER[below_paper(budget, cell)],
+        number(row[f"{word}_map_ratio_percent"], 2) if word else NOTHING,
+        number(row[f"map_ratio_minus_{word}"], 2) if word else NOTHING,
+        interval(row[f"map_ratio_minus_{word}_ci95"]) if word else NOTHING,
+        ANSWER[cast("bool | None", row["beats_random"])],
+        _farthest(row),
+        number(row["rms_displacement_m"] or None, 4),
+        changed_points(row),
+        number(row["frames"], 0),
+    )
+
+
+def convergence_table(cells: Sequence[Cell]) -> Table:
+    """What more steps change, of the cells that were run with other numbers of them, too; drawn together."""
+    heads = (
+        *("cell", "steps", "ratio %", "95 %", "twice as many change", "95 %"),
+        *(f"changes under {SMALL_CHANGE_POINTS:g} points", "surely more"),
+    )
+    lines = []
+    for name, family in by_steps(cells).items():
+        factors = {steps_factor(cell.recipe): cell for cell in family}
+        for factor, cell in factors.items():
+            after = factors.get(2 * factor)
+            points, bounds = (None, None) if after is None else step(cell, after)
+            is_small = None if points is None else abs(points) < SMALL_CHANGE_POINTS
+            is_large = None
+            if bounds is not None:
+                is_large = bounds[0] > SMALL_CHANGE_POINTS or bounds[1] < -SMALL_CHANGE_POINTS
+            lines.append(
+                (
+                    *(name, f"x {factor:g}", number(cell.row["map_ratio_percent"], 2)),
+                    interval(cell.row["map_ratio_ci95"]),
+                    *(number(points, 2), interval(bounds), ANSWER[is_small], ANSWER[is_large]),
+                )
+            )
+    title = (
+        "What more steps change; surely more where the whole interval is beyond "
+        f"{SMALL_CHANGE_POINTS:g} points"
+    )
+    return Table(title, heads, tuple(lines))
+
+
+def loose_table(cells: Sequence[Cell]) -> Table:
+    """The mAP ratio at strict and at loose overlap: how much of an attack hides, and how much misplaces."""
+    heads = (
+        "cell",
+        "strict: ratio %",
+        "loose: ratio %",
+        f"strongest {PLAIN_RANDOM}, loose: ratio %",
+        "lost, loose",
+        "of found, loose",
+        "score at least",
+    )
+    lines = [
+        (
+            cell.name,
+            number(cell.row["map_ratio_percent"], 2),
+            number(cell.row.get("map_loose_ratio_percent"), 2),
+            number(cell.row.get(f"{_strongest_prefix(cell)}map_loose_ratio_percent"), 2),
+            number(sum(cell.lost_objects), 0),
+            number(sum(cell.found_objects), 0),
+            number(cell.row.get("working_score"), 2),
+        )
+        for cell in cells
+    ]
+    return Table("At loose overlap: hidden rather than misplaced", heads, tuple(lines))
+
+
+def baselines_table(cells: Sequence[Cell]) -> Table:
+    """Every baseline of every cell: its ratio, and the paired difference to it."""
+    heads = (
+        *("cell", f"{PLAIN_RANDOM} baseline", "tries", "looks of the attack"),
+        *("its ratio %", "95 %", "ours minus it", "95 %", "beats it"),
+    )
+    lines = [
+        (
+            cell.name,
+            baseline_title(word),
+            number(cell.row["baseline_tries"] if word.endswith(BEST) else 1, 0),
+            number(cell.row["looks"], 0),
+            number(cell.row[f"{word}_map_ratio_percent"], 2),
+            interval(cell.row[f"{word}_map_ratio_ci95"]),
+            number(cell.row[f"map_ratio_minus_{word}"], 2),
+            interval(cell.row[f"map_ratio_minus_{word}_ci95"]),
+            ANSWER[cast("bool | None", cell.row[f"beats_{word}"])],
+        )
+        for cell in cells
+        for word in cast("list[str]", cell.row["baselines"])
+    ]
+    return Table("Against the same budget spent plainly at random", heads, tuple(lines))
+
+
+def steps_table(cells: Sequence[Cell]) -> Table:
+    """From each budget that was run to the next: what it does to the mAP ratio, drawn together."""
+    heads = ("recipe", "from", "to", "change in mAP ratio", "95 %", "rises beyond it")
+    lines = []
+    for recipe in recipes_of(cells):
+        mine = {cell.budget: cell for cell in cells if cell.recipe == recipe}
+        for attack in AXES:
+            run = [mine[each.name] for each in TABLES["paper"] if each.attack == attack and each.name in mine]
+            for before, after in pairwise(run):
+                points, bounds = step(before, after)
+                rises = None if bounds is None else bounds[0] > 0
+                change = (number(points, 2), interval(bounds), ANSWER[rises])
+                lines.append((recipe, before.budget, after.budget, *change))
+    return Table("From budget to budget", heads, tuple(lines))
+
+
+def step(before: Cell, after: Cell) -> tuple[float | None, tuple[float, float] | None]:
+    """Points of mAP ratio that `after` has more than `before`, and the paired 95 % interval; None without.
+
+    Only cells of the same frames and seed were drawn together.
+    """
+    low, high = before.row["map_ratio_percent"], after.row["map_ratio_percent"]
+    points = high - low if isinstance(low, float) and isinstance(high, float) else None
+    paired = (before.frames, before.settings.seed) == (after.frames, after.settings.seed)
+    if not paired or not before.map_ratio_draws or not after.map_ratio_draws:
+        return points, None
+    draws = [np.array(cell.map_ratio_draws, dtype=np.float64) for cell in (before, after)]
+    return points, percentile_interval(draws[1] - draws[0])
+
+
+def below_paper(budget: Budget, cell: Cell) -> bool | None:
+    """Whether the mAP ratio is below the paper's, and the Chamfer distance not above; None if undefined."""
+    ratio, distance = cell.row["map_ratio_percent"], cell.row["chamfer_distance_m2"]
+    if not isinstance(ratio, float) or not isinstance(distance, float | int):
+        return None
+    return ratio < budget.paper_map_ratio_percent and distance <= budget.paper_chamfer_distance_m2
+
+
+def records(cells: Sequence[Cell], recipes: Sequence[str]) -> list[Mapping[str, object]]:
+    """One a budget and recipe, as `report.json` lists them; of a cell that was not run, the paper's alone.
+
+    Variants of a recipe are listed where they were run.
+    """
+    found = {(cell.recipe, cell.budget): cell for cell in cells}
+    listed: list[Mapping[str, object]] = []
+    for recipe in recipes:
+        for budget in TABLES["paper"]:
+            about: dict[str, object] = {
+                "cell": budget.name,
+                "recipe": recipe,
+                "attack": budget.attack,
+                "parameters": budget.parameters,
+                "paper_map_ratio_percent": budget.paper_map_ratio_percent,
+                "paper_chamfer_distance_m2": budget.paper_chamfer_distance_m2,
+                "status": NOT_RUN,
+            }
+            cell = found.get((recipe, budget.name))
+            if cell is None and split_recipe(recipe)[1]:
+                continue
+            if cell:
+                about |= {
+                    "status": "done",
+                    "is_below_paper": below_paper(budget, cell),
+                    "strongest_baseline": strongest_baseline(cell.row),
+                    "bag_sha256": cell.bag_sha256,
+                    "frames": cell.settings.frames,
+                    "row": cell.row,
+                }
+            listed.append(about)
+    return listed
+
+
+def _strongest_prefix(cell: Cell) -> str | None:
+    word = strongest_baseline(cell.row)
+    return f"{word}_" if word else None
+
+
+def _farthest(row: Row) -> str:
+    """How far a point moved, or stands from the nearest clean one, at most."""
+    ways = [row["max_displacement_m"], row["max_added_m"]]
+    return number(max((way for way in ways if isinstance(way, float | int)), default=None), 4)

@@ -1,0 +1,52 @@
+"""Variants of a recipe in a sweep: `best+twice` takes twice its steps, `best+hide` hides objects."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from advpipe.pipeline.campaigns.sweep.cell import Cell
+from advpipe.pipeline.core.errors import UsageError
+
+HIDE = "hide"
+"""After no box of loose overlap, rather than after boxes that are off."""
+
+STEPS: Mapping[str, float] = {"half": 0.5, "twice": 2}
+"""So many times the steps, by the same rule: whether the attack would get stronger by more of them."""
+
+VARIANTS = (HIDE, *STEPS)
+
+
+def split_recipe(word: str) -> tuple[str, tuple[str, ...]]:
+    """The recipe and its variants; AdvpipeError for a variant that is none, and for a second spelling."""
+    recipe, *variants = word.split("+")
+    for variant in variants:
+        if variant not in VARIANTS:
+            raise UsageError(f"unknown variant {variant!r} of recipe {recipe}; known: {', '.join(VARIANTS)}")
+    spelling = "+".join([recipe, *(variant for variant in VARIANTS if variant in variants)])
+    if word != spelling:
+        raise UsageError(f"recipe {word} is spelt {spelling}")
+    if len([variant for variant in variants if variant in STEPS]) > 1:
+        raise UsageError(f"recipe {word} asks for two numbers of steps; take one of {', '.join(STEPS)}")
+    return recipe, tuple(variants)
+
+
+def steps_factor(recipe: str) -> float:
+    """How many times the steps of the plain recipe it takes."""
+    return next((STEPS[variant] for variant in split_recipe(recipe)[1] if variant in STEPS), 1)
+
+
+def by_steps(cells: Sequence[Cell]) -> dict[str, list[Cell]]:
+    """The cells that were also run with other steps, by the name of the plain one, from few steps to many.
+
+    Without the plain one there is nothing to lay them beside.
+    """
+    families: dict[str, list[Cell]] = {}
+    for cell in cells:
+        recipe, variants = split_recipe(cell.recipe)
+        plain = "+".join([recipe, *(variant for variant in variants if variant not in STEPS)])
+        families.setdefault(f"{plain}-{cell.budget}", []).append(cell)
+    return {
+        name: sorted(family, key=lambda cell: steps_factor(cell.recipe))
+        for name, family in families.items()
+        if len(family) > 1 and any(cell.name == name for cell in family)
+    }

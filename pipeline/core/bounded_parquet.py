@@ -1,0 +1,217 @@
+"""Parquet files of others, read within bounds.
+
+What a file unpacks to is known before any of it is unpacked: rows from the footer, in proportion to the
+file's bytes, since run lengths write a thousand million equal rows in as many bytes as one; bytes from the
+header of each page, since a footer may lie. Rows then come a batch at a time.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.parquet_pages import ENCODINGS, Page, pages
+
+Kind = Literal["whole", "truth", "text"]
+KINDS: dict[Kind, str] = {"whole": "whole number", "truth": "true or false", "text": "text"}
+
+BATCH_ROWS = 1 << 12
+ROWS_AT_ONCE = 1 << 9
+"""As Python's own values, which take some twenty times as much."""
+
+READ_BYTES = 1 << 16
+"""Of a column at once: without it, all of it is read that a group of rows holds."""
+
+LONGEST_TEXT_BYTES = 1 << 11
+"""Of a text in a cell. Files keep equal texts once: a million rows of a long one lie in a few kilobytes."""
+
+FOOTER_LIMIT_BYTES = 1 << 24
+MOST_COLUMNS, MOST_GROUPS = 1000, 10_000
+"""A footer is read whole, and takes some ten times its bytes."""
+
+MOST_PAGES = 1 << 17
+"""Of all columns that are read. Writers make pages of about a megabyte, or of 20,000 rows."""
+
+PAGES_LIMIT_BYTES = 1 << 28
+"""What the largest pages of all columns may unpack to together: one of each is held at a time."""
+
+FREE_BATCH_ROWS = 1 << 22
+BATCH_ROWS_PER_BYTE = 1
+"""A row that tells apart one point from the next has a byte at least."""
+
+FREE_ROWS = 100_000
+ROWS_PER_BYTE = 1 / 8
+"""Rows of messages, fixes and frames hold a time and several numbers each; as Python's own they are slow."""
+
+
+def rows(path: Path, columns: Sequence[str] | Mapping[str, Kind] | None = None) -> Iterator[dict[str, Any]]:
+    """The rows of a table, in its order; columns, errors: as of `batches`, with fewer rows."""
+    for batch in batches(path, columns, most_rows=FREE_ROWS + int(ROWS_PER_BYTE * _size(path))):
+        for start in range(0, batch.num_rows, ROWS_AT_ONCE):
+            yield from batch.slice(start, ROWS_AT_ONCE).to_pylist()
+
+
+def flat_columns(path: Path) -> set[str]:
+    """Names of the columns that hold numbers or texts; raises AdvpipeError for a file that is no table."""
+    with _opened(path) as table:
+        return {field.name for field in table.schema_arrow if _is_number(field.type) or _is_text(field.type)}
+
+
+def batches(
+    path: Path, columns: Sequence[str] | Mapping[str, Kind] | None = None, *, most_rows: int | None = None
+) -> Iterator[Any]:
+    """Record batches of at most `BATCH_ROWS` rows, of numbers and texts.
+
+    columns: their names, or what each has to hold in every row; all if left out. most_rows: in proportion to
+    the file's bytes if left out. Raises AdvpipeError for a file that is no whole table, one with other
+    columns, and one that would unpack to too much.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    with _opened(path) as table:
+        names = list(columns or table.schema_arrow.names)
+        texts = [field.name for field in table.schema_arrow if _is_text(field.type)]
+        _check(path, table, names, most_rows)
+    try:
+        with pq.ParquetFile(
+            _file(path), page_checksum_verification=True, read_dictionary=texts, buffer_size=READ_BYTES
+        ) as table:
+            for batch in table.iter_batches(BATCH_ROWS, columns=names, use_threads=False):
+                unpacked = [_unpacked(path, name, batch.column(name)) for name in names]
+                for name, kind in columns.items() if isinstance(columns, Mapping) else ():
+                    _check_kind(path, name, batch.column(name), kind)
+                yield pa.RecordBatch.from_arrays(unpacked, names=names)
+    except (OSError, pa.ArrowException, ValueError, KeyError, MemoryError) as error:
+        raise _no_table(path, error) from None
+
+
+def _opened(path: Path) -> Any:
+    """The table, its footer read."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with path.open("rb") as file:
+            file.seek(max(_size(path) - 8, 0))
+            end = file.read(8)
+        length = int.from_bytes(end[:4], "little")
+        if end[4:] == b"PAR1" and length > FOOTER_LIMIT_BYTES:
+            raise AdvpipeError(f"{path}: a footer of {length} bytes is too long to read")
+        return pq.ParquetFile(_file(path))
+    except (OSError, pa.ArrowException, ValueError) as error:
+        raise _no_table(path, error) from None
+
+
+def _file(path: Path) -> Any:
+    """The file for pyarrow, which takes names that are not UTF-8 as bytes alone."""
+    import pyarrow as pa
+
+    return pa.OSFile(os.fsencode(path))
+
+
+def _check(path: Path, table: Any, names: Sequence[str], most_rows: int | None) -> None:
+    metadata, known = table.metadata, table.schema_arrow.names
+    if len(set(known)) < len(known):
+        raise AdvpipeError(f"{path}: two columns have the same name")
+    if missing := [name for name in names if name not in known]:
+        raise AdvpipeError(f"{path}: no column {missing[0]}")
+    if metadata.num_columns > MOST_COLUMNS or metadata.num_row_groups > MOST_GROUPS:
+        raise AdvpipeError(
+            f"{path}: {metadata.num_columns} columns in {metadata.num_row_groups} groups of rows, "
+            "too many to read"
+        )
+    groups = [metadata.row_group(index) for index in range(metadata.num_row_groups)]
+    count = max(metadata.num_rows, sum(group.num_rows for group in groups))
+    if most_rows is None:
+        most_rows = FREE_BATCH_ROWS + BATCH_ROWS_PER_BYTE * _size(path)
+    if not 0 <= count <= most_rows or any(group.num_rows < 0 for group in groups):
+        raise AdvpipeError(f"{path}: {count} rows are too many to read; at most {most_rows} in such a file")
+    _check_pages(path, groups, frozenset(names))
+
+
+def _check_pages(path: Path, groups: Sequence[Any], names: frozenset[str]) -> None:
+    """What the columns of a group hold at a time: of each its dictionary and its largest page."""
+    count = 0
+    with path.open("rb") as file:
+        for group in groups:
+            held_bytes = 0
+            for chunk in map(group.column, range(group.num_columns)):
+                if chunk.path_in_schema.partition(".")[0] not in names:
+                    continue
+                dictionary = largest = 0
+                for page in _pages(path, file, chunk):
+                    dictionary = max(dictionary, page.uncompressed_bytes * page.is_dictionary)
+                    largest = max(largest, page.uncompressed_bytes)
+                    count += 1
+                    if count > MOST_PAGES:
+                        raise AdvpipeError(f"{path}: more than {MOST_PAGES} pages, too many to read")
+                held_bytes += dictionary + largest
+            if held_bytes > PAGES_LIMIT_BYTES:
+                raise AdvpipeError(f"{path}: its pages unpack to {held_bytes} bytes, too many to read")
+
+
+def _pages(path: Path, file: Any, chunk: Any) -> Iterator[Page]:
+    begins = [chunk.data_page_offset, chunk.dictionary_page_offset if chunk.has_dictionary_page else None]
+    start = min((place for place in begins if place), default=0)  # a table without rows has no data page
+    try:
+        for page in pages(file, start, chunk.total_compressed_size):
+            if page.encoding not in ENCODINGS:
+                raise AdvpipeError(
+                    f"{path}: {chunk.path_in_schema} has an encoding that is not read here; "
+                    "write it plain or with a dictionary"
+                )
+            yield page
+    except (ValueError, OSError, OverflowError) as error:
+        raise _no_table(path, error) from None
+
+
+def _size(path: Path) -> int:
+    try:
+        return os.stat(path).st_size
+    except OSError as error:
+        raise _no_table(path, error) from None
+
+
+def _no_table(path: Path, error: BaseException) -> AdvpipeError:
+    reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
+    return AdvpipeError(f"{path}: no whole Parquet table ({reason})")
+
+
+def _is_number(kind: Any) -> bool:
+    import pyarrow as pa
+
+    return bool(pa.types.is_primitive(kind))
+
+
+def _is_text(kind: Any) -> bool:
+    import pyarrow as pa
+
+    kind = kind.value_type if pa.types.is_dictionary(kind) else kind
+    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
+
+
+def _check_kind(path: Path, name: str, column: Any, kind: Kind) -> None:
+    import pyarrow as pa
+
+    is_kind = {"whole": pa.types.is_integer, "truth": pa.types.is_boolean, "text": _is_text}[kind]
+    if not is_kind(column.type) or column.null_count:
+        raise AdvpipeError(f"{path}: {name} does not hold a {KINDS[kind]} in every row")
+
+
+def _unpacked(path: Path, name: str, column: Any) -> Any:
+    """A column with its texts in each row; equal ones were read once."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    if _is_number(column.type):
+        return column
+    if not pa.types.is_dictionary(column.type) or not _is_text(column.type):
+        raise AdvpipeError(f"{path}: {name} holds neither numbers nor texts")
+    longest = pc.max(pc.binary_length(column.dictionary)).as_py() or 0
+    if longest > LONGEST_TEXT_BYTES:
+        raise AdvpipeError(f"{path}: {name} holds a text of {longest} bytes, too many to read")
+    return column.dictionary_decode()

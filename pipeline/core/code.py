@@ -1,0 +1,66 @@
+"""Which state of this package's own code made a result: results of two states must not be mixed unseen."""
+
+from __future__ import annotations
+
+import hashlib
+import subprocess
+from functools import cache
+from pathlib import Path
+
+PACKAGE = Path(__file__).parents[2]
+
+CLOUDS = (
+    "pipeline/messages/cloud.py",
+    "pipeline/core/frame_slice.py",
+    "pipeline/bag/frames.py",
+    "pipeline/bag/ground_truth.py",
+    "pipeline/baselines.py",
+    "pipeline/detector",
+    "pipeline/geometry",
+    "pipeline/metrics",
+    "pipeline/core/seeding.py",
+)
+"""What decides how clouds are read, detected in and scored."""
+
+
+@cache
+def code_sha256(*parts: str) -> str:
+    """SHA-256 over the Python sources in `parts`: files and folders of this package, named from its root.
+
+    Of each source its path and its text count, in the order of paths; line ends do not. It is computed
+    once in a process, as the code is loaded once. Raises FileNotFoundError for a part that is none.
+    """
+    digest = hashlib.sha256()
+    for source in sorted({source for part in parts for source in _sources(PACKAGE / part)}):
+        text = source.read_text(encoding="utf-8")
+        name = source.relative_to(PACKAGE).as_posix()
+        digest.update(f"{name}\0{len(text)}\0{text}".encode())
+    return digest.hexdigest()
+
+
+@cache
+def source_commit() -> str | None:
+    """The git commit of this package's sources, with a `+` where code differs from it.
+
+    None outside a checkout. A package in site-packages is none, though that folder may lie in one of
+    another project.
+    """
+    if not (PACKAGE / ".git").exists():
+        return None
+    try:
+        commit = _git("rev-parse", "HEAD")
+        return f"{commit}+" if _git("status", "--porcelain", "--", "*.py") else commit
+    except (OSError, subprocess.CalledProcessError):  # no git here, or no commit yet
+        return None
+
+
+def _git(*words: str) -> str:
+    command = ["git", "-C", str(PACKAGE), *words]
+    return subprocess.run(command, check=True, capture_output=True, encoding="utf-8").stdout.strip()
+
+
+def _sources(part: Path) -> list[Path]:
+    found = [part] if part.is_file() else list(part.rglob("*.py"))
+    if not found:
+        raise FileNotFoundError(part)
+    return found

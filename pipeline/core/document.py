@@ -1,0 +1,89 @@
+"""Documents inside bags and data sets, which anybody may have written: models, and errors in one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from advpipe.pipeline.core import plain_json, plain_yaml
+from advpipe.pipeline.core.errors import AdvpipeError, one_line
+
+LONGEST_WORD = 200
+LONGEST_TEXT = 2 << 20
+_SHOWN = 60
+
+Word = Annotated[str, Field(max_length=LONGEST_WORD)]
+"""A name, or what else stands in one cell of a table."""
+Text = Annotated[str, Field(max_length=LONGEST_TEXT)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+"""A finite number: `true` and `"1"` are none."""
+Count = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
+
+T = TypeVar("T")
+
+
+class Document(BaseModel):
+    """Frozen. Keys of other versions are ignored; a number that is not finite is an error."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
+
+
+def read_json(text: str | bytes, kind: Any, where: str, hint: str, limit_bytes: int = LONGEST_TEXT) -> Any:
+    """A value of this kind (a type, as pydantic takes it) from a JSON text.
+
+    where: the file, and the topic or record in it. hint: what to do about a text that is no such document.
+    Raises AdvpipeError, which names the key that is wrong.
+    """
+    try:
+        document = plain_json.load(text, limit_bytes)
+    except (ValueError, RecursionError) as error:
+        raise AdvpipeError(f"{where}: not read as JSON: {_reason(error)}; {hint}") from None
+    return validated(document, kind, where, hint)
+
+
+def read_yaml(text: str, kind: Any, where: str, hint: str) -> Any:
+    """The same of a YAML text."""
+    try:
+        document = plain_yaml.load(text)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise AdvpipeError(f"{where}: not read as YAML: {_reason(error)}; {hint}") from None
+    return validated(document, kind, where, hint)
+
+
+def read_text(path: Path, limit_bytes: int = LONGEST_TEXT) -> str:
+    """A small text file; raises AdvpipeError for one that is large, no UTF-8, or cannot be read."""
+    try:
+        with path.open("rb") as file:
+            data = file.read(limit_bytes + 1)
+    except OSError as error:
+        raise AdvpipeError(f"{path}: cannot be read: {error.strerror or error}") from None
+    if len(data) > limit_bytes:
+        raise AdvpipeError(f"{path} is too large: more than {limit_bytes} bytes")
+    try:
+        return data.decode()
+    except UnicodeDecodeError:
+        raise AdvpipeError(f"{path} is not a text file in UTF-8") from None
+
+
+def validated(document: object, kind: Any, where: str, hint: str) -> Any:
+    """Plain values as this kind; raises AdvpipeError as `read_json` does."""
+    try:
+        return TypeAdapter(kind).validate_python(document)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_context=False)[0]
+        key = ".".join(str(part)[:_SHOWN] for part in first["loc"] if part != "[key]")
+        message = str(first["msg"]).removeprefix("Value error, ")[:LONGEST_WORD]
+        place = f"{where}: {key}" if key else where
+        raise AdvpipeError(one_line(f"{place}: {message}; {hint}")) from None
+
+
+def _reason(error: Exception) -> str:
+    """The first line of what a parser says, short."""
+    if isinstance(error, yaml.MarkedYAMLError):
+        mark = error.problem_mark
+        place = f" in line {mark.line + 1}" if mark is not None else ""
+        return f"{error.problem}{place}"[:LONGEST_WORD]
+    return (str(error).splitlines() or [type(error).__name__])[0][:LONGEST_WORD]

@@ -1,0 +1,173 @@
+"""Many independent jobs, in this process or in several: the results must not hang on which."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import threading
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from multiprocessing import get_context, parent_process, resource_tracker
+from multiprocessing.connection import Connection, wait
+from typing import Any, TypeVar
+
+from advpipe.pipeline.core import signals
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError, os_error_line
+from advpipe.pipeline.core.missing_library import missing_library_line
+from advpipe.pipeline.core.progress import track
+from advpipe.pipeline.core.verbosity import detail, quieten_warnings
+
+Work = Callable[[int], None]
+T = TypeVar("T")
+
+JOBS_WORTH_A_WORKER = 4
+"""A worker takes seconds to load its libraries: below this many jobs each, fewer workers are faster."""
+
+
+class UnexpectedInWorkerError(Exception):
+    """An error in a worker process that nobody thought of, and the traceback there."""
+
+    def __init__(self, summary: str, traceback: str) -> None:
+        super().__init__(summary, traceback)
+        self.traceback = traceback
+
+    def __str__(self) -> str:
+        return f"{self.args[0]} (in a worker process)"
+
+
+class WorkerTracebackError(Exception):
+    """Shows, as the cause of the error in this process, where the one in the worker came from."""
+
+
+def run_jobs(
+    prepare: Callable[[], Work], jobs: Sequence[int], description: str, workers: int | None = None
+) -> None:
+    """Calls `prepare()` once in each process, and the work that it returns once for each job.
+
+    prepare: can be pickled; what it loads is loaded in every process. jobs: numbers that name them.
+    workers: processes, by default one for each core. Work keeps its own results, such as in a file
+    for each job. Raises the AdvpipeError of the first job that fails.
+    """
+    for _ in _done(prepare, jobs, description, workers):
+        pass
+
+
+def map_jobs(
+    prepare: Callable[[], Callable[[int], T]],
+    jobs: Sequence[int],
+    description: str,
+    workers: int | None = None,
+) -> list[T]:
+    """As `run_jobs`, for work whose results are small and can be pickled: they come in the jobs' order.
+
+    A process is given its jobs in their order.
+    """
+    results = dict(_done(prepare, jobs, description, workers))
+    return [results[job] for job in jobs]
+
+
+def _done(
+    prepare: Callable[[], Callable[[int], T]], jobs: Sequence[int], description: str, workers: int | None
+) -> Iterator[tuple[int, T]]:
+    """Each job with its result, as they end."""
+    count = min(workers or os.cpu_count() or 1, max(len(jobs) // JOBS_WORTH_A_WORKER, 1))
+    detail(f"{description}: {len(jobs)} jobs in {count} processes")
+    done = _in_processes(prepare, jobs, count) if count > 1 else _here(prepare, jobs)
+    return track(done, description, len(jobs))
+
+
+def _here(prepare: Callable[[], Callable[[int], T]], jobs: Sequence[int]) -> Iterator[tuple[int, T]]:
+    work = prepare() if jobs else None
+    for job in jobs:
+        assert work is not None
+        yield job, work(job)
+
+
+def _in_processes(
+    prepare: Callable[[], Callable[[int], T]], jobs: Sequence[int], count: int
+) -> Iterator[tuple[int, T]]:
+    context = get_context("spawn")  # a fork would inherit the threads of the libraries loaded here
+    processes, pipes = [], []
+    if os.name == "posix":
+        resource_tracker.ensure_running()  # starting it unblocks signals
+    try:
+        for index in range(count):
+            ours, theirs = context.Pipe(duplex=False)
+            process = context.Process(
+                target=_serve, args=(theirs, pickle.dumps(prepare), list(jobs[index::count])), daemon=True
+            )
+            with signals.blocked():  # until the worker says what becomes of them
+                process.start()
+            theirs.close()  # the worker's end is the worker's alone: its death closes the pipe
+            processes.append(process)
+            pipes.append(ours)
+        yield from _finished(pipes)
+    finally:
+        for process in processes:
+            process.kill()  # at once and without a word, even while it still loads its libraries
+        for process in processes:
+            process.join()
+
+
+def _finished(pipes: list[Connection]) -> Iterator[tuple[int, Any]]:
+    """Jobs and their results as they end; a worker says None when it has no more."""
+    waiting = list(pipes)
+    while waiting:
+        for pipe in wait(waiting):
+            assert isinstance(pipe, Connection)
+            try:
+                message: Any = pipe.recv()
+            except EOFError:
+                raise AdvpipeError(
+                    "a worker process died (out of memory, or killed); run again to go on, "
+                    "with --workers 1 if memory is short"
+                ) from None
+            if isinstance(message, UnexpectedInWorkerError):
+                raise message from WorkerTracebackError(f"\n{message.traceback}")
+            if isinstance(message, BaseException):
+                raise message
+            if message is None:
+                waiting.remove(pipe)
+            else:
+                yield message
+
+
+def _serve(pipe: Connection, pickled: bytes, jobs: list[int]) -> None:
+    """A worker's life; signals are the parent's business, and a parent that is gone ends the worker.
+
+    pickled: `prepare`, which only here loads its libraries: they take seconds, and the parent may end before.
+    """
+    signals.leave_to_parent()
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    quieten_warnings()
+    try:
+        work: Callable[[int], Any] = pickle.loads(pickled)()
+        for job in jobs:
+            pipe.send((job, work(job)))
+        pipe.send(None)
+    except BrokenPipeError:
+        return
+    except AdvpipeError as error:
+        kind = UsageError if isinstance(error, UsageError) else AdvpipeError
+        pipe.send(kind(str(error)))
+    except Exception as error:
+        pipe.send(_in_parent(error))
+
+
+def _in_parent(error: Exception) -> Exception:
+    """What the parent raises for an error of a worker."""
+    if isinstance(error, ImportError | OSError) and (line := missing_library_line(error)):
+        return AdvpipeError(line)
+    if isinstance(error, OSError):
+        # A full disk has no name: whoever knows the output gives it one.
+        return AdvpipeError(os_error_line(error)) if error.filename else OSError(*error.args)
+    summary = traceback.format_exception_only(error)[-1].strip()
+    return UnexpectedInWorkerError(summary, traceback.format_exc())
+
+
+def _end_with_parent() -> None:
+    """Ends this worker as soon as its parent is gone, whatever it computes."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

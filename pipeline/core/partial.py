@@ -1,0 +1,265 @@
+"""A folder that appears under its final name only when it is whole."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError, UsageError, writing
+from advpipe.pipeline.core.lock import (
+    HAS_LOCKS,
+    LOCK_NAME,
+    is_held,
+    lock_of_dead,
+    one_at_a_time,
+    remove_folder,
+    take_lock,
+)
+
+REPLACED_NAME = "replaced"
+"""In a hidden folder: the former output, while the new one takes its name."""
+
+MOVING_NAME = ".moving"
+"""In a hidden folder: everything in it is whole, and a run was moving it to its final names."""
+
+_HIDDEN = re.compile(r"\.(.+)\.partial-[^.]+")
+
+
+def final_path(path: Path) -> Path:
+    """The path that a file in a hidden folder is to get.
+
+    >>> final_path(Path("datasets/.town.partial-x1/clean"))
+    PosixPath('datasets/town/clean')
+    """
+    return Path(*(match[1] if (match := _HIDDEN.fullmatch(part)) else part for part in path.parts))
+
+
+def leftovers(final: Path) -> list[Path]:
+    """The hidden folders of runs for this name, of killed and of living ones; the newest first."""
+    if not final.parent.is_dir():
+        return []
+    found = [
+        path for path in final.parent.iterdir() if path.name.startswith(_prefix(final)) and path.is_dir()
+    ]
+    return sorted(found, key=lambda path: (_changed_ns(path), path.name), reverse=True)
+
+
+def _changed_ns(path: Path) -> int:
+    with suppress(OSError):  # another run removes it just now
+        return path.stat().st_mtime_ns
+    return 0
+
+
+@contextmanager
+def held(leftover: Path) -> Iterator[bool]:
+    """Whether the run that filled it is dead; then no other run removes it within the block."""
+    lock = lock_of_dead(leftover / LOCK_NAME)
+    if lock is None:  # another run's, or nobody's in a folder that only its owner may change
+        yield not is_held(leftover / LOCK_NAME)
+        return
+    with lock:
+        yield True
+
+
+def _prefix(final: Path) -> str:
+    return f".{final.name}.partial-"
+
+
+def _make_hidden(final: Path) -> Path:
+    folder = Path(tempfile.mkdtemp(prefix=_prefix(final), dir=final.parent))
+    folder.chmod(0o755)  # mkdtemp's 0700 would hide the bag from everybody else
+    return folder
+
+
+def _lock(folder: Path) -> IO[bytes]:
+    try:
+        lock = take_lock(folder / LOCK_NAME)
+        if lock is None:
+            raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK), str(folder.parent))
+    except OSError:
+        remove_folder(folder)
+        raise
+    return lock
+
+
+class PartialFolder:
+    """A hidden folder beside `final`, renamed to it by `commit` or removed by `discard`.
+
+    A killed run leaves only the hidden folder. It stays, for `advpipe recover`, until a later run for the
+    same name has finished; of several, the newest stays. One that a living run still fills is never
+    touched: its lock tells.
+    """
+
+    def __init__(self, final: Path) -> None:
+        self.final = final
+        self._new_parents = [parent for parent in final.parents if not parent.exists()]
+        try:
+            final.parent.mkdir(parents=True, exist_ok=True)
+            with one_at_a_time(final.parent):
+                self._remove_leftovers(kept=1)
+                self.path = _make_hidden(final)
+                self._lock = _lock(self.path)
+        except OSError:
+            self._remove_new_parents()
+            raise
+
+    def commit(self, may_replace: Callable[[Path], bool]) -> None:
+        """Give the folder its final name; what lies there is replaced if `may_replace` says so."""
+        with one_at_a_time(self.final.parent):
+            if self.final.exists() and not may_replace(self.final):
+                raise AdvpipeError(f"{self.final} appeared meanwhile, not overwriting")
+            (self.path / LOCK_NAME).unlink(missing_ok=True)
+            self._lock.close()
+            if not self.final.exists():
+                self.path.rename(self.final)
+                self._remove_leftovers()
+                return
+            old = _make_hidden(self.final) / REPLACED_NAME
+            (old.parent / LOCK_NAME).touch()
+            try:
+                self.final.rename(old)
+                self.path.rename(self.final)
+            except BaseException:
+                if old.exists() and not self.final.exists():
+                    old.rename(self.final)
+                raise
+            finally:
+                remove_folder(old.parent)
+            self._remove_leftovers()
+
+    def discard(self, is_finished: bool = False) -> None:
+        """Remove the folder, and the folders above it that were made for it and hold nothing else.
+
+        is_finished: what was in it found its place elsewhere.
+        """
+        if is_finished:
+            self._remove_leftovers()
+        remove_folder(self.path)
+        self._lock.close()
+        self._remove_new_parents()
+
+    def _remove_new_parents(self) -> None:
+        with suppress(OSError):  # the first one that is not empty, or was never made
+            for parent in self._new_parents:
+                parent.rmdir()
+
+    def _remove_leftovers(self, kept: int = 0) -> None:
+        """All of killed runs, but for the `kept` newest."""
+        if not HAS_LOCKS:
+            return
+        for leftover in leftovers(self.final):
+            with held(leftover) as is_dead:
+                if is_dead and kept:
+                    kept -= 1
+                elif is_dead:
+                    remove_folder(leftover)
+
+
+@dataclass(frozen=True)
+class FolderKind:
+    """What a stage's folder is made of, so that nobody else's folder is replaced.
+
+    items: the names that the stage makes. marks: files that every finished folder of the kind holds.
+    """
+
+    name: str
+    items: tuple[str, ...]
+    marks: tuple[str, ...]
+
+    def refuse_foreign(self, folder: Path) -> None:
+        """Raises AdvpipeError where items would be replaced in a folder that is not of this kind."""
+        taken = [name for name in self.items if (folder / name).exists()]
+        lacking = [mark for mark in self.marks if not (folder / mark).is_file()]
+        if taken and lacking:
+            raise UsageError(
+                f"{folder} holds {taken[0]} but no {lacking[0]}, so it is no {self.name}; not replacing it, "
+                "choose another name"
+            )
+
+
+@contextmanager
+def staged_folder(final: Path, overwrite: bool, kind: FolderKind) -> Iterator[Path]:
+    """A folder to fill; what is in it moves to `final` when the block ends without an error.
+
+    With `overwrite`, an old `final` stays as it is until then, and items of it that are not made anew
+    stay for good: attacks and reports of a data set whose drive is recorded again.
+    """
+
+    def refuse() -> None:
+        if final.exists() and not overwrite:
+            raise OutputExistsError(final)
+        if final.exists() and not final.is_dir():
+            raise UsageError(f"{final} is no folder, not replacing it; choose another name")
+        kind.refuse_foreign(final)
+
+    finish_moves(final, final)
+    refuse()
+    partial = PartialFolder(final)
+    try:
+        with writing(final):
+            yield partial.path
+        refuse()  # again: it may have appeared meanwhile
+        if final.is_dir():
+            move_items(partial.path, final)
+            partial.discard(is_finished=True)
+        else:
+            partial.commit(may_replace=lambda _: False)
+    except BaseException:
+        partial.discard()
+        raise
+
+
+def move_items(new: Path, target: Path, outdated: Sequence[Path] = ()) -> None:
+    """Move all visible items of a hidden folder to `target`: all of them, or none.
+
+    outdated: further paths that go. What was replaced stays in `new`, hidden, and goes with it. A killed run
+    leaves some items moved; `finish_moves` moves the rest.
+    """
+    items = sorted(item for item in new.iterdir() if not item.name.startswith("."))
+    places = [(item, target / item.name) for item in items]
+    gone = [*outdated, *(path for _, path in places if path.exists())]
+    (new / MOVING_NAME).touch()
+    try:
+        for path in gone:
+            path.rename(new / f".old.{path.name}")
+        for item, path in places:
+            item.rename(path)
+    except BaseException:
+        for item, path in places:
+            if not item.exists():
+                path.rename(item)
+        for path in gone:
+            if (old := new / f".old.{path.name}").exists():
+                old.rename(path)
+        raise
+
+
+def finish_moves(
+    final: Path, target: Path, outdated: Callable[[Path], Sequence[Path]] = lambda _: ()
+) -> None:
+    """Finish what a run was killed in the middle of: moving the items of its output to `target`.
+
+    final: the name that it was run for. outdated: of its hidden folder, what else has to go.
+    """
+    if not HAS_LOCKS or not target.is_dir():
+        return
+    for leftover in leftovers(final):
+        with held(leftover) as is_dead:
+            if is_dead and (leftover / MOVING_NAME).is_file():
+                move_items(leftover, target, outdated(leftover))
+                remove_folder(leftover)
+
+
+def remove_output(path: Path) -> None:
+    """Remove a folder, if it is there: after a kill it is whole or gone, never half a folder of that name."""
+    if path.exists():
+        partial = PartialFolder(path)
+        path.rename(partial.path / f".old.{path.name}")
+        partial.discard(is_finished=True)

@@ -1,0 +1,82 @@
+"""JSON of others, read within bounds: finite numbers, each key once, no deep nesting, Unicode text only."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from typing import Any, NoReturn
+
+from advpipe.pipeline.core.plain_values import LONGEST_NUMBER, MOST_LEVELS, refuse_odd_strings
+
+LIMIT_BYTES = 2 << 20
+_BRACKETS = re.compile(r'"(?:[^"\\]+|\\.)*"?|[\[{]|[\]}]', re.DOTALL)
+"""Strings as a whole, also one without an end, so that brackets in them do not count."""
+
+
+def load(text: str | bytes, limit_bytes: int = LIMIT_BYTES) -> Any:
+    """The document's values: dictionaries, lists, strings, finite numbers, booleans and None.
+
+    Raises ValueError for a text that is no JSON, is too long or too deep, names a key twice, or holds NaN,
+    an infinity, a number of more than `LONGEST_NUMBER` digits, a NUL, or half a surrogate pair.
+    """
+    if isinstance(text, bytes):
+        if len(text) > limit_bytes:
+            raise ValueError(f"{len(text)} bytes are too many")
+        text = text.decode()
+    elif len(text) > limit_bytes:
+        raise ValueError(f"{len(text)} characters are too many")
+    _refuse_depth(text)
+    document = json.loads(
+        text,
+        parse_int=_int,
+        parse_float=_float,
+        parse_constant=_refuse_constant,
+        object_pairs_hook=_object,
+    )
+    refuse_odd_strings(document)
+    return document
+
+
+def _refuse_depth(text: str) -> None:
+    """Before the parser, whose recursion it would be."""
+    if text.count("[") + text.count("{") <= MOST_LEVELS:
+        return
+    level = 0
+    for found in _BRACKETS.finditer(text):
+        bracket = found.group()
+        if bracket in "[{":
+            level += 1
+            if level > MOST_LEVELS:
+                raise ValueError(f"more than {MOST_LEVELS} levels")
+        elif bracket in "]}":
+            level -= 1
+
+
+def _int(digits: str) -> int:
+    _refuse_long(digits)
+    return int(digits)
+
+
+def _float(digits: str) -> float:
+    _refuse_long(digits)
+    value = float(digits)
+    if not math.isfinite(value):
+        raise ValueError(f"the number {digits} is too large")
+    return value
+
+
+def _refuse_long(digits: str) -> None:
+    if len(digits) > LONGEST_NUMBER:
+        raise ValueError(f"a number of {len(digits)} characters")
+
+
+def _refuse_constant(word: str) -> NoReturn:
+    raise ValueError(f"{word}, which is no number of JSON")
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("a key that is given twice")
+    return found

@@ -1,0 +1,64 @@
+"""YAML of others, read within bounds: plain values, and no aliases, which can make a page huge."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import yaml
+
+from advpipe.pipeline.core.plain_values import LONGEST_NUMBER, MOST_LEVELS, refuse_odd_strings
+
+if TYPE_CHECKING:
+    from yaml import SafeLoader as _Fastest
+else:
+    _Fastest = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+LIMIT_BYTES = 2 << 20
+
+_BAD_VALUES = (LookupError, TypeError, AttributeError, ArithmeticError)
+"""What PyYAML raises, beside its own errors and ValueError, on a value not of its tag: `!!bool x`."""
+
+
+class _PlainLoader(_Fastest):
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        found = super().construct_mapping(node, deep)
+        if len(found) < len(node.value):
+            raise ValueError("a key that is given twice")
+        return found
+
+
+def _number(loader: _PlainLoader, node: yaml.ScalarNode) -> int | float:
+    if len(node.value) > LONGEST_NUMBER:
+        raise ValueError(f"a number of {len(node.value)} characters")
+    is_int = node.tag == "tag:yaml.org,2002:int"
+    value: int | float = (loader.construct_yaml_int if is_int else loader.construct_yaml_float)(node)
+    return value
+
+
+for _tag in ("int", "float"):
+    _PlainLoader.add_constructor(f"tag:yaml.org,2002:{_tag}", _number)
+for _tag in ("binary", "set", "omap", "pairs"):  # what JSON has no word for
+    _PlainLoader.add_constructor(f"tag:yaml.org,2002:{_tag}", _PlainLoader.construct_undefined)  # type: ignore[type-var]
+
+
+def load(text: str) -> Any:
+    """The document's plain values.
+
+    Raises yaml.YAMLError or ValueError for a text that is none, has aliases, is too long or too deep, names
+    a key twice, or holds a number of more than `LONGEST_NUMBER` characters, a NUL, or half a surrogate pair.
+    """
+    if len(text) > LIMIT_BYTES:
+        raise ValueError(f"{len(text)} characters are too many")
+    level = 0
+    for event in yaml.parse(text, Loader=_PlainLoader):
+        if isinstance(event, yaml.AliasEvent):
+            raise yaml.YAMLError("an alias, which is not read here")
+        level += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if level > MOST_LEVELS:
+            raise ValueError(f"more than {MOST_LEVELS} levels")
+    try:
+        document = yaml.load(text, Loader=_PlainLoader)
+    except _BAD_VALUES as error:
+        raise ValueError(f"no plain value ({error})") from None
+    refuse_odd_strings(document)
+    return document

@@ -1,0 +1,106 @@
+"""What a command tells besides its result: how much of it, and where to.
+
+A result goes to standard output: text for people, or with --json one document for programs. Everything else
+goes to standard error: notices unless --quiet, and with --verbose what is loaded, with which seed and
+versions, and how long each phase takes. Worker processes tell nothing.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TextIO
+
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.text import one_line
+
+
+@dataclass(frozen=True)
+class Verbosity:
+    """quiet: errors alone. verbose: details, too. as_json: standard output is for the document alone."""
+
+    quiet: bool = False
+    verbose: bool = False
+    as_json: bool = False
+
+    def __post_init__(self) -> None:
+        if self.quiet and self.verbose:
+            raise UsageError("--quiet and --verbose contradict each other; leave one of them out")
+
+
+_current = Verbosity()
+_begin_s = time.monotonic()
+
+
+def is_quiet() -> bool:
+    return _current.quiet
+
+
+def is_for_people() -> bool:
+    """Whether standard output takes text for people."""
+    return not (_current.quiet or _current.as_json)
+
+
+def say(text: object) -> None:
+    """A part of the result that is known before the rest, such as a cell of a sweep."""
+    if not _current.quiet:
+        print(text, file=sys.stderr if _current.as_json else sys.stdout, flush=True)
+
+
+def notice(text: object) -> None:
+    """What the user should know of, though it is no error."""
+    if not _current.quiet:
+        print(one_line(text), file=sys.stderr, flush=True)
+
+
+def detail(text: object) -> None:
+    """What only --verbose shows, after the seconds since the command began."""
+    if _current.verbose:
+        print(f"[{time.monotonic() - _begin_s:6.1f} s] {one_line(text)}", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def phase(name: str) -> Iterator[None]:
+    """Tells, with --verbose, how long the block took."""
+    begin_s = time.monotonic()
+    yield
+    detail(f"{name}: {time.monotonic() - begin_s:.2f} s")
+
+
+@contextmanager
+def speaking(verbosity: Verbosity) -> Iterator[None]:
+    """Within the block, this is how much is told. Libraries' warnings are details."""
+    global _current, _begin_s
+    before, _current, _begin_s = (_current, _begin_s), verbosity, time.monotonic()
+    try:
+        with warnings.catch_warnings():
+            quieten_warnings()
+            yield
+    finally:
+        _current, _begin_s = before
+
+
+def quieten_warnings() -> None:
+    """Libraries' warnings, meant for programmers, are details, unless Python was told what they are."""
+    if sys.warnoptions:
+        return
+    if _current.verbose:
+        warnings.simplefilter("default")
+        warnings.showwarning = _show_warning
+    else:
+        warnings.simplefilter("ignore")
+
+
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    detail(f"{category.__name__}: {message} ({filename}, line {lineno})")

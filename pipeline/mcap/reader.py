@@ -1,0 +1,331 @@
+"""One .mcap file: checked when opened, its errors said in one line."""
+
+from __future__ import annotations
+
+import heapq
+import re
+import struct
+import zlib
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+import numpy.typing as npt
+import zstandard
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, ChunkIndex, Schema, Statistics
+from mcap.summary import Summary
+from mcap.writer import MCAP0_MAGIC
+
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.mcap.channel import RawMessage, Topic
+from advpipe.pipeline.mcap.qos import qos_from_yaml
+from advpipe.pipeline.mcap.records import (
+    inner_records,
+    parse,
+    parse_chunk,
+    parse_message,
+    parse_message_index,
+    read_records,
+)
+from advpipe.pipeline.mcap.summary import add_definition, data_records, read_metadata, read_summary
+from advpipe.pipeline.mcap.unpacking import MESSAGE_BYTES, UnpackBudget
+
+_FOOTER = struct.Struct("<BQQQI")  # opcode, length, summary start, summary offset start, summary CRC
+_BLOCK_BYTES = 1 << 20
+
+WAITING_LIMIT_BYTES = 1 << 30
+"""The most that messages may hold which wait because chunks overlap in time."""
+
+_qos = lru_cache(256)(qos_from_yaml)
+_TYPE_NAME = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*){1,3}", re.ASCII)
+SCHEMA_LIMIT_BYTES = 1 << 18
+"""The longest definition of a type that is read: that of a CAM has 28 kB."""
+
+LONGEST_TOPIC = 255
+"""As ROS 2's middleware has it."""
+
+_SCHEMA_ENCODINGS = ("ros2msg", "ros2idl")
+DAMAGE = (
+    McapError,
+    zstandard.ZstdError,
+    struct.error,
+    ValueError,  # also failed checksums and bytes that are no UTF-8
+    LookupError,
+    EOFError,
+    RuntimeError,
+    MemoryError,
+    OverflowError,
+    StopIteration,
+)
+"""What the libraries raise on bytes that are not what was written."""
+
+
+@contextmanager
+def mcap_errors(path: Path) -> Iterator[None]:
+    """Turn what damaged bytes and failing disks raise into one line."""
+    try:
+        yield
+    except OSError as error:
+        raise AdvpipeError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except DAMAGE as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise AdvpipeError(f"{path}: damaged or cut off ({reason})") from None
+
+
+class McapFile:
+    """A .mcap file of a ROS 2 recording, with or without an index.
+
+    topics: by channel id. counts: messages by topic name. metadata: records by name.
+
+    Chunk and summary checksums are validated where the file has them. Raises AdvpipeError for anything
+    that is no whole MCAP file of CDR messages.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        with mcap_errors(path):
+            check_ends(path)
+            with path.open("rb") as stream:
+                summary = read_summary(stream)
+                self.metadata = read_metadata(stream, summary)
+            if summary is not None and {index.name for index in summary.metadata_indexes} != set(
+                self.metadata
+            ):
+                raise AdvpipeError(f"{path}: damaged (a metadata record has another name than its index)")
+            self.is_indexed = summary is not None and _is_indexed(summary)
+            self._summary = summary if summary is not None and self.is_indexed else self._scan()
+            self.topics = {
+                channel.id: ros2_topic(path, channel, self._summary.schemas[channel.schema_id])
+                for channel in self._summary.channels.values()
+            }
+            self._schema_of = {
+                channel.id: (schema.data.decode(), schema.encoding)
+                for channel in self._summary.channels.values()
+                for schema in [self._summary.schemas[channel.schema_id]]
+            }
+            self.counts = self._counts()
+
+    def log_times_ns(self, topic_name: str) -> npt.NDArray[np.int64]:
+        """Log times (K,) of a topic's messages, ascending; read from the index, no chunk is unpacked."""
+        with mcap_errors(self.path):
+            times = self._indexed_times(topic_name) if self.is_indexed else self._read_times(topic_name)
+            if len(times) != self.counts.get(topic_name, 0):
+                raise ValueError(f"the index has {len(times)} messages of {topic_name}")
+            return np.sort(times)
+
+    def raw_messages(
+        self,
+        topic_names: Collection[str] | None = None,
+        first_ns: int | None = None,
+        last_ns: int | None = None,
+    ) -> Iterator[RawMessage]:
+        """Messages in log-time order, `first_ns` and `last_ns` included; only their chunks are unpacked."""
+        names = set(self.counts if topic_names is None else topic_names)
+        ids = {channel_id for channel_id, topic in self.topics.items() if topic.name in names}
+        with mcap_errors(self.path), self.path.open("rb") as stream:
+            read = self._in_time_order if self.is_indexed else self._in_file_order
+            yield from read(stream, ids, first_ns or 0, 2**64 if last_ns is None else last_ns)
+
+    def _in_time_order(
+        self, stream: IO[bytes], ids: set[int], first_ns: int, last_ns: int
+    ) -> Iterator[RawMessage]:
+        """Chunks are unpacked when their first message is due; until then, a heap holds their place."""
+        waiting: list[tuple[int, int, int, ChunkIndex | RawMessage]] = [
+            (chunk.message_start_time, chunk.chunk_start_offset, -1, chunk)
+            for chunk in self._summary.chunk_indexes
+            if chunk.message_end_time >= first_ns
+            and chunk.message_start_time <= last_ns
+            and not ids.isdisjoint(chunk.message_index_offsets)
+        ]
+        heapq.heapify(waiting)
+        held_bytes, budget = 0, self._budget()
+        while waiting:
+            _, chunk_start, _, item = heapq.heappop(waiting)
+            if isinstance(item, RawMessage):
+                held_bytes -= len(item.cdr) + MESSAGE_BYTES
+                yield item
+                continue
+            record = next(read_records(stream, chunk_start, chunk_start + item.chunk_length))
+            if record.opcode != Opcode.CHUNK:
+                raise ValueError(f"there is no chunk at {chunk_start}, though an index says so")
+            for offset, raw in self._messages_in(record.body, budget, ids, first_ns, last_ns):
+                heapq.heappush(waiting, (raw.log_time_ns, chunk_start, offset, raw))
+                held_bytes += len(raw.cdr) + MESSAGE_BYTES
+                if held_bytes > WAITING_LIMIT_BYTES:
+                    raise ValueError(f"more than {WAITING_LIMIT_BYTES} bytes of messages lie out of order")
+
+    def _in_file_order(
+        self, stream: IO[bytes], ids: set[int], first_ns: int, last_ns: int
+    ) -> Iterator[RawMessage]:
+        newest_ns, budget = 0, self._budget()
+        for record in data_records(stream):
+            if record.opcode == Opcode.CHUNK:
+                inside = self._messages_in(record.body, budget, ids, first_ns, last_ns)
+            elif record.opcode == Opcode.MESSAGE:
+                inside = self._wanted(0, memoryview(record.body), ids, first_ns, last_ns)
+            else:
+                continue
+            for _, raw in inside:
+                if raw.log_time_ns < newest_ns:
+                    raise ValueError("without an index, messages must lie in time order")
+                newest_ns = raw.log_time_ns
+                yield raw
+
+    def _messages_in(
+        self, chunk: bytes, budget: UnpackBudget, ids: set[int], first_ns: int, last_ns: int
+    ) -> Iterator[tuple[int, RawMessage]]:
+        for opcode, offset, body in inner_records(budget.unpack(parse_chunk(chunk))):
+            if opcode == Opcode.MESSAGE:
+                budget.count_message()
+                yield from self._wanted(offset, body, ids, first_ns, last_ns)
+
+    def _wanted(
+        self, offset: int, body: memoryview, ids: set[int], first_ns: int, last_ns: int
+    ) -> Iterator[tuple[int, RawMessage]]:
+        message = parse_message(body)
+        if message.channel_id not in self.topics:
+            raise ValueError(f"a message of channel {message.channel_id}, which nothing defines")
+        if message.channel_id in ids and first_ns <= message.log_time_ns <= last_ns:
+            text, encoding = self._schema_of[message.channel_id]
+            yield (
+                offset,
+                RawMessage(
+                    topic=self.topics[message.channel_id],
+                    schema=text,
+                    cdr=bytes(message.data),
+                    log_time_ns=message.log_time_ns,
+                    publish_time_ns=message.publish_time_ns,
+                    sequence=message.sequence,
+                    schema_encoding=encoding,
+                ),
+            )
+
+    def _read_times(self, topic_name: str) -> npt.NDArray[np.int64]:
+        times_ns = (raw.log_time_ns for raw in self.raw_messages([topic_name]))
+        return np.fromiter(times_ns, np.int64)
+
+    def _indexed_times(self, topic_name: str) -> npt.NDArray[np.int64]:
+        ids = [channel_id for channel_id, topic in self.topics.items() if topic.name == topic_name]
+        times_ns = [np.zeros(0, np.int64)]
+        end = self.path.stat().st_size
+        with self.path.open("rb") as stream:
+            for chunk in self._summary.chunk_indexes:
+                offsets = chunk.message_index_offsets
+                for channel_id in (i for i in ids if i in offsets):
+                    record = next(read_records(stream, offsets[channel_id], end), None)
+                    if record is None or record.opcode != Opcode.MESSAGE_INDEX:
+                        raise ValueError("a message index is missing")
+                    times_ns.append(parse_message_index(record.body)[1][:, 0].astype(np.int64))
+        return np.concatenate(times_ns)
+
+    def _scan(self) -> Summary:
+        """A summary of a file that has none, by reading all of it."""
+        summary, counts, budget = Summary(), dict[int, int](), self._budget()
+        with self.path.open("rb") as stream:
+            for record in data_records(stream):
+                inside: Iterable[tuple[int, int, memoryview]] = [(record.opcode, 0, memoryview(record.body))]
+                if record.opcode == Opcode.CHUNK:
+                    inside = inner_records(budget.unpack(parse_chunk(record.body)))
+                for opcode, _, body in inside:
+                    if opcode == Opcode.MESSAGE:
+                        budget.count_message()
+                        channel_id = parse_message(body).channel_id
+                        counts[channel_id] = counts.get(channel_id, 0) + 1
+                    elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                        add_definition(summary, parse(opcode, body))
+        summary.channels = {key: one for key, one in summary.channels.items() if key in counts}
+        summary.statistics = Statistics(0, len(counts), counts, 0, 0, sum(counts.values()), 0, 0, 0)
+        return summary
+
+    def _budget(self) -> UnpackBudget:
+        return UnpackBudget(self.path.stat().st_size)
+
+    def _counts(self) -> dict[str, int]:
+        """Messages by topic name."""
+        statistics = self._summary.statistics
+        counts = dict.fromkeys((topic.name for topic in self.topics.values()), 0)
+        for channel_id, count in (statistics.channel_message_counts if statistics else {}).items():
+            counts[self.topics[channel_id].name] += count
+        return counts
+
+
+def check_ends(path: Path) -> None:
+    """Whole at both ends, and a summary that its checksum covers is as it was written."""
+    size = path.stat().st_size
+    magic_bytes = len(MCAP0_MAGIC)
+    with path.open("rb") as stream:
+        if size == 0:
+            raise UsageError(f"{path} is empty, no MCAP file")
+        if stream.read(magic_bytes) != MCAP0_MAGIC:
+            raise UsageError(f"{path} is no MCAP file (wrong first bytes)")
+        if size < 2 * magic_bytes + _FOOTER.size:
+            raise AdvpipeError(f"{path} is cut off: {size} bytes are too few for an MCAP file")
+        stream.seek(-(_FOOTER.size + magic_bytes), 2)
+        footer = stream.read(_FOOTER.size)
+        if stream.read() != MCAP0_MAGIC:
+            raise AdvpipeError(
+                f"{path} is cut off: the end of the MCAP file is missing; `advpipe recover` saves the rest"
+            )
+        _, _, summary_start, _, summary_crc = _FOOTER.unpack(footer)
+        if not summary_crc or not summary_start:
+            return
+        stream.seek(summary_start)
+        length, crc = size - magic_bytes - 4 - summary_start, 0
+        while length > 0 and (block := stream.read(min(length, _BLOCK_BYTES))):
+            length, crc = length - len(block), zlib.crc32(block, crc)
+        if length or crc != summary_crc:
+            raise AdvpipeError(f"{path}: damaged (summary checksum)")
+
+
+def ros2_topic(path: Path, channel: Channel, schema: Schema) -> Topic:
+    """What a channel says; AdvpipeError where it is none of a ROS 2 recording."""
+    if len(channel.topic) > LONGEST_TOPIC or "\0" in channel.topic:
+        raise AdvpipeError(
+            f"{path}: {channel.topic[:40]!r}... is no name of a topic, in {len(channel.topic)} characters"
+        )
+    if channel.message_encoding != "cdr":
+        raise UsageError(
+            f"{path}: {channel.topic} is encoded as {shown(channel.message_encoding)}; "
+            "advpipe reads ROS 2 bags, where all topics are 'cdr'"
+        )
+    if schema.encoding not in _SCHEMA_ENCODINGS:
+        raise UsageError(f"{path}: {channel.topic} has a schema in {shown(schema.encoding)}, not ROS 2's")
+    if not _TYPE_NAME.fullmatch(schema.name):  # rosbags makes code of it
+        raise AdvpipeError(
+            f"{path}: {channel.topic} has the type {shown(schema.name)}, which is no type's name"
+        )
+    if len(schema.data) > SCHEMA_LIMIT_BYTES:
+        raise AdvpipeError(f"{path}: the definition of {schema.name} has {len(schema.data)} bytes")
+    try:
+        qos = _qos(channel.metadata.get("offered_qos_profiles", ""))
+    except ValueError as error:
+        raise AdvpipeError(f"{path}: {channel.topic}: {error}") from None
+    return Topic(
+        name=channel.topic,
+        type=schema.name,
+        qos=qos,
+        type_hash=channel.metadata.get("topic_type_hash", ""),
+    )
+
+
+def _is_indexed(summary: Summary) -> bool:
+    """Whether time ranges can be looked up: statistics, channels and message indexes are all there."""
+    statistics = summary.statistics
+    return (
+        statistics is not None
+        and len(summary.channels) == statistics.channel_count
+        and len(summary.chunk_indexes) == statistics.chunk_count
+        and (statistics.chunk_count > 0 or statistics.message_count == 0)
+        and all(chunk.message_index_offsets for chunk in summary.chunk_indexes)
+    )
+
+
+def in_time_order(streams: list[Iterator[RawMessage]]) -> Iterator[RawMessage]:
+    """Several files' messages as one stream; at equal times, the earlier file's first."""
+    return heapq.merge(*streams, key=lambda raw: raw.log_time_ns)

@@ -1,0 +1,154 @@
+"""Read what is whole of a damaged or cut-off .mcap file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO
+
+from mcap.opcode import Opcode
+from mcap.records import Channel, Metadata, Schema
+from mcap.summary import Summary
+from mcap.writer import MCAP0_MAGIC
+
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.mcap.channel import RawMessage, Topic
+from advpipe.pipeline.mcap.reader import DAMAGE, check_ends, ros2_topic
+from advpipe.pipeline.mcap.records import (
+    Record,
+    inner_records,
+    parse,
+    parse_chunk,
+    parse_message,
+    parse_message_index,
+    read_records,
+)
+from advpipe.pipeline.mcap.summary import read_summary
+from advpipe.pipeline.mcap.unpacking import UnpackBudget
+
+
+@dataclass
+class Salvage:
+    """The whole messages of one file, and a tally of the rest, which fills while they are read.
+
+    A chunk is saved whole or not at all: its checksum has to be right. lost_messages: those of damaged
+    chunks that an index still counts; nothing tells how many were in what is cut off. lost_bytes: of the
+    file, in damaged chunks and in what is no whole record. metadata: records by name.
+    """
+
+    path: Path
+    lost_chunks: int = 0
+    lost_messages: int = 0
+    lost_bytes: int = 0
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    _schemas: dict[int, Schema] = field(default_factory=dict)
+    _topics: dict[int, tuple[Topic, Schema]] = field(default_factory=dict)
+
+    def messages(self) -> Iterator[RawMessage]:
+        """The messages in the order of the file; AdvpipeError for a file that never was a ROS 2 bag."""
+        with self.path.open("rb") as stream:
+            self._check_start(stream)
+            summary = self._summary(stream)
+            for definition in (*summary.schemas.values(), *summary.channels.values()):
+                self._define(definition)
+            chunk_starts = [index.chunk_start_offset for index in summary.chunk_indexes]
+            is_damaged, budget = False, UnpackBudget(self.path.stat().st_size)
+            for record in self._records(stream, chunk_starts):
+                if record.opcode == Opcode.MESSAGE_INDEX:
+                    self.lost_messages += _entries(record.body) if is_damaged else 0
+                elif record.opcode == Opcode.CHUNK:
+                    inside = _unpacked(record.body, budget)
+                    is_damaged = inside is None
+                    self.lost_chunks += is_damaged
+                    self.lost_bytes += _packed_bytes(record.body) if is_damaged else 0
+                    yield from self._read(inside or [])
+                else:
+                    yield from self._read([(record.opcode, memoryview(record.body))])
+
+    def _check_start(self, stream: IO[bytes]) -> None:
+        start = stream.read(len(MCAP0_MAGIC))
+        if not start:
+            raise UsageError(f"{self.path} is empty; nothing can be saved")
+        if start != MCAP0_MAGIC:
+            raise UsageError(f"{self.path} is no MCAP file (wrong first bytes); nothing can be saved")
+
+    def _summary(self, stream: IO[bytes]) -> Summary:
+        """The summary where the file still has one: it repeats what a damaged chunk may have defined."""
+        try:
+            check_ends(self.path)
+            return read_summary(stream) or Summary()
+        except (AdvpipeError, *DAMAGE):
+            return Summary()
+
+    def _records(self, stream: IO[bytes], chunk_starts: list[int]) -> Iterator[Record]:
+        """All whole records; behind a damaged one it goes on at the next chunk that the summary names."""
+        size = self.path.stat().st_size
+        good = start = len(MCAP0_MAGIC)
+        while start < size:
+            try:
+                for record in read_records(stream, start, size):
+                    good = record.end
+                    yield record
+                    if record.opcode == Opcode.DATA_END:
+                        return
+            except DAMAGE:
+                pass
+            start = min((place for place in chunk_starts if place > good), default=size)
+            self.lost_bytes += start - good
+            good = start
+
+    def _read(self, records: list[tuple[int, memoryview]]) -> Iterator[RawMessage]:
+        for opcode, body in records:
+            if opcode != Opcode.MESSAGE:
+                with suppress(*DAMAGE):
+                    self._define(parse(opcode, body))
+                continue
+            message = parse_message(body)
+            if message.channel_id not in self._topics:  # defined in a chunk that is lost
+                self.lost_messages += 1
+                continue
+            topic, schema = self._topics[message.channel_id]
+            yield RawMessage(
+                topic=topic,
+                schema=schema.data.decode(),
+                cdr=bytes(message.data),
+                log_time_ns=message.log_time_ns,
+                publish_time_ns=message.publish_time_ns,
+                sequence=message.sequence,
+                schema_encoding=schema.encoding,
+            )
+
+    def _define(self, record: object) -> None:
+        if isinstance(record, Metadata):
+            self.metadata[record.name] = record.metadata
+        elif isinstance(record, Schema):
+            self._schemas[record.id] = record
+        elif isinstance(record, Channel) and record.schema_id in self._schemas:
+            schema = self._schemas[record.schema_id]
+            self._topics[record.id] = ros2_topic(self.path, record, schema), schema
+
+
+def _unpacked(body: bytes, budget: UnpackBudget) -> list[tuple[int, memoryview]] | None:
+    """The records of a chunk; None for a damaged one, and one that unpacks to too much."""
+    try:
+        return [(opcode, inside) for opcode, _, inside in inner_records(budget.unpack(parse_chunk(body)))]
+    except DAMAGE:
+        return None
+
+
+def _entries(body: bytes) -> int:
+    """How many messages an index counts; 0 for a damaged one."""
+    try:
+        return len(parse_message_index(body)[1])
+    except DAMAGE:
+        return 0
+
+
+def _packed_bytes(body: bytes) -> int:
+    """How many bytes of data a chunk holds, as far as it can tell."""
+    try:
+        return len(parse_chunk(body).data)
+    except DAMAGE:
+        return len(body)

@@ -1,0 +1,192 @@
+"""The ASN.1 values of a CAM as a serialised etsi_its_cam_msgs/CAM, without objects between the two.
+
+Each type becomes one function, once. A part that a CAM leaves out is the same bytes every time, but for
+their alignment.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+from advpipe.pipeline.messages.cam_types import CamType, Member, cam_types
+from advpipe.pipeline.messages.cdr import Cdr
+from advpipe.pipeline.v2x.codec.cam_error import CamError
+from advpipe.pipeline.v2x.codec.codec import CamTree
+
+Write = Callable[[Any, Cdr], None]
+
+_FORMATS = {"int8": "b", "int16": "h", "int32": "i", "int64": "q"}
+_FORMATS |= {f"u{name}": code.upper() for name, code in _FORMATS.items()}
+_ALIGNMENTS = 8
+
+
+def cam_cdr(tree: CamTree) -> bytes:
+    """The message. Raises CamError for values that it cannot hold: those that a later release has added."""
+    cdr = Cdr()
+    try:
+        _writer("CAM")(tree, cdr)
+    except (KeyError, struct.error, OverflowError) as error:
+        raise CamError(f"etsi_its_cam_msgs/CAM does not know what this CAM holds: {error}") from None
+    return bytes(cdr)
+
+
+@cache
+def _writer(name: str) -> Write:
+    cam_type = cam_types()[name]
+    return _WRITERS[cam_type.kind](cam_type)
+
+
+def _number(number: str) -> Write:
+    layout = struct.Struct(f"<{_FORMATS[number]}")
+    pack, size = layout.pack, layout.size
+
+    def write(value: int, cdr: Cdr) -> None:
+        cdr.align(size)
+        cdr.body += pack(value)
+
+    return write
+
+
+def _integer(cam_type: CamType) -> Write:
+    return _number(cam_type.number)
+
+
+def _enumerated(cam_type: CamType) -> Write:
+    number = _number(cam_type.number)
+    place = {name: index for index, name in enumerate(cam_type.names)}
+
+    def write(value: str, cdr: Cdr) -> None:
+        number(place[value], cdr)
+
+    return write
+
+
+def _boolean(_: CamType) -> Write:
+    return lambda value, cdr: cdr.uint8(bool(value))
+
+
+def _bit_string(_: CamType) -> Write:
+    def write(value: tuple[int, int], cdr: Cdr) -> None:
+        bits, length = value
+        unused = -length % 8
+        cdr.octets((bits << unused).to_bytes((length + unused) // 8, "big"))
+        cdr.uint8(unused)
+
+    return write
+
+
+def _octet_string(_: CamType) -> Write:
+    return lambda value, cdr: cdr.octets(value)
+
+
+def _alias(cam_type: CamType) -> Write:
+    return _writer(cam_type.element)
+
+
+def _sequence_of(cam_type: CamType) -> Write:
+    item = _writer(cam_type.element)
+
+    def write(values: list[Any], cdr: Cdr) -> None:
+        cdr.uint32(len(values))
+        for value in values:
+            item(value, cdr)
+
+    return write
+
+
+def _sequence(cam_type: CamType) -> Write:
+    members = [
+        (member.asn1_name, member.optional, _part(member), _absent(member)) for member in cam_type.members
+    ]
+
+    def write(value: dict[str, Any], cdr: Cdr) -> None:
+        for name, optional, part, absent in members:
+            if optional:
+                is_present = name in value
+                if is_present:
+                    part(value[name], cdr)
+                else:
+                    absent(cdr)
+                cdr.uint8(is_present)
+            else:
+                part(value[name], cdr)
+
+    return write
+
+
+def _choice(cam_type: CamType) -> Write:
+    place = {member.asn1_name: index for index, member in enumerate(cam_type.members)}
+    members = [(member.asn1_name, _part(member), _absent(member)) for member in cam_type.members]
+
+    def write(value: tuple[str, Any], cdr: Cdr) -> None:
+        chosen, content = value
+        cdr.uint8(place[chosen])
+        for name, part, absent in members:
+            if name == chosen:
+                part(content, cdr)
+            else:
+                absent(cdr)
+
+    return write
+
+
+def _part(member: Member) -> Write:
+    return _writer(member.type) if member.type else _number(member.number)
+
+
+def _absent(member: Member) -> Callable[[Cdr], None]:
+    """Writes what a message holds in place of a part that is not there: zeros and empty sequences."""
+    texts: list[bytes] = []
+    for offset in range(_ALIGNMENTS):
+        cdr = Cdr()
+        cdr.body += bytes(offset)
+        _part(member)(_empty(member.type) if member.type else 0, cdr)
+        texts.append(bytes(cdr.body[offset:]))
+
+    def write(cdr: Cdr) -> None:
+        cdr.body += texts[len(cdr.body) % _ALIGNMENTS]
+
+    return write
+
+
+@cache
+def _empty(name: str) -> Any:
+    """Zeros, as ROS 2 fills a new message; a CHOICE takes its first alternative."""
+    cam_type = cam_types()[name]
+    match cam_type.kind:
+        case "SEQUENCE":
+            return {
+                member.asn1_name: _empty(member.type) if member.type else 0
+                for member in cam_type.members
+                if not member.optional
+            }
+        case "CHOICE":
+            first = cam_type.members[0]
+            return first.asn1_name, _empty(first.type) if first.type else 0
+        case "SEQUENCE OF":
+            return []
+        case "alias":
+            return _empty(cam_type.element)
+        case "ENUMERATED":
+            return cam_type.names[0]
+        case "BIT STRING":
+            return 0, 0
+        case "OCTET STRING":
+            return b""
+    return 0
+
+
+_WRITERS: dict[str, Callable[[CamType], Write]] = {
+    "INTEGER": _integer,
+    "ENUMERATED": _enumerated,
+    "BOOLEAN": _boolean,
+    "BIT STRING": _bit_string,
+    "OCTET STRING": _octet_string,
+    "alias": _alias,
+    "SEQUENCE OF": _sequence_of,
+    "SEQUENCE": _sequence,
+    "CHOICE": _choice,
+}

@@ -1,0 +1,153 @@
+"""The 94 message types of etsi_its_cam_msgs, derived from the ASN.1 of the CAM that pycrate brings.
+
+The ROS 2 package is generated from the same ASN.1 (EN 302 637-2 v1.4.1) by regular rules: a type for each
+ASN.1 type, its fields in snake case; a number, an enumeration, a bool or a string is `value`; OPTIONAL
+adds `bool <field>_is_present` behind the field; a CHOICE is `uint8 choice` and all alternatives; a
+SEQUENCE OF is `array`; a BIT STRING is bytes and the number of unused bits.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from rosbags.interfaces import Nodetype
+
+from advpipe.pipeline.v2x.codec.codec import asn1_cam
+
+PACKAGE = "etsi_its_cam_msgs"
+CAM_TYPE = f"{PACKAGE}/msg/CAM"
+
+_BYTES = (Nodetype.SEQUENCE, ((Nodetype.BASE, ("uint8", 0)), 0))
+
+
+@dataclass(frozen=True)
+class Member:
+    """One part of a SEQUENCE or CHOICE. type: of ours; "" for a number written in place."""
+
+    asn1_name: str
+    field: str
+    type: str
+    number: str
+    optional: bool
+
+
+@dataclass(frozen=True)
+class CamType:
+    """One ASN.1 type. kind: the ASN.1's word for it, or "alias" for a type that renames another.
+
+    members: of a SEQUENCE or CHOICE. element: the type of an alias or of a SEQUENCE OF's items.
+    number: the ROS type of an INTEGER or ENUMERATED, highest: what the former holds.
+    names: of an ENUMERATED, in order.
+    """
+
+    kind: str
+    members: tuple[Member, ...] = ()
+    element: str = ""
+    number: str = ""
+    highest: int = 0
+    names: tuple[str, ...] = ()
+
+
+@cache
+def cam_types() -> dict[str, CamType]:
+    """Every type inside a CAM by its name, such as "StationType"."""
+    types: dict[str, CamType] = {}
+    _add("CAM", asn1_cam(), types)
+    return types
+
+
+def definitions() -> dict[str, Any]:
+    """The types as rosbags registers them."""
+    return {full_name(name): ([], _fields(cam_type)) for name, cam_type in cam_types().items()}
+
+
+def full_name(name: str) -> str:
+    return f"{PACKAGE}/msg/{name}"
+
+
+def _add(name: str, asn1: Any, types: dict[str, CamType]) -> None:
+    if name in types:
+        return
+    kind = asn1.TYPE
+    inner: list[tuple[str, Any]] = []
+    if (target := _reference(asn1)) is not None:
+        types[name] = CamType("alias", element=target)
+        inner = [(target, _referred(asn1))]
+    elif kind in ("SEQUENCE", "CHOICE"):
+        types[name] = CamType(kind, members=tuple(_member(*item) for item in asn1._cont.items()))
+        inner = [(part_of, _referred(part)) for part in asn1._cont.values() if (part_of := _reference(part))]
+    elif kind == "SEQUENCE OF":
+        types[name] = CamType(kind, element=_reference(asn1._cont) or "")
+        inner = [(types[name].element, _referred(asn1._cont))]
+    elif kind == "ENUMERATED":
+        types[name] = CamType(kind, number=_number(0, len(asn1._cont) - 1), names=tuple(asn1._cont))
+    elif kind == "INTEGER":
+        number = _number_of(asn1)
+        types[name] = CamType(kind, number=number, highest=_highest(number))
+    else:
+        types[name] = CamType(kind)
+    for inner_name, inner_asn1 in inner:
+        _add(inner_name, inner_asn1, types)
+
+
+def _member(asn1_name: str, asn1: Any) -> Member:
+    type_name = _reference(asn1) or ""
+    number = "" if type_name else _number_of(asn1)
+    return Member(asn1_name, _snake_case(asn1_name), type_name, number, bool(asn1._opt))
+
+
+def _reference(asn1: Any) -> str | None:
+    """The name of the type that a part is of, or that a type renames."""
+    return None if asn1._typeref is None else str(asn1._typeref.called[1])
+
+
+def _referred(asn1: Any) -> Any:
+    return asn1._typeref.get()
+
+
+def _number_of(asn1: Any) -> str:
+    bounds = asn1._const_val.root[0]
+    return _number(bounds.lb, bounds.ub)
+
+
+def _number(low: int, high: int) -> str:
+    """The smallest integer type of ROS that holds both."""
+    for bits in (8, 16, 32, 64):
+        if low >= 0 and high < 1 << bits:
+            return f"uint{bits}"
+        if low < 0 and -(1 << (bits - 1)) <= low and high < 1 << (bits - 1):
+            return f"int{bits}"
+    raise ValueError(f"no integer of ROS 2 holds {low} to {high}")
+
+
+def _highest(number: str) -> int:
+    return (1 << int(number[4:])) - 1 if number.startswith("uint") else (1 << (int(number[3:]) - 1)) - 1
+
+
+def _snake_case(name: str) -> str:
+    """`cenDsrcTollingZoneID` to `cen_dsrc_tolling_zone_id`."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
+
+
+def _fields(cam_type: CamType) -> list[tuple[str, Any]]:
+    kind, base = cam_type.kind, Nodetype.BASE
+    if kind in ("SEQUENCE", "CHOICE"):
+        fields: list[tuple[str, Any]] = [("choice", (base, ("uint8", 0)))] if kind == "CHOICE" else []
+        for member in cam_type.members:
+            named = (Nodetype.NAME, full_name(member.type))
+            fields.append((member.field, named if member.type else (base, (member.number, 0))))
+            if member.optional:
+                fields.append((f"{member.field}_is_present", (base, ("bool", 0))))
+        return fields
+    if kind == "SEQUENCE OF":
+        return [("array", (Nodetype.SEQUENCE, ((Nodetype.NAME, full_name(cam_type.element)), 0)))]
+    if kind == "alias":
+        return [("value", (Nodetype.NAME, full_name(cam_type.element)))]
+    if kind == "BIT STRING":
+        return [("value", _BYTES), ("bits_unused", (base, ("uint8", 0)))]
+    if kind == "OCTET STRING":
+        return [("value", _BYTES)]
+    return [("value", (base, ("bool" if kind == "BOOLEAN" else cam_type.number, 0)))]

@@ -1,0 +1,206 @@
+"""What messages must hold to be computed with: our topics' types, finite numbers, rotations, short names.
+
+Anybody may have written them. A type that is not listed here is not computed with, or by readers of its own
+(`cloud.py`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+from advpipe.pipeline.messages.topics import (
+    SCENARIO_INFO,
+    TF,
+    TF_STATIC,
+    V2X_BUILDINGS,
+    V2X_SENT,
+    V2X_STATIONS,
+    V2X_STATISTICS,
+)
+
+LONGEST_NAME = 255
+FARTHEST_M = 1e7
+"""From the map's origin; the Earth's circumference has four times as much."""
+FASTEST = 1e5
+"""In m/s and rad/s, m/s² likewise."""
+LARGEST_M = 1e4
+"""Of a road user's box."""
+MOST_PAYLOAD_BYTES = 1 << 16
+_STRONGEST_DBM = 200.0
+
+_TYPES = {
+    topic.name: topic.type
+    for topic in (SCENARIO_INFO, TF, TF_STATIC, V2X_BUILDINGS, V2X_SENT, V2X_STATIONS, V2X_STATISTICS)
+}
+
+Problems = Iterator[str]
+
+
+def absurdity(topic: str, type_name: str, message: Any) -> str:
+    """What is wrong with a decoded message, as the end of a sentence about it; "" for one that is sound."""
+    expected = _TYPES.get(topic, type_name)
+    if type_name != expected:
+        return f"is a {type_name}, not a {expected}"
+    check = _CHECKS.get(type_name)
+    if check is None:
+        return ""
+    try:
+        return next(check(message), "")
+    except (AttributeError, TypeError, ValueError, ArithmeticError) as error:
+        return f"cannot be understood: {error}"
+
+
+def _finite(values: Iterable[float], limit: float, name: str) -> Problems:
+    for value in values:
+        if not abs(value) <= limit:  # nor NaN
+            yield f"has {name} {value:g}; up to {limit:g} are taken"
+
+
+def _name(text: str, what: str) -> Problems:
+    if len(text) > LONGEST_NAME:
+        yield f"has a {what} of {len(text)} characters"
+    if "\0" in text:
+        yield f"has a {what} with a NUL character"
+
+
+def _header(header: Any) -> Problems:
+    yield from _name(header.frame_id, "frame")
+    if header.stamp.sec < 0 or header.stamp.nanosec >= 1_000_000_000:
+        yield f"has the stamp {header.stamp.sec} s and {header.stamp.nanosec} ns"
+
+
+def _xyz(vector: Any) -> tuple[float, float, float]:
+    return vector.x, vector.y, vector.z
+
+
+def _rotation(turn: Any) -> Problems:
+    length = math.sqrt(sum(part * part for part in (turn.x, turn.y, turn.z, turn.w)))
+    if not 1e-6 < length < 1e6:  # nor NaN
+        yield f"has the orientation {turn.x:g}, {turn.y:g}, {turn.z:g}, {turn.w:g}, which is no rotation"
+
+
+def _pose(pose: Any) -> Problems:
+    yield from _finite(_xyz(pose.position), FARTHEST_M, "the position")
+    yield from _rotation(pose.orientation)
+
+
+def _size(size: Any) -> Problems:
+    yield from _finite(_xyz(size), LARGEST_M, "the size")
+    if min(_xyz(size)) < 0:
+        yield f"has the size {min(_xyz(size)):g}, less than nothing"
+
+
+def _stations(message: Any) -> Problems:
+    yield from _header(message.header)
+    ids: set[int] = set()
+    names: set[str] = set()
+    for station in message.stations:
+        yield from _name(station.vehicle, "station's name")
+        if station.station_id in ids or station.vehicle in names:
+            yield f"has the station {station.station_id} ({station.vehicle!r}) twice"
+        ids.add(station.station_id)
+        names.add(station.vehicle)
+        yield from _pose(station.pose)
+        yield from _size(station.size)
+        yield from _finite(_xyz(station.velocity), FASTEST, "the velocity")
+
+
+def _sent(message: Any) -> Problems:
+    yield from _header(message.header)
+    if message.number >= 2**63:
+        yield f"has the number {message.number}"
+    yield from _finite([message.power], _STRONGEST_DBM, "the power")
+    if len(message.payload) > MOST_PAYLOAD_BYTES:
+        yield f"has a payload of {len(message.payload)} bytes"
+
+
+def _odometry(message: Any) -> Problems:
+    yield from _header(message.header)
+    yield from _name(message.child_frame_id, "frame")
+    yield from _pose(message.pose.pose)
+    twist = message.twist.twist
+    yield from _finite((*_xyz(twist.linear), *_xyz(twist.angular)), FASTEST, "the velocity")
+
+
+def _initial_pose(message: Any) -> Problems:
+    yield from _header(message.header)
+    yield from _pose(message.pose.pose)
+    yield from _finite(message.pose.covariance.tolist(), FARTHEST_M**2, "the covariance")
+
+
+def _transforms(message: Any) -> Problems:
+    for transform in message.transforms:
+        yield from _header(transform.header)
+        yield from _name(transform.child_frame_id, "frame")
+        yield from _finite(_xyz(transform.transform.translation), FARTHEST_M, "the translation")
+        yield from _rotation(transform.transform.rotation)
+
+
+def _imu(message: Any) -> Problems:
+    yield from _header(message.header)
+    parts = (*_xyz(message.linear_acceleration), *_xyz(message.angular_velocity))
+    yield from _finite(parts, FASTEST, "the measurement")
+
+
+def _fix(message: Any) -> Problems:
+    """A place that is not finite is none, as receivers have it that see no satellites."""
+    yield from _header(message.header)
+    place = (message.latitude, message.longitude, message.altitude)
+    if all(map(math.isfinite, place)):
+        yield from _finite(place[:1], 90.0, "the latitude")
+        yield from _finite(place[1:2], 360.0, "the longitude")
+        yield from _finite(place[2:], FARTHEST_M, "the altitude")
+        yield from _finite(message.position_covariance.tolist(), FARTHEST_M**2, "the covariance")
+
+
+def _detections(message: Any) -> Problems:
+    yield from _header(message.header)
+    for detection in message.detections:
+        yield from _name(detection.id, "box's name")
+        for result in detection.results:
+            yield from _name(result.hypothesis.class_id, "class")
+        yield from _finite(_xyz(detection.bbox.center.position), FARTHEST_M, "the position")
+        turn = detection.bbox.center.orientation
+        yield from _finite((turn.x, turn.y, turn.z, turn.w), 1e6, "the orientation")
+        yield from _size(detection.bbox.size)
+
+
+def _objects(message: Any) -> Problems:
+    yield from _header(message.header)
+    for each in message.objects:
+        yield from _finite(_xyz(each.pose.position), FARTHEST_M, "the position")
+        yield from _finite(each.shape.dimensions, LARGEST_M, "the size")
+
+
+def _road_users(message: Any) -> Problems:
+    yield from _header(message.header)
+    for user in message.road_users:
+        yield from _name(user.id, "road user's name")
+        yield from _name(user.class_id, "class")
+        yield from _pose(user.pose)
+        yield from _size(user.size)
+        velocity = _xyz(user.velocity)
+        yield from _finite((v for v in velocity if not math.isnan(v)), FASTEST, "the velocity")
+        yield from _finite([user.occlusion], 1.0, "the occlusion")
+
+
+def _text(message: Any) -> Problems:
+    if "\0" in message.data:
+        yield "has a text with a NUL character"
+
+
+_CHECKS: dict[str, Callable[[Any], Problems]] = {
+    "advpipe_msgs/msg/RoadUserArray": _road_users,
+    "advpipe_msgs/msg/V2xStationArray": _stations,
+    "advpipe_msgs/msg/V2xTransmission": _sent,
+    "derived_object_msgs/msg/ObjectArray": _objects,
+    "geometry_msgs/msg/PoseWithCovarianceStamped": _initial_pose,
+    "nav_msgs/msg/Odometry": _odometry,
+    "sensor_msgs/msg/Imu": _imu,
+    "sensor_msgs/msg/NavSatFix": _fix,
+    "std_msgs/msg/String": _text,
+    "tf2_msgs/msg/TFMessage": _transforms,
+    "vision_msgs/msg/Detection3DArray": _detections,
+}

@@ -1,0 +1,127 @@
+"""The topics of advpipe's bags: name, message type and offered quality of service."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from advpipe.pipeline.mcap.channel import Topic
+from advpipe.pipeline.mcap.qos import keep_last
+
+CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock", keep_last(1, reliable=False))
+TF = Topic("/tf", "tf2_msgs/msg/TFMessage", keep_last(100))
+TF_STATIC = Topic("/tf_static", "tf2_msgs/msg/TFMessage", keep_last(1, latched=True))
+SCENARIO_INFO = Topic("/scenario/info", "std_msgs/msg/String", keep_last(1, latched=True))
+LANES = Topic("/map/lanes", "visualization_msgs/msg/MarkerArray", keep_last(1, latched=True))
+V2X_STATIONS = Topic("/v2x/stations", "advpipe_msgs/msg/V2xStationArray", keep_last(10))
+V2X_SENT = Topic("/v2x/sent", "advpipe_msgs/msg/V2xTransmission", keep_last(100))
+V2X_BUILDINGS = Topic("/v2x/buildings", "std_msgs/msg/String", keep_last(1, latched=True))
+V2X_STATISTICS = Topic("/v2x/statistics", "std_msgs/msg/String", keep_last(1, latched=True))
+
+
+LDM_OBJECTS = "ldm/objects"
+
+
+def is_truth(topic_name: str) -> bool:
+    """Whether boxes on a topic may be the truth; what a vehicle was told by radio is none."""
+    return not topic_name.endswith(f"/{LDM_OBJECTS}")
+
+
+@dataclass(frozen=True)
+class VehicleTopics:
+    """The topics and frames of one instrumented vehicle and one of its LiDARs, under its own namespace.
+
+    >>> VehicleTopics("ego").lidar_points.name
+    '/ego/lidar/points'
+    """
+
+    vehicle: str = "ego"
+    lidar: str = "lidar"
+
+    @property
+    def base_frame(self) -> str:
+        return f"{self.vehicle}/base_link"
+
+    @property
+    def lidar_frame(self) -> str:
+        return f"{self.vehicle}/{self.lidar}"
+
+    @property
+    def imu_frame(self) -> str:
+        return f"{self.vehicle}/imu"
+
+    @property
+    def odom_frame(self) -> str:
+        """Where the wheels' odometry starts."""
+        return f"{self.vehicle}/odom"
+
+    @property
+    def lidar_points(self) -> Topic:
+        return Topic(f"/{self.vehicle}/{self.lidar}/points", "sensor_msgs/msg/PointCloud2", keep_last(5))
+
+    @property
+    def objects(self) -> Topic:
+        return Topic(f"/{self.vehicle}/ground_truth/objects", "vision_msgs/msg/Detection3DArray")
+
+    @property
+    def road_users(self) -> Topic:
+        return Topic(f"/{self.vehicle}/ground_truth/road_users", "advpipe_msgs/msg/RoadUserArray")
+
+    @property
+    def true_odometry(self) -> Topic:
+        return Topic(f"/{self.vehicle}/ground_truth/odometry", "nav_msgs/msg/Odometry")
+
+    @property
+    def odometry(self) -> Topic:
+        """The on-board estimate."""
+        return Topic(f"/{self.vehicle}/odometry", "nav_msgs/msg/Odometry")
+
+    @property
+    def initial_pose(self) -> Topic:
+        """What the on-board estimate starts from."""
+        return Topic(
+            f"/{self.vehicle}/initialpose",
+            "geometry_msgs/msg/PoseWithCovarianceStamped",
+            keep_last(1, latched=True),
+        )
+
+    @property
+    def wheel_odometry(self) -> Topic:
+        return Topic(f"/{self.vehicle}/wheel/odometry", "nav_msgs/msg/Odometry")
+
+    @property
+    def imu(self) -> Topic:
+        return Topic(f"/{self.vehicle}/imu", "sensor_msgs/msg/Imu", keep_last(100))
+
+    @property
+    def sent_raw(self) -> Topic:
+        """What it sends: the bytes of its CAMs."""
+        return Topic(f"/{self.vehicle}/v2x/tx/raw", "udp_msgs/msg/UdpPacket", keep_last(100))
+
+    @property
+    def sent_cam(self) -> Topic:
+        return Topic(f"/{self.vehicle}/v2x/tx/cam", "etsi_its_cam_msgs/msg/CAM", keep_last(100))
+
+    @property
+    def received_raw(self) -> Topic:
+        """What it receives: the bytes, also of what turns out to be no CAM."""
+        return Topic(f"/{self.vehicle}/v2x/rx/raw", "udp_msgs/msg/UdpPacket", keep_last(100))
+
+    @property
+    def received_cam(self) -> Topic:
+        return Topic(f"/{self.vehicle}/v2x/rx/cam", "etsi_its_cam_msgs/msg/CAM", keep_last(100))
+
+    @property
+    def ldm(self) -> Topic:
+        return Topic(f"/{self.vehicle}/ldm", "advpipe_msgs/msg/LdmSnapshot")
+
+    @property
+    def ldm_objects(self) -> Topic:
+        return Topic(f"/{self.vehicle}/{LDM_OBJECTS}", "vision_msgs/msg/Detection3DArray")
+
+    @property
+    def gnss_fix(self) -> Topic:
+        return Topic(f"/{self.vehicle}/gnss/fix", "sensor_msgs/msg/NavSatFix")
+
+    @property
+    def markers(self) -> Topic:
+        return Topic(f"/{self.vehicle}/markers", "visualization_msgs/msg/MarkerArray")

@@ -1,0 +1,116 @@
+"""Message types: ROS 2 Humble's, with those of CAMs, vision_msgs, udp_msgs and advpipe_msgs beside them."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from rosbags.interfaces import Nodetype
+from rosbags.interfaces.typing import Typesdict
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+_PACKAGE_FOLDERS = {"vision_msgs": "vision_msgs", "udp_msgs": "udp_msgs", "advpipe_msgs": "msg"}
+_LISTS = (Nodetype.ARRAY, Nodetype.SEQUENCE)
+_CAM_PACKAGE = "etsi_its_cam_msgs/"
+
+_IDL_WORDS = re.compile(r'"(?:[^"\\]|\\.)*(?:"|\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
+"""Texts and comments of IDL."""
+
+_ANNOTATION = re.compile(r"@[\w:]+\s*\(")
+UNROLLED_LIMIT = 4096
+"""The most texts and messages in a type's arrays of fixed length: rosbags writes lines of code for each."""
+
+
+@cache
+def typestore() -> Typestore:
+    """Every message type that advpipe writes; read-only by convention, one for the process.
+
+    Those of CAMs join it when one of them is asked for, by any function below: that takes a moment.
+    """
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    definitions = files("advpipe.pipeline.messages.msgs")
+    for package, folder in _PACKAGE_FOLDERS.items():
+        texts = sorted((f for f in (definitions / folder).iterdir() if f.name.endswith(".msg")), key=str)
+        for text in texts:
+            name = f"{package}/msg/{text.name.removesuffix('.msg')}"
+            store.register(get_types_from_msg(text.read_text(encoding="utf-8"), name))
+    return store
+
+
+@cache
+def message_class(type_name: str) -> Any:
+    """The dataclass of a type, e.g. `message_class("std_msgs/msg/Header")`."""
+    return _store_of(type_name).types[type_name]
+
+
+@cache
+def schema_text(type_name: str) -> str:
+    """The definition of a type and all types inside it, as MCAP's `ros2msg` schemas hold it."""
+    return _store_of(type_name).generate_msgdef(type_name, ros_version=2)[0]
+
+
+@cache
+def type_hash(type_name: str) -> str:
+    """The RIHS01 hash (REP-2011) by which ROS 2 tells two types of one name apart."""
+    return _store_of(type_name).hash_rihs01(type_name)
+
+
+def types_from(definition: str, encoding: str, type_name: str) -> Typesdict:
+    """The types that a bag defines, by name; encoding: `ros2msg` or `ros2idl`.
+
+    Raises ValueError for arrays that are too long to become code, for empty ones, of which a message of no
+    bytes holds any number, and whatever rosbags does for other texts.
+    """
+    is_idl = encoding == "ros2idl"
+    if is_idl:
+        words = _IDL_WORDS.sub("", definition)
+        if words.count("(") > len(_ANNOTATION.findall(words)):  # rosbags takes minutes to read two such
+            raise ValueError(f"the definition of {type_name} has sums in parentheses")
+    types = get_types_from_idl(definition) if is_idl else get_types_from_msg(definition, type_name)
+    unrolled = 0
+    for _, fields in types.values():
+        for _, description in fields:
+            if description[0] == Nodetype.ARRAY:
+                item, length = description[1]
+                if not length:
+                    raise ValueError(f"{type_name} has an array of no items")
+                unrolled += length if item[0] == Nodetype.NAME or item[1][0] == "string" else 0
+    if unrolled > UNROLLED_LIMIT:
+        raise ValueError(f"{type_name} has arrays of {unrolled} items, more than {UNROLLED_LIMIT}")
+    return types
+
+
+def missing_field(store: Typestore, type_name: str) -> str:
+    """The first field of one of our types, or of a type inside it, that another store defines otherwise.
+
+    "" where the store's type has all of ours; it may have more.
+    """
+    theirs = dict(store.fielddefs[type_name][1])
+    for name, description in typestore().fielddefs[type_name][1]:
+        if theirs.get(name) != description:
+            return f"{type_name}.{name}"
+        item: Any = description[1][0] if description[0] in _LISTS else description  # kind, and its name
+        if item[0] == Nodetype.NAME and (found := missing_field(store, item[1])):
+            return found
+    return ""
+
+
+def serialise(message: object, type_name: str) -> bytes:
+    """The message in little-endian CDR, with its four bytes of encapsulation."""
+    return bytes(_store_of(type_name).serialize_cdr(message, type_name))
+
+
+def _store_of(type_name: str) -> Typestore:
+    return _typestore_with_cams() if type_name.startswith(_CAM_PACKAGE) else typestore()
+
+
+@cache
+def _typestore_with_cams() -> Typestore:
+    from advpipe.pipeline.messages.cam_types import definitions
+
+    store = typestore()
+    store.register(definitions())
+    return store

@@ -1,0 +1,144 @@
+"""Messages of a drive's V2X: where the radios were, what each of them sent, and what one vehicle heard.
+
+Written field by field: there are some hundred a step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from advpipe.pipeline.geometry.transforms import Float64, quaternion_xyzw
+from advpipe.pipeline.mcap.channel import Topic
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.cam_cdr import cam_cdr
+from advpipe.pipeline.messages.cdr import Cdr
+from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATIONS, VehicleTopics
+from advpipe.pipeline.scenario.v2x import V2x
+from advpipe.pipeline.v2x.air import Received, Sent
+from advpipe.pipeline.v2x.codec.btp import btp_packet
+from advpipe.pipeline.v2x.codec.cam_error import CamError
+from advpipe.pipeline.v2x.codec.codec import CamTree, decode
+from advpipe.pipeline.v2x.radio.stations import Stations
+
+StampedCdr = tuple[Topic, bytes, int]
+"""A topic, a serialised message for it, and its stamp in nanoseconds."""
+
+
+class RadioPlace(NamedTuple):
+    """A radio on the road: its vehicle's pose on the ground (4, 4), size (3,) and velocity (3,)."""
+
+    station_id: int
+    vehicle: str
+    map_SE3_base: Float64
+    size_m: tuple[float, float, float]
+    velocity_mps: Float64
+
+
+def stations_of(v2x: V2x, places: Sequence[RadioPlace]) -> Stations:
+    """The radios as the medium knows them, their antennas above their vehicles' middles."""
+    ids = np.array([place.station_id for place in places], np.int64)
+    poses = np.concatenate([np.empty((0, 4)), *(place.map_SE3_base for place in places)]).reshape(-1, 4, 4)
+    return Stations(ids, poses[:, :3, 3] + (0.0, 0.0, v2x.radio.antenna_height_m))
+
+
+def stations_message(stamp_ns: int, stations: Sequence[RadioPlace], frame_id: str = "map") -> StampedCdr:
+    """advpipe_msgs/V2xStationArray."""
+    cdr = Cdr()
+    cdr.header(stamp_ns, frame_id)
+    cdr.uint32(len(stations))
+    for station in stations:
+        pose = station.map_SE3_base
+        cdr.uint32(station.station_id)
+        cdr.string(station.vehicle)
+        cdr.float64(
+            *pose[:3, 3].tolist(),
+            *quaternion_xyzw(pose).tolist(),
+            *station.size_m,
+            *station.velocity_mps.tolist(),
+        )
+    return V2X_STATIONS, bytes(cdr), stamp_ns
+
+
+def stations_of_message(message: Any) -> tuple[RadioPlace, ...]:
+    """The radios that a recorded message tells of; their places to the bit."""
+    return tuple(
+        RadioPlace(
+            station.station_id,
+            station.vehicle,
+            build.se3_from_pose(station.pose),
+            (station.size.x, station.size.y, station.size.z),
+            np.array([station.velocity.x, station.velocity.y, station.velocity.z]),
+        )
+        for station in message.stations
+    )
+
+
+def sent_message(sent: Sent) -> StampedCdr:
+    """advpipe_msgs/V2xTransmission."""
+    cdr = Cdr()
+    cdr.header(sent.request_ns, "")
+    cdr.uint64(sent.number)
+    cdr.uint32(sent.station_id)
+    cdr.uint64(sent.key)
+    cdr.float64(sent.power_dbm)
+    cdr.octets(sent.payload)
+    return V2X_SENT, bytes(cdr), sent.request_ns
+
+
+def sent_of_message(message: Any) -> Sent:
+    """The transmission that a recorded message tells of."""
+    return Sent(
+        message.number,
+        message.key,
+        message.station_id,
+        build.stamp_ns(message),
+        bytes(message.payload),
+        message.power,
+    )
+
+
+def own_messages(topics: VehicleTopics, sent: Sent) -> Iterator[StampedCdr]:
+    """What a vehicle sends, as its own radio shows it: bytes, and values where they are a CAM's."""
+    try:
+        tree = decode(sent.payload)
+    except CamError:
+        tree = None
+    yield from _packet(topics.sent_raw, topics.sent_cam, sent.payload, tree, sent.request_ns)
+
+
+def received_messages(received: Received) -> Iterator[StampedCdr]:
+    """What a vehicle receives: the bytes always, the values where they are a CAM's."""
+    topics = _topics_received(received.listener)
+    yield from _packet(*topics, received.sent.payload, received.tree, received.arrival_ns)
+
+
+@cache
+def _topics_received(vehicle: str) -> tuple[Topic, Topic]:
+    topics = VehicleTopics(vehicle)
+    return topics.received_raw, topics.received_cam
+
+
+def udp_packet_cdr(stamp_ns: int, payload: bytes) -> bytes:
+    """udp_msgs/UdpPacket, serialised; see `cam_message.udp_packet`."""
+    cdr = Cdr()
+    cdr.header(stamp_ns, "")
+    cdr.string("")
+    cdr.uint16(0)
+    cdr.octets(btp_packet(payload))
+    return bytes(cdr)
+
+
+def _packet(
+    raw: Topic, cam: Topic, payload: bytes, tree: CamTree | None, stamp_ns: int
+) -> Iterator[StampedCdr]:
+    yield raw, udp_packet_cdr(stamp_ns, payload), stamp_ns
+    if tree is not None:
+        try:
+            values = cam_cdr(tree)
+        except CamError:  # a CAM, with a value that this release's message has no room for
+            return
+        yield cam, values, stamp_ns

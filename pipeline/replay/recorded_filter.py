@@ -1,0 +1,78 @@
+"""The filter of a recorded vehicle, to be run again: what it assumes, as the bag's scenario says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from advpipe.pipeline.bag.latched import FilterInfo, read_scenario_info
+from advpipe.pipeline.bag.localisation import read_initial_pose
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.localisation.estimator import Estimator
+from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.messages.topics import SCENARIO_INFO, VehicleTopics
+from advpipe.pipeline.scenario.map import Origin
+from advpipe.pipeline.scenario.sensors import Sensors
+from advpipe.pipeline.scenario.simulation import Simulation
+
+GNSS_FIX = "/gnss/fix"
+
+
+@dataclass(frozen=True)
+class RecordedFilter:
+    """sensors: the models that filters assume. origin: of the map. clock: of the drive."""
+
+    sensors: Sensors
+    origin: Origin
+    clock: Simulation
+
+    @property
+    def geodesy(self) -> Geodesy:
+        """The map's place on the Earth."""
+        return Geodesy(self.origin.latitude_deg, self.origin.longitude_deg, self.origin.altitude_m)
+
+    def estimator(self, reader: BagReader, topics: VehicleTopics) -> Estimator:
+        """A vehicle's filter as it was when the recording began."""
+        return Estimator(self.sensors, self.geodesy, read_initial_pose(reader, topics))
+
+
+@contextmanager
+def filter_errors(reader: BagReader, vehicle: str) -> Iterator[None]:
+    """Says of which bag and vehicle the measurements are with which a filter cannot run."""
+    try:
+        yield
+    except (AdvpipeError, np.linalg.LinAlgError, ArithmeticError, ValueError) as error:
+        if isinstance(error, AdvpipeError) and str(error).startswith(str(reader.path)):
+            raise
+        raise AdvpipeError(
+            f"{reader.path}: the filter of {vehicle} cannot run on what /{vehicle}/... holds: {error}"
+        ) from None
+
+
+def read_filter(reader: BagReader) -> RecordedFilter:
+    """Raises AdvpipeError for a bag that does not hold its scenario."""
+    if SCENARIO_INFO.name not in reader.topics:
+        raise UsageError(f"{reader.path} has no {SCENARIO_INFO.name}: nobody knows what its filters assume")
+    info = read_scenario_info(reader, FilterInfo)
+    return RecordedFilter(info.sensors, info.map.origin, info.simulation)
+
+
+def vehicles_with_filter(reader: BagReader) -> list[str]:
+    """Names of the vehicles with fixes, an estimate, and where it started; sorted."""
+    names = [name.strip("/").partition("/")[0] for name in reader.topics if name.endswith(GNSS_FIX)]
+    return sorted(
+        name
+        for name in names
+        if {VehicleTopics(name).odometry.name, VehicleTopics(name).initial_pose.name} <= set(reader.topics)
+    )
+
+
+def usual_victim(known: Sequence[str]) -> str | None:
+    """Of the vehicles with GPS, the one that is meant where none is named; None where that is not clear."""
+    if "ego" in known:
+        return "ego"
+    return known[0] if len(known) == 1 else None

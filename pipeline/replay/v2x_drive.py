@@ -1,0 +1,138 @@
+"""The V2X of a recorded drive, as it is to be sent again: all that radio and maps depend on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+from advpipe.pipeline.bag.footprints import footprints_of_text
+from advpipe.pipeline.bag.latched import V2xInfo, latched_text, read_scenario_info
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.pipeline.messages.topics import SCENARIO_INFO, V2X_BUILDINGS, V2X_SENT, V2X_STATIONS
+from advpipe.pipeline.messages.v2x import RadioPlace, sent_of_message, stations_of, stations_of_message
+from advpipe.pipeline.v2x.air import Air, Heard, Sent
+from advpipe.pipeline.v2x.codec.codec import CamTree
+from advpipe.pipeline.v2x.radio.buildings import Buildings
+
+
+class V2xStep(NamedTuple):
+    """One step of the drive: radios stay where they are from its begin to its end.
+
+    end_ns: None for the last one, in which nobody sends any more. sent: by the times they were handed over.
+    """
+
+    begin_ns: int
+    end_ns: int | None
+    radios: tuple[RadioPlace, ...]
+    sent: tuple[Sent, ...]
+
+
+class V2xDrive:
+    """Reads it from a bag that `simulate` has recorded; memory holds one step.
+
+    >>> drive = V2xDrive(BagReader(path))
+    >>> air = drive.air()
+    >>> for step in drive.steps():
+    ...     heard = drive.send(air, step, step.sent)  # or other messages instead
+
+    v2x, seed, origin: those of the scenario. stations: all vehicles that had a radio, by its number.
+    listeners: the instrumented ones among them. until_ns: nothing is read of what comes after the step in
+    which this time lies. Raises AdvpipeError for a bag without V2X.
+    """
+
+    def __init__(self, reader: BagReader, until_ns: int | None = None) -> None:
+        for topic in (SCENARIO_INFO, V2X_STATIONS):
+            if topic.name not in reader.topics:
+                raise UsageError(f"{reader.path} has no {topic.name}: no V2X to send again")
+        self._reader, self._until_ns = reader, until_ns
+        info: V2xInfo = read_scenario_info(reader, V2xInfo)
+        self.v2x, self.origin, self.seed = info.v2x, info.map.origin, info.simulation.seed
+        self.stations = _stations(reader, until_ns)
+        self.listeners = {number: name for number, name in self.stations.items() if name in info.vehicles}
+
+    def air(self, decoder: Callable[[bytes], CamTree] | None = None) -> Air:
+        """The medium and the maps as they were when the drive began. decoder: see `Air`."""
+        geodesy = Geodesy(self.origin.latitude_deg, self.origin.longitude_deg, self.origin.altitude_m)
+        return Air(self.v2x, self.seed, geodesy, self.listeners, self._buildings(), decoder)
+
+    def steps(self) -> Iterator[V2xStep]:
+        """All steps of the drive, in order; with `until_ns` to the first one that ends then or later.
+
+        Raises AdvpipeError for a message that no station of its step can have sent, and for two of a number.
+        """
+        begin_ns: int | None = None
+        radios: tuple[RadioPlace, ...] = ()
+        sent: list[Sent] = []
+        numbers: set[int] = set()
+        for raw in self._reader.raw_messages([V2X_STATIONS.name, V2X_SENT.name]):
+            message = self._reader.decode(raw)
+            if raw.topic.name == V2X_SENT.name:
+                sent.append(sent_of_message(message))
+                if sent[-1].number in numbers:
+                    raise self._wrong(raw, f"has the number {sent[-1].number}, as one before it")
+                numbers.add(sent[-1].number)
+                continue
+            if begin_ns is not None:
+                if raw.log_time_ns <= begin_ns:
+                    raise self._wrong(raw, "is not later than the one before it")
+                due = [one for one in sent if one.request_ns < raw.log_time_ns]
+                self._check(due, begin_ns, radios)
+                yield V2xStep(begin_ns, raw.log_time_ns, radios, tuple(due))
+                if self._until_ns is not None and raw.log_time_ns >= self._until_ns:
+                    return
+                sent = [one for one in sent if one.request_ns >= raw.log_time_ns]
+            begin_ns, radios = raw.log_time_ns, stations_of_message(message)
+        if begin_ns is not None:
+            yield V2xStep(begin_ns, None, radios, ())
+
+    def send(self, air: Air, step: V2xStep, sent: Sequence[Sent]) -> Heard:
+        """Goes through one step with these messages."""
+        stations = stations_of(self.v2x, step.radios)
+        if step.end_ns is None:
+            return air.finish(step.begin_ns, stations)
+        return air.advance(step.end_ns, stations, sent)
+
+    def _buildings(self) -> Buildings | None:
+        if V2X_BUILDINGS.name not in self._reader.topics:
+            return None
+        where = f"{self._reader.path}: {V2X_BUILDINGS.name} holds no footprints"
+        return Buildings(footprints_of_text(latched_text(self._reader, V2X_BUILDINGS.name), where))
+
+    def _check(self, sent: Sequence[Sent], begin_ns: int, radios: Sequence[RadioPlace]) -> None:
+        present = {radio.station_id for radio in radios}
+        for one in sent:
+            where = f"{self._reader.path}: message {one.number} of {V2X_SENT.name}"
+            if one.station_id not in present:
+                raise AdvpipeError(
+                    f"{where} is sent by station {one.station_id}, which {V2X_STATIONS.name} has nowhere on "
+                    f"the road at {begin_ns} ns; record it again"
+                )
+            if one.request_ns < begin_ns:
+                raise AdvpipeError(
+                    f"{where} is stamped {one.request_ns} ns, before its step began at {begin_ns} ns; record "
+                    "it again"
+                )
+
+    def _wrong(self, raw: RawMessage, what: str) -> AdvpipeError:
+        return AdvpipeError(
+            f"{self._reader.path}: the message of {raw.topic.name} at {raw.log_time_ns} ns {what}; record it "
+            "again"
+        )
+
+
+def _stations(reader: BagReader, last_ns: int | None) -> dict[int, str]:
+    """Names of all stations of a drive, by number. Raises AdvpipeError where one has two of either."""
+    names: dict[int, str] = {}
+    ids: dict[str, int] = {}
+    for time_ns, message in reader.messages(V2X_STATIONS.name, last_ns):
+        for station in message.stations:
+            number, name = station.station_id, station.vehicle
+            if names.setdefault(number, name) != name or ids.setdefault(name, number) != number:
+                raise AdvpipeError(
+                    f"{reader.path}: {V2X_STATIONS.name} at {time_ns} ns has the station {number} as "
+                    f"{name!r}, earlier {names[number]!r} as {ids.get(name, number)}; record it again"
+                )
+    return names

@@ -1,0 +1,167 @@
+"""When a vehicle sends a CAM, and what it puts into it (EN 302 637-2 v1.4.1, 6.1.3)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Flag, auto
+
+from advpipe.pipeline.core.seeding import named_generator
+from advpipe.pipeline.scenario.v2x import CamRules
+from advpipe.pipeline.v2x.facilities.cam import MAX_PATH_POINTS, Cam, LowFrequency, cam_of_state
+from advpipe.pipeline.v2x.facilities.cam_tree import encode_cam
+from advpipe.pipeline.v2x.facilities.ellipsoid import east_north_m
+from advpipe.pipeline.v2x.facilities.path_history import PathHistory
+from advpipe.pipeline.v2x.facilities.station_state import StationState
+
+CHECK_INTERVAL_NS = 100_000_000
+"""T_CheckCamGen."""
+START_NS = 1_000_000_000
+"""Within which the stations of a drive's first step are switched on."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GenerationRules:
+    """The standard's constants; changes have to exceed a threshold, not reach it."""
+
+    min_interval_s: float = 0.1
+    max_interval_s: float = 1.0
+    heading_change_rad: float = math.radians(4)
+    position_change_m: float = 4.0
+    speed_change_mps: float = 0.5
+    low_dynamics_cams: int = 3
+    """N_GenCam: so many CAMs in a row for lack of dynamics return the interval to its maximum."""
+    low_frequency_interval_s: float = 0.5
+    path_points: int = MAX_PATH_POINTS
+
+    @classmethod
+    def of(cls, section: CamRules) -> GenerationRules:
+        """The rules that a scenario sets."""
+        return cls(
+            min_interval_s=section.min_interval_s,
+            max_interval_s=section.max_interval_s,
+            heading_change_rad=math.radians(section.heading_deg),
+            position_change_m=section.position_m,
+            speed_change_mps=section.speed_mps,
+            low_frequency_interval_s=section.low_frequency_interval_s,
+            path_points=section.path_points,
+        )
+
+
+class Cause(Flag):
+    """Conditions that held at a check that sent a CAM."""
+
+    FIRST = auto()
+    HEADING = auto()
+    POSITION = auto()
+    SPEED = auto()
+    ELAPSED = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class GeneratedCam:
+    """A CAM at the moment of generation; `payload` is it in UPER."""
+
+    time_ns: int
+    payload: bytes
+    cam: Cam
+    cause: Cause
+
+
+class CamGenerator:
+    """The CA basic service of one station.
+
+    active_ns: when the station was switched on; time elapsed counts from there before the first CAM, as
+    in Artery. Give `check` a state every `CHECK_INTERVAL_NS` from `first_check_ns` on.
+    """
+
+    def __init__(self, active_ns: int, rules: GenerationRules = GenerationRules()) -> None:
+        self._rules = rules
+        self._min_ns, self._max_ns = _ns(rules.min_interval_s), _ns(rules.max_interval_s)
+        self._low_frequency_ns = _ns(rules.low_frequency_interval_s)
+        self._last_ns = active_ns
+        self._interval_ns = self._max_ns  # T_GenCam
+        self._quiet_cams = 0
+        self._last: StationState | None = None
+        self._last_low_frequency_ns: int | None = None
+        self._path = PathHistory()
+
+    def check(self, time_ns: int, state: StationState, dcc_interval_s: float = 0.0) -> GeneratedCam | None:
+        """The CAM that the station sends at this time, or None.
+
+        state: the newest one; its own time, not `time_ns`, becomes that of the CAM. dcc_interval_s: the
+        least time between two messages that congestion control allows now. Raises CamError for a state
+        that no CAM can tell.
+        """
+        self._path.add(state.time_ns, state.latitude_deg, state.longitude_deg, state.altitude_m)
+        if not (cause := self._decide(time_ns, state, dcc_interval_s)):
+            return None
+        low_frequency = None
+        last_ns = self._last_low_frequency_ns
+        if last_ns is None or time_ns - last_ns >= self._low_frequency_ns:
+            self._last_low_frequency_ns = time_ns
+            low_frequency = self._low_frequency(state)
+        cam = cam_of_state(state, low_frequency)
+        return GeneratedCam(time_ns, encode_cam(cam), cam, cause)
+
+    def _decide(self, time_ns: int, state: StationState, dcc_interval_s: float) -> Cause:
+        elapsed_ns = time_ns - self._last_ns
+        if elapsed_ns < min(max(_ns(dcc_interval_s), self._min_ns), self._max_ns):
+            return Cause(0)
+        cause = self._dynamics(state)
+        if cause:
+            self._interval_ns = min(elapsed_ns, self._max_ns)
+            self._quiet_cams = 0
+        elif elapsed_ns >= self._interval_ns:
+            cause = Cause.ELAPSED
+            self._quiet_cams += 1
+            if self._quiet_cams >= self._rules.low_dynamics_cams:
+                self._interval_ns = self._max_ns
+        if cause:
+            self._last_ns, self._last = time_ns, state
+        return cause
+
+    def _dynamics(self, state: StationState) -> Cause:
+        last, rules, cause = self._last, self._rules, Cause(0)
+        if last is None:
+            return Cause.FIRST
+        if abs(math.remainder(state.heading_rad - last.heading_rad, math.tau)) > rules.heading_change_rad:
+            cause |= Cause.HEADING
+        place = state.latitude_deg, state.longitude_deg
+        moved_m = math.hypot(*east_north_m(last.latitude_deg, last.longitude_deg, *place))
+        if moved_m > rules.position_change_m:
+            cause |= Cause.POSITION
+        if abs(state.speed_mps - last.speed_mps) > rules.speed_change_mps:
+            cause |= Cause.SPEED
+        return cause
+
+    def _low_frequency(self, state: StationState) -> LowFrequency:
+        place = state.latitude_deg, state.longitude_deg, state.altitude_m, state.time_ns
+        return LowFrequency(
+            vehicle_role=state.vehicle_role,
+            exterior_lights=state.exterior_lights,
+            path_history=self._path.points(*place)[: self._rules.path_points],
+        )
+
+
+def switched_on_ns(first_seen_ns: int, drive_begin_ns: int, seed: int, vehicle: str) -> int:
+    """When a vehicle's station is switched on: as it comes, or within `START_NS` of a drive's begin.
+
+    Stations of the first step would all send at once otherwise.
+    """
+    if first_seen_ns != drive_begin_ns:
+        return first_seen_ns
+    return first_seen_ns + int(named_generator(seed, "v2x", "switched on", vehicle).integers(START_NS))
+
+
+def first_check_ns(active_ns: int, seed: int, station_id: int) -> int:
+    """When a station checks first: its own chance phase, 0.1 to 0.2 s after it was switched on.
+
+    Stations do not beat in time with each other, nor with the steps of the simulation.
+    """
+    rng = named_generator(seed, "v2x/check-phase", station_id)
+    return active_ns + CHECK_INTERVAL_NS + int(rng.integers(CHECK_INTERVAL_NS))
+
+
+def _ns(seconds: float) -> int:
+    return round(seconds * 1e9)

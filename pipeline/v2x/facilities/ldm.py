@@ -1,0 +1,189 @@
+"""The Local Dynamic Map: what a vehicle knows of the other stations, from the CAMs that it received."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.scenario.v2x import LdmRules
+from advpipe.pipeline.v2x.codec.timestamps import generation_time_ns
+from advpipe.pipeline.v2x.facilities.cam import Cam, CamCore
+
+_NORTHWARD_DEG = 1e-4
+
+
+class Verdict(IntEnum):
+    """What a Local Dynamic Map made of a received message."""
+
+    ACCEPTED = 0
+    CORRUPT = 1
+    """No CAM at all."""
+    UNPLACED = 2
+    """A CAM that tells no position."""
+    EXPIRED = 3
+    """Generated longer ago than entries are kept."""
+    FUTURE = 4
+    """Generated in the future by more than entries are kept."""
+    SUPERSEDED = 5
+    """Generated before the entry that is there already."""
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What a CAM says, on the map; the same for all its receivers.
+
+    generation_ns: UTC since 1970. front_m: x, y, z of the ground below the middle of the vehicle's front
+    side, in the map's frame. yaw_rad: from +x to +y. NaN where the CAM does not tell, infinity where it says
+    "out of range".
+    """
+
+    station_id: int
+    station_type: int
+    generation_ns: int
+    front_m: tuple[float, float, float]
+    yaw_rad: float
+    speed_mps: float
+    length_m: float
+    width_m: float
+
+    @property
+    def centre_m(self) -> tuple[float, float, float]:
+        """The ground below the middle of its box; the front where direction or length are not told."""
+        back_m = self.length_m / 2
+        if not math.isfinite(back_m + self.yaw_rad):
+            return self.front_m
+        x_m, y_m, z_m = self.front_m
+        return x_m - back_m * math.cos(self.yaw_rad), y_m - back_m * math.sin(self.yaw_rad), z_m
+
+
+def report_of_cam(cam: Cam | CamCore, received_ns: int, geodesy: Geodesy) -> Report | None:
+    """The CAM on the map; None where it tells no position, or one on the other side of the Earth.
+
+    Without an altitude it is on the map's zero level. Of the times that its generationDeltaTime may mean,
+    the one nearest to `received_ns` counts.
+    """
+    return reports_of_cams([cam], [received_ns], geodesy)[0]
+
+
+def reports_of_cams(
+    cams: Sequence[Cam | CamCore], received_ns: Sequence[int], geodesy: Geodesy
+) -> list[Report | None]:
+    """`report_of_cam` of each; the projection takes many places in little more time than one."""
+    places = np.array(
+        [(_number(cam.latitude_deg), _number(cam.longitude_deg), _number(cam.altitude_m)) for cam in cams]
+    ).reshape(-1, 3)
+    with np.errstate(invalid="ignore"):
+        (told,) = np.nonzero((np.abs(places[:, 0]) < 90) & (np.abs(places[:, 1]) <= 180))
+    places = places[told].T
+    is_flat = ~np.isfinite(places[2])
+    if is_flat.any():
+        places[2, is_flat] = geodesy.to_geographic([0.0, 0.0, 0.0])[2]
+    northward = places + np.array([[_NORTHWARD_DEG], [0.0], [0.0]])
+    fronts_m, norths_m = np.split(geodesy.to_map(np.hstack([places, northward])), 2, axis=1)
+    reports: list[Report | None] = [None] * len(cams)
+    for index, front_m, north_m in zip(told.tolist(), fronts_m.T.tolist(), norths_m.T.tolist(), strict=True):
+        if math.isfinite(front_m[0] + front_m[1]):  # a projection knows one side of the Earth
+            reports[index] = _report(cams[index], received_ns[index], front_m, north_m)
+    return reports
+
+
+def _report(cam: Cam | CamCore, received_ns: int, front_m: list[float], north_m: list[float]) -> Report:
+    """north_m: a place a little to the north of the front."""
+    x_m, y_m, z_m = front_m
+    yaw_rad = math.atan2(north_m[1] - y_m, north_m[0] - x_m) - _number(cam.heading_rad)
+    return Report(
+        station_id=cam.station_id,
+        station_type=cam.station_type,
+        generation_ns=generation_time_ns(cam.generation_delta_time_ms, received_ns),
+        front_m=(x_m, y_m, z_m),
+        yaw_rad=math.remainder(yaw_rad, math.tau) if math.isfinite(yaw_rad) else math.nan,
+        speed_mps=_number(cam.speed_mps),
+        length_m=_number(cam.length_m),
+        width_m=_number(cam.width_m),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """The report that stands for a station, and when it was received."""
+
+    report: Report
+    received_ns: int
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """All entries at one time, by station id, as they were received: nothing is extrapolated.
+
+    verdicts: how many messages have met each, since the map began.
+    """
+
+    time_ns: int
+    entries: tuple[Entry, ...]
+    verdicts: dict[Verdict, int]
+
+    def age_s(self, entry: Entry) -> float:
+        """Time since the entry's generation."""
+        return (self.time_ns - entry.report.generation_ns) / 1e9
+
+
+class LocalDynamicMap:
+    """One entry for each station id: the last report, until it expires.
+
+    A report enters unless it is, by its generation time, older than entries are kept or as far in the
+    future, as in Artery. With `keep: newest` a report generated before the one that is there does not enter;
+    with `latest` it overwrites that, which is Artery's way. Station ids are believed, the vehicle's own too.
+    """
+
+    def __init__(self, rules: LdmRules) -> None:
+        self._keep_ns = round(rules.expiry_s * 1e9)
+        self._replaces_newer = rules.keep == "latest"
+        self._entries: dict[int, Entry] = {}
+        self._verdicts: Counter[Verdict] = Counter()
+
+    def receive(self, report: Report | None, received_ns: int) -> Verdict:
+        """Takes a received CAM's report; None stands for a CAM without a position."""
+        verdict = Verdict.UNPLACED if report is None else self._judge(report, received_ns)
+        if report is not None and verdict is Verdict.ACCEPTED:
+            self._entries[report.station_id] = Entry(report, received_ns)
+        self._verdicts[verdict] += 1
+        return verdict
+
+    def receive_corrupt(self) -> Verdict:
+        """Counts a received message that is no CAM."""
+        self._verdicts[Verdict.CORRUPT] += 1
+        return Verdict.CORRUPT
+
+    def snapshot(self, now_ns: int) -> Snapshot:
+        """Lets entries expire, and returns the others."""
+        self._entries = {
+            station: entry
+            for station, entry in sorted(self._entries.items())
+            if not self._is_expired(entry.report, now_ns)
+        }
+        counts = {verdict: self._verdicts[verdict] for verdict in Verdict}
+        return Snapshot(now_ns, tuple(self._entries.values()), counts)
+
+    def _judge(self, report: Report, now_ns: int) -> Verdict:
+        if self._is_expired(report, now_ns):
+            return Verdict.EXPIRED
+        if report.generation_ns > now_ns + self._keep_ns:
+            return Verdict.FUTURE
+        known = self._entries.get(report.station_id)
+        if known is None or self._replaces_newer or self._is_expired(known.report, now_ns):
+            return Verdict.ACCEPTED
+        is_older = report.generation_ns < known.report.generation_ns
+        return Verdict.SUPERSEDED if is_older else Verdict.ACCEPTED
+
+    def _is_expired(self, report: Report, now_ns: int) -> bool:
+        return report.generation_ns + self._keep_ns < now_ns
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)

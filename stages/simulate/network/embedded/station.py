@@ -1,0 +1,132 @@
+"""One station: a vehicle with a radio, that tells others where it is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from advpipe.pipeline.core.seeding import named_generator
+from advpipe.pipeline.localisation.estimate import Estimate
+from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.messages.v2x import RadioPlace
+from advpipe.pipeline.scenario.v2x import V2x
+from advpipe.pipeline.v2x.codec.codes import StationType, TrailerPresence
+from advpipe.pipeline.v2x.facilities.dcc import ReactiveDcc
+from advpipe.pipeline.v2x.facilities.generation import (
+    CHECK_INTERVAL_NS,
+    CamGenerator,
+    GeneratedCam,
+    GenerationRules,
+    first_check_ns,
+)
+from advpipe.pipeline.v2x.facilities.own_state import Identity, accuracy_of_estimate, own_state
+from advpipe.pipeline.v2x.facilities.reference_point import reference_points
+from advpipe.pipeline.v2x.facilities.station_state import StationState
+from advpipe.stages.simulate.network.embedded.self_knowledge import Senses, accuracy_of_receiver, believed
+from advpipe.stages.simulate.traffic.road_users import RoadUser
+
+STATION_TYPES = {
+    "van": StationType.LIGHT_TRUCK,
+    "minibus": StationType.LIGHT_TRUCK,
+    "box_truck": StationType.HEAVY_TRUCK,
+    "semi_trailer": StationType.HEAVY_TRUCK,
+    "bus": StationType.BUS,
+    "motorcycle": StationType.MOTORCYCLE,
+    "scooter": StationType.MOPED,
+}
+"""By the name of the body; what is not here is told by its class."""
+
+_BY_CLASS = {"car": StationType.PASSENGER_CAR, "truck": StationType.HEAVY_TRUCK}
+
+
+def station_type(user: RoadUser) -> StationType | None:
+    """What a road user is as a station; None for one that carries no radio: bicycles, people on foot."""
+    return STATION_TYPES.get(_body(user)) or _BY_CLASS.get(user.variant.body.label)
+
+
+def _body(user: RoadUser) -> str:
+    return user.variant.name.partition(".")[0]
+
+
+class Station:
+    """One vehicle's ITS station, from when it is first seen on.
+
+    user: the vehicle at the newest step. state: what the station knows of itself then.
+    """
+
+    def __init__(
+        self, v2x: V2x, seed: int, step_s: float, station_id: int, user: RoadUser, now_ns: int
+    ) -> None:
+        self.id, self.user = station_id, user
+        self.type = station_type(user) or StationType.UNKNOWN
+        has_trailer = _body(user) == "semi_trailer"
+        self.trailer = TrailerPresence.KNOWN_LENGTH if has_trailer else TrailerPresence.NONE
+        self.senses = Senses(v2x.others, step_s, named_generator(seed, "v2x", "self-knowledge", user.id))
+        self.state: StationState | None = None
+        self._generator = CamGenerator(now_ns, GenerationRules.of(v2x.cam))
+        self._dcc = ReactiveDcc() if v2x.cam.dcc == "reactive" else None
+        self._next_check_ns = first_check_ns(now_ns, seed, station_id)
+
+    @property
+    def place(self) -> RadioPlace:
+        """Where its radio truly is."""
+        user, variant = self.user, self.user.variant
+        size_m = variant.length_m, variant.width_m, variant.height_m
+        return RadioPlace(self.id, user.id, user.map_SE3_base, size_m, user.velocity_mps)
+
+    def hear_load(self, busy_ratio: float) -> None:
+        """Takes the channel load that the station measured over the last tenth of a second."""
+        if self._dcc is not None:
+            self._dcc.update(busy_ratio)
+
+    def cams_before(self, end_ns: int) -> Iterator[GeneratedCam]:
+        """Checks at every due instant before `end_ns`, with the newest state."""
+        assert self.state is not None
+        while self._next_check_ns < end_ns:
+            interval_s = self._dcc.interval_s if self._dcc is not None else 0.0
+            cam = self._generator.check(self._next_check_ns, self.state, interval_s)
+            self._next_check_ns += CHECK_INTERVAL_NS
+            if cam is not None:
+                yield cam
+
+
+def update_states(
+    stations: Sequence[Station],
+    estimates: Mapping[str, Estimate],
+    now_ns: int,
+    v2x: V2x,
+    step_s: float,
+    geodesy: Geodesy,
+) -> None:
+    """Gives stations their newest states, all at once: of one's estimate on board, or of what it believes."""
+    if not stations:
+        return
+    users = [station.user for station in stations]
+    known = believed(users, [station.senses for station in stations], estimates, step_s)
+    lengths_m = np.array([user.variant.length_m for user in users])
+    receiver = accuracy_of_receiver(v2x.others)
+    for station, place, speed_mps, acceleration_mps2, yaw_rate_radps in zip(
+        stations,
+        reference_points(geodesy, known.map_SE3_base, lengths_m),
+        known.speed_mps.tolist(),
+        known.acceleration_mps2.tolist(),
+        known.yaw_rate_radps.tolist(),
+        strict=True,
+    ):
+        estimate = estimates.get(station.user.id)
+        station.state = own_state(
+            Identity(
+                station.id,
+                station.type,
+                station.user.variant.length_m,
+                station.user.variant.width_m,
+                station.trailer,
+            ),
+            now_ns,
+            place,
+            receiver if estimate is None else accuracy_of_estimate(estimate),
+            speed_mps=speed_mps,
+            acceleration_mps2=acceleration_mps2,
+            yaw_rate_radps=yaw_rate_radps,
+        )

@@ -1,0 +1,111 @@
+"""What a SUMO network's numbers and shapes must be, before SUMO or the world is built on them."""
+
+from __future__ import annotations
+
+import math
+import reprlib
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.stages.simulate.road_network.shape import length_m, parse_shape
+
+ANYWHERE = (-1e8, 1e8)
+"""Metres: wider than UTM coordinates of any place on Earth."""
+
+MOST_LANES_KM = 5000.0
+"""The world of a network with longer lanes takes tens of gigabytes."""
+
+NUMBERS: Mapping[str, Mapping[str, tuple[float, float]]] = {
+    "lane": {"index": (0, 1000), "speed": (0, 1000), "length": (0.001, 1e6), "width": (0.01, 200)},
+    "junction": {"x": ANYWHERE, "y": ANYWHERE, "z": ANYWHERE},
+    "connection": {"fromLane": (0, 1000), "toLane": (0, 1000)},
+}
+"""The least and the greatest value of attributes, where they are given; in metres and m/s."""
+
+NEEDED: Mapping[str, tuple[str, ...]] = {
+    "location": ("netOffset", "convBoundary", "origBoundary", "projParameter"),
+    "edge": ("id",),
+    "lane": ("id", "index", "speed", "length", "shape"),
+    "junction": ("id", "type", "x", "y", "incLanes", "intLanes"),
+    "connection": ("from", "to", "fromLane", "toLane", "dir", "state"),
+}
+"""Attributes that an element cannot do without."""
+
+
+def check_network(net: ElementTree.Element, origin: str) -> None:
+    """Raises AdvpipeError, naming the element, for what SUMO or the world would trip over.
+
+    net: the root of a `.net.xml`. That is attributes that are missing, numbers out of bounds, shapes that
+    are no lines, and ids that two elements of a kind share. `origin` is how the message names the file.
+    """
+    incomplete = "so it is no complete SUMO network; run netconvert"
+    if "version" not in net.attrib:
+        raise AdvpipeError(f"{origin}: <net> has no version, {incomplete}")
+    if net.find("location") is None:
+        raise AdvpipeError(f"{origin}: no <location> in it, {incomplete}")
+    if not any(not edge.get("id", ":").startswith(":") for edge in net.iter("edge")):
+        raise AdvpipeError(f"{origin}: the network holds no road")
+    seen: set[tuple[str, str]] = set()
+    total_m = 0.0
+    for element in net.iter():
+        for problem in _problems(element):
+            raise AdvpipeError(f"{origin}: {_name(element)} {problem}")
+        if element.tag in ("edge", "lane", "junction"):
+            key = (element.tag, element.attrib["id"])
+            if key in seen:
+                raise AdvpipeError(f"{origin}: {_name(element)} is there twice; each id must be unique")
+            seen.add(key)
+            total_m += length_m(parse_shape(element.get("shape", "")))
+    if total_m > 1000 * MOST_LANES_KM:
+        raise AdvpipeError(
+            f"{origin}: its lanes and outlines are {total_m / 1000:.0f} km long, and the world is built of "
+            f"{MOST_LANES_KM:.0f} km at most; cut the map with netconvert --keep-edges.in-boundary"
+        )
+
+
+def _problems(element: ElementTree.Element) -> Iterator[str]:
+    """What is wrong with one element, as the end of a sentence that its name begins."""
+    for name in NEEDED.get(element.tag, ()):
+        if name not in element.attrib:
+            yield f"has no {name}"
+    for name, (least, greatest) in NUMBERS.get(element.tag, {}).items():
+        text = element.get(name)
+        if text is not None and not least <= _number(text) <= greatest:
+            yield f"has {name} {reprlib.repr(text)}, not a number from {least:g} to {greatest:g}"
+    if element.tag == "location":
+        offset = element.attrib["netOffset"].split(",")
+        if len(offset) != 2 or not all(abs(_number(text)) <= ANYWHERE[1] for text in offset):
+            yield f"has netOffset {reprlib.repr(element.attrib['netOffset'])}, not two numbers of metres"
+    if element.tag in ("edge", "lane", "junction"):
+        yield from _shape_problems(element)
+
+
+def _shape_problems(element: ElementTree.Element) -> Iterator[str]:
+    text = element.get("shape", "")
+    try:
+        shape_m = parse_shape(text)
+    except ValueError:
+        yield f"has the shape {reprlib.repr(text)}, which is no list of x,y or x,y,z"
+        return
+    if not (np.abs(shape_m) <= ANYWHERE[1]).all():  # NaN is not, either
+        yield f"has a shape with a coordinate that is not a number from {ANYWHERE[0]:g} to {ANYWHERE[1]:g}"
+    if element.tag == "lane" and len(shape_m) < 2:
+        yield f"has a shape of {len(shape_m)} points; a lane needs two at least"
+
+
+def _number(text: str) -> float:
+    """NaN for what is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+def _name(element: ElementTree.Element) -> str:
+    if element.tag == "connection":
+        return f"<connection> from {reprlib.repr(element.get('from'))} to {reprlib.repr(element.get('to'))}"
+    known = element.get("id")
+    return f"<{element.tag}>" if known is None else f"{element.tag} {reprlib.repr(known)}"

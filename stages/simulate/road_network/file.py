@@ -1,0 +1,149 @@
+"""The file that SUMO drives on: the user's, converted or generated, and checked before SUMO sees it."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.missing_library import loader_line
+from advpipe.pipeline.scenario.map import Generator, Map
+from advpipe.stages.simulate.road_network.bounded_xml import refuse_bombs
+from advpipe.stages.simulate.road_network.check import check_network
+from advpipe.stages.simulate.road_network.repair import repair_lanes
+
+PATIENCE_S = 600.0
+"""A map of 38 MB with 64,000 lanes is read in a tenth of it."""
+
+GUESSED_LIGHTS = ("--tls.guess", "--tls.default-type", "actuated", "--tls.max-dur", "25")
+
+
+@dataclass(frozen=True)
+class NetworkFile:
+    """`sumo_file` is what SUMO loads, `map_file` what it was made from, `origin` how messages name it."""
+
+    sumo_file: Path
+    map_file: Path
+    origin: str
+
+
+def prepare_network_file(source: Map, scratch: Path, seed: int) -> NetworkFile:
+    """The SUMO network of a scenario's map, which SUMO is known to load."""
+    if source.opendrive is not None:
+        map_file = Path(source.opendrive)
+        prepared = NetworkFile(_convert_opendrive(map_file, scratch), map_file, str(map_file))
+        check_network(ElementTree.parse(prepared.sumo_file).getroot(), prepared.origin)
+        repair_lanes(prepared.sumo_file)
+    elif source.generator is not None:
+        sumo_file = _generate(source.generator, scratch, seed)
+        prepared = NetworkFile(sumo_file, sumo_file, "map.generator")
+    else:
+        assert source.sumo_net is not None
+        map_file = Path(source.sumo_net)
+        root = check_xml(map_file, "map.sumo_net", ("net",), "a SUMO network (.net.xml)")
+        prepared = NetworkFile(map_file, map_file, str(map_file))
+        check_network(root, prepared.origin)
+    # SUMO loads it in a process of its own: a file that crashes it must not crash us.
+    options = ["--net-file", str(prepared.sumo_file), "--begin", "0", "--end", "0.1"]
+    done = run_sumo("sumo", [*options, "--no-step-log", "--no-warnings"], prepared.origin)
+    if done.returncode != 0:
+        raise AdvpipeError(f"{prepared.origin}: SUMO cannot load the network: {last_error(done)}")
+    return prepared
+
+
+def check_xml(path: Path, key: str, root_tags: tuple[str, ...], kind: str) -> ElementTree.Element:
+    """The root element of a file that is whole XML of the right kind."""
+    if not path.is_file():
+        hint = f"give its path with --set {key}=FILE"
+        raise AdvpipeError(f"{key}: {path} {'is no file' if path.exists() else 'does not exist'}; {hint}")
+    if path.stat().st_size == 0:
+        raise AdvpipeError(f"{key}: {path} is empty")
+    refuse_bombs(path, f"{key}: {path}")
+    try:
+        root = ElementTree.parse(path).getroot()
+    except (ElementTree.ParseError, ValueError, UnicodeError, LookupError) as error:
+        raise AdvpipeError(f"{key}: {path} is not {kind}, or is cut off: {error}") from None
+    tag = root.tag.rpartition("}")[2]  # OpenDRIVE from 1.5 on has a namespace
+    if tag not in root_tags:
+        raise AdvpipeError(f"{key}: {path} is not {kind}: its root element is <{tag}>, not <{root_tags[0]}>")
+    return root
+
+
+def sumo_program(name: str) -> str:
+    """The path of a SUMO program that came with the eclipse-sumo package."""
+    import sumo
+
+    return str(Path(sumo.SUMO_HOME) / "bin" / name)
+
+
+def run_sumo(
+    name: str, options: Sequence[str], origin: str, patience_s: float = PATIENCE_S
+) -> subprocess.CompletedProcess[str]:
+    """Runs a SUMO program to its end; raises AdvpipeError where it cannot start or takes over `patience_s`.
+
+    `origin` is how messages name its input.
+    """
+    try:
+        done = subprocess.run(
+            [sumo_program(name), *options],
+            capture_output=True,
+            encoding="utf-8",
+            errors="replace",
+            timeout=patience_s,
+        )
+    except subprocess.TimeoutExpired:
+        raise AdvpipeError(f"{origin}: {name} did not finish with it within {patience_s:g} s") from None
+    if done.returncode == 127 and (missing := loader_line(done.stderr)):
+        raise AdvpipeError(f"{name}: {missing}")
+    return done
+
+
+def last_error(done: subprocess.CompletedProcess[str]) -> str:
+    """What a SUMO program that failed said, in one line."""
+    if done.returncode < 0:
+        return f"it crashed with signal {-done.returncode}"
+    lines = [line.strip() for line in done.stderr.splitlines() if line.strip().startswith("Error")]
+    return re.sub(r"^Error:\s*", "", lines[0]) if lines else f"exit code {done.returncode}"
+
+
+def _convert_opendrive(path: Path, scratch: Path) -> Path:
+    """By netconvert; a map without a single signal gets its guess at traffic lights.
+
+    Without them nobody ever comes to turn left over five lanes of dense traffic.
+    """
+    root = check_xml(path, "map.opendrive", ("OpenDRIVE",), "an OpenDRIVE map (.xodr)")
+    out = scratch / "network.net.xml"
+    command = ["--opendrive-files", str(path), "--output-file", str(out), "--no-warnings"]
+    if root.find(".//{*}signal") is None:
+        command += [*GUESSED_LIGHTS]
+    done = run_sumo("netconvert", command, str(path))
+    if done.returncode != 0 or not out.is_file():
+        raise AdvpipeError(f"{path}: netconvert cannot read it: {last_error(done)}")
+    return out
+
+
+def _generate(generator: Generator, scratch: Path, seed: int) -> Path:
+    """By netgenerate. The comment at the head of its output is cut off: it holds a date and paths."""
+    block_m = str(generator.block_m)
+    shapes = {
+        "grid": ["--grid", "--grid.number", str(generator.size), "--grid.length", block_m],
+        "spider": ["--spider", "--spider.arm-number", str(max(generator.size, 3))]
+        + ["--spider.circle-number", str(max(generator.size // 2, 1)), "--spider.space-radius", block_m],
+        "random": ["--rand", "--rand.iterations", str(generator.size**2)]
+        + ["--rand.min-distance", str(0.6 * generator.block_m)]
+        + ["--rand.max-distance", str(1.4 * generator.block_m)],
+    }
+    out = scratch / "generated.net.xml"
+    command = [*shapes[generator.kind], "--seed", str(seed % 2**31), "--output-file", str(out)]
+    command += ["--default.lanenumber", str(generator.lanes), "--default.speed", str(generator.speed_mps)]
+    command += [*GUESSED_LIGHTS, "--no-turnarounds.except-deadend", "true"]
+    done = run_sumo("netgenerate", command, "map.generator")
+    if done.returncode != 0 or not out.is_file():
+        raise AdvpipeError(f"map.generator: netgenerate cannot make this network: {last_error(done)}")
+    text = re.sub(r"<!--.*?-->\s*", "", out.read_text(encoding="utf-8"), flags=re.DOTALL)
+    out.write_text(text, encoding="utf-8")
+    return out

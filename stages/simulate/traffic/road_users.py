@@ -1,0 +1,48 @@
+"""Somebody on or beside the road at one instant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
+from advpipe.pipeline.geometry.transforms import Float64, yaw_of
+from advpipe.stages.simulate.world.raycast.bodies import Variant
+
+
+@dataclass(frozen=True)
+class RoadUser:
+    """`map_SE3_base` is the pose of base_link: the ground below the centre of the box, x forward."""
+
+    id: str
+    variant: Variant
+    map_SE3_base: Float64
+    velocity_mps: Float64
+
+    @property
+    def position_m(self) -> Float64:
+        position: Float64 = self.map_SE3_base[:3, 3]
+        return position
+
+
+def boxes_of(users: Sequence[RoadUser]) -> Boxes:
+    """Ground truth of road users, in the map's frame."""
+    if not users:
+        return Boxes()
+    geometry = np.array(
+        [
+            [
+                *(user.position_m + user.map_SE3_base[:3, 2] * user.variant.height_m / 2),
+                user.variant.length_m,
+                user.variant.width_m,
+                user.variant.height_m,
+                yaw_of(user.map_SE3_base),
+            ]
+            for user in users
+        ]
+    )
+    labels = np.array([CLASSES.index(user.variant.body.label) for user in users], dtype=np.int64)
+    velocity = np.array([user.velocity_mps for user in users])
+    return Boxes(geometry, labels, tuple(user.id for user in users), velocity)

@@ -1,0 +1,80 @@
+"""Vehicle types: ours as SUMO is told of them, and which of ours stands for one of the user's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from advpipe.stages.simulate.world.raycast.bodies import Variant
+
+CARS = ("sedan", "hatchback", "estate", "suv", "pickup")
+BODIES_OF_CLASS: dict[str, tuple[str, ...]] = {
+    "passenger": CARS,
+    "private": CARS,
+    "evehicle": CARS,
+    "taxi": CARS,
+    "authority": CARS,
+    "army": CARS,
+    "vip": CARS,
+    "hov": CARS,
+    "custom1": CARS,
+    "custom2": CARS,
+    "ignoring": CARS,
+    "delivery": ("van",),
+    "emergency": ("van",),
+    "truck": ("box_truck", "semi_trailer"),
+    "trailer": ("semi_trailer",),
+    "bus": ("minibus", "bus"),
+    "coach": ("bus",),
+    "motorcycle": ("motorcycle",),
+    "moped": ("scooter",),
+    "scooter": ("scooter",),
+    "bicycle": ("bicycle",),
+    "wheelchair": ("bicycle",),
+}
+"""Bodies that stand for a vClass of SUMO; rail, water, air and pedestrian classes have none."""
+
+CHOICE = 3
+"""A vehicle of the user's gets one of this many variants nearest to its length, drawn by the seed."""
+
+
+def variants_of(variants: Mapping[str, Variant], body: str) -> list[str]:
+    """Names of the variants of a body, in order."""
+    return [name for name in variants if name.rpartition(".")[0] == body]
+
+
+def stand_in(
+    variants: Mapping[str, Variant], vclass: str, length_m: float, rng: np.random.Generator
+) -> Variant:
+    """The variant that stands for a vehicle of a known class and length."""
+    names = [name for body in BODIES_OF_CLASS[vclass] for name in variants_of(variants, body)]
+    names.sort(key=lambda name: (abs(variants[name].length_m - length_m), name))
+    return variants[names[int(rng.integers(min(CHOICE, len(names))))]]
+
+
+def vehicle_types_xml(variants: Mapping[str, Variant]) -> str:
+    """SUMO vehicle types, one for each variant.
+
+    People on foot are among them: a trajectory from outside may move one, and cars brake for it.
+    """
+    lines = []
+    for name, variant in variants.items():
+        body = variant.body
+        attributes = {
+            "id": name,
+            "vClass": "passenger",  # bodies differ in size and speed; who may use a lane is the road's matter
+            "length": variant.length_m,
+            "width": variant.width_m,
+            "height": variant.height_m,
+            "maxSpeed": body.max_speed_mps,
+            "accel": body.acceleration_mps2,
+            "latAlignment": "right" if body.label == "cyclist" else "center",
+            "minGapLat": 0.4,
+            "lcMaxSpeedLatStanding": 0.0,
+            "lcMaxSpeedLatFactor": 0.25,
+        }
+        text = " ".join(f"{key}={quoteattr(str(value))}" for key, value in attributes.items())
+        lines.append(f"  <vType {text}/>")
+    return "<additional>\n" + "\n".join(lines) + "\n</additional>\n"

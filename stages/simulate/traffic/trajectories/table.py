@@ -1,0 +1,115 @@
+"""The user's table of trajectories, CSV or Parquet: read, and checked row by row before anything starts."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.stages.simulate.traffic.trajectories.rows import name_in, number_in, table_rows
+
+REQUIRED = ("time_s", "x_m", "y_m", "z_m", "yaw_rad")
+OPTIONAL = ("pitch_rad", "roll_rad")
+DEFAULT_BODY = "sedan"
+MOST_IDS = 20_000
+"""Four times as many as `traffic.vehicles` lets drive at a time."""
+
+LARGEST = 1e7
+"""Numbers beyond it are no places on a map, nor times in a drive."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """All rows of one id: values (K, 7) time_s, x_m, y_m, z_m, yaw_rad, pitch_rad, roll_rad; K >= 2."""
+
+    values: Float64
+    body: str
+
+
+def read_trajectory_table(path: Path, bodies: frozenset[str]) -> dict[str, Rows]:
+    """The rows of each id, sorted by id.
+
+    Raises AdvpipeError, with line and column, for a file that is no table, a missing column, a number that
+    is none or not finite, times of one id that do not rise, an unknown body, an id with a single row, and
+    more rows or ids than are held in memory.
+    """
+    columns, rows = table_rows(path, ("id", *REQUIRED), ("id", *REQUIRED, *OPTIONAL, "body"))
+    read = _Reading(f"trajectories.file: {path}", columns, bodies)
+    for place, values in rows:
+        read.add(place, values)
+    return read.finished()
+
+
+@dataclass
+class _Own:
+    """What one id has so far, seven numbers a row; place: of its first."""
+
+    place: str
+    body: str
+    values: array[float] = field(default_factory=lambda: array("d"))
+    last_s: float = -np.inf
+
+
+class _Reading:
+    """Takes row after row, and keeps its numbers alone."""
+
+    def __init__(self, where: str, columns: Sequence[str], bodies: frozenset[str]) -> None:
+        self._where, self._columns, self._bodies = where, columns, bodies
+        self._of: dict[str, _Own] = {}
+
+    def add(self, place: str, values: Sequence[Any]) -> None:
+        given = dict(zip(self._columns, values, strict=True))
+        name = self._name(place, "id", given["id"])
+        body = self._name(place, "body", given.get("body", DEFAULT_BODY))
+        if body not in self._bodies:
+            known = ", ".join(sorted(self._bodies))
+            raise self._error(place, "body", f"{shown(body)} is no body; known: {known}")
+        numbers = [self._number(place, one, given.get(one, 0.0)) for one in (*REQUIRED, *OPTIONAL)]
+        own = self._of.get(name)
+        if own is None:
+            if len(self._of) >= MOST_IDS:
+                raise AdvpipeError(f"{self._where}, {place}: more than {MOST_IDS} ids, too many to drive")
+            own = self._of[name] = _Own(place, body)
+        if numbers[0] <= own.last_s:
+            rises = f"{numbers[0]:g} does not come after {own.last_s:g}, the row of {shown(name)} before"
+            hint = "sort the rows of each id and drop repeated times"
+            raise self._error(place, "time_s", f"{rises}; {hint}")
+        if body != own.body:
+            raise self._error(place, "body", f"{shown(name)} is a {own.body} in its first row")
+        own.last_s = numbers[0]
+        own.values.extend(numbers)
+
+    def finished(self) -> dict[str, Rows]:
+        if not self._of:
+            raise AdvpipeError(f"{self._where} has no rows")
+        found: dict[str, Rows] = {}
+        for name in sorted(self._of):
+            own = self._of.pop(name)
+            values = np.frombuffer(own.values, np.float64).reshape(-1, len(REQUIRED) + len(OPTIONAL))
+            if len(values) == 1:
+                only = f"{self._where}, {own.place}: {shown(name)} has only this row"
+                raise AdvpipeError(f"{only}; give it two at least")
+            found[name] = Rows(values, own.body)
+        return found
+
+    def _name(self, place: str, column: str, value: object) -> str:
+        try:
+            return name_in(value)
+        except ValueError as error:
+            raise self._error(place, column, str(error)) from None
+
+    def _number(self, place: str, column: str, value: object) -> float:
+        number = number_in(value)
+        if not abs(number) <= LARGEST:
+            raise self._error(place, column, f"{shown(value)} is no finite number within {LARGEST:g}")
+        return number
+
+    def _error(self, place: str, column: str, what: str) -> AdvpipeError:
+        return AdvpipeError(f"{self._where}, {place}, column {column}: {what}")

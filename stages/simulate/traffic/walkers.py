@@ -1,0 +1,115 @@
+"""People on foot: they walk along the kerb, to and fro, at a pace of their own."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+
+from advpipe.pipeline.core.seeding import named_generator
+from advpipe.pipeline.geometry.transforms import Float64, se3_from_yaw
+from advpipe.pipeline.scenario.models import Scenario
+from advpipe.stages.simulate.traffic.road_users import RoadUser
+from advpipe.stages.simulate.world.raycast.bodies import Variant
+from advpipe.stages.simulate.world.raycast.roads import KERB_M, Roads, offset_right, resample
+from advpipe.stages.simulate.world.raycast.scenery import WALKWAY_OFFSET_M
+
+PIECE_M = 4.0
+STRAY_M = 0.6
+NEAR_ROUTE_M = 30.0
+NEAR_ROUTE_SHARE = 0.5
+"""This share of the people walks within sight of the instrumented vehicles' routes."""
+
+
+@dataclass(frozen=True)
+class Walker:
+    """Walks `path_m` (K, 3) from end to end and back; where it is follows from the time alone."""
+
+    id: str
+    variant: Variant
+    path_m: Float64
+    start_m: float
+    speed_mps: float
+
+    def at(self, time_s: float) -> RoadUser:
+        ends_m, directions = self._pieces
+        length_m = ends_m[-1]
+        walked_m = (self.start_m + self.speed_mps * time_s) % (2 * length_m)
+        outward = walked_m < length_m
+        place_m = walked_m if outward else 2 * length_m - walked_m
+        index = min(bisect_right(ends_m, place_m), len(ends_m) - 1)
+        position = self.path_m[index + 1] - directions[index] * (ends_m[index] - place_m)
+        direction = directions[index] if outward else -directions[index]
+        yaw_rad = math.atan2(direction[1], direction[0])
+        return RoadUser(self.id, self.variant, se3_from_yaw(position, yaw_rad), direction * self.speed_mps)
+
+    @cached_property
+    def _pieces(self) -> tuple[list[float], Float64]:
+        """Where each piece of the path ends, along it, and its direction (K - 1, 3)."""
+        pieces = np.diff(self.path_m, axis=0)
+        lengths = np.linalg.norm(pieces, axis=1)
+        return np.cumsum(lengths).tolist(), pieces / lengths[:, None]
+
+
+def draw_walkers(
+    scenario: Scenario,
+    roads: Roads,
+    variants: dict[str, Variant],
+    routes_m: list[Float64],
+    pavements_m: Sequence[Float64] = (),
+) -> list[Walker]:
+    """The people of a scenario, part of them near the routes (K, 3) of its instrumented vehicles.
+
+    They walk on the network's own pavements (K, 3) where it has any, or else beside the kerb: SUMO's own
+    pedestrians need pavements in the network, which most OpenDRIVE maps lack.
+    """
+    rng = named_generator(scenario.simulation.seed, "walkers")
+    bodies = [variant for variant in variants.values() if variant.body.label == "pedestrian"]
+    if pavements_m:
+        aside_m, raised_m = 0.0, 0.0
+        paths = [path for line in pavements_m for path in _pieces(resample(line, PIECE_M))]
+    else:
+        aside_m, raised_m = WALKWAY_OFFSET_M, KERB_M
+        paths = [path for kerb in roads.kerbs_m for path in _pieces(kerb) if _has_room(path, roads)]
+    if not paths:
+        return []
+    lengths = np.array([np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths])
+    middles = np.array([path[len(path) // 2, :2] for path in paths])
+    route = np.concatenate(routes_m)[:, :2]
+    distance_m = np.array([np.linalg.norm(route - middle, axis=1).min() for middle in middles])
+    near = lengths * (distance_m < NEAR_ROUTE_M)
+    near = near if near.sum() > 0 else lengths
+    walkers = []
+    for index in range(scenario.traffic.pedestrians):
+        weights = near if rng.random() < NEAR_ROUTE_SHARE else lengths
+        path = paths[int(rng.choice(len(paths), p=weights / weights.sum()))]
+        side_m = aside_m + rng.uniform(-STRAY_M, STRAY_M)
+        walkers.append(
+            Walker(
+                f"pedestrian.{index}",
+                bodies[int(rng.integers(len(bodies)))],
+                offset_right(path, side_m) + (0, 0, raised_m),
+                float(rng.uniform(0, 2 * lengths.max())),
+                float(rng.uniform(0.8, 1.7)),
+            )
+        )
+    return walkers
+
+
+def _has_room(kerb_m: Float64, roads: Roads) -> bool:
+    """Whether there is a walkway beside this kerb, and not the next road, as on a narrow median."""
+    offsets_m = (WALKWAY_OFFSET_M - STRAY_M, WALKWAY_OFFSET_M + STRAY_M)
+    lines = [shapely.LineString(offset_right(kerb_m, offset_m)[:, :2]) for offset_m in offsets_m]
+    return not any(roads.area.intersects(line.buffer(0.4)) for line in lines)
+
+
+def _pieces(kerb_m: Float64, points: int = 20) -> list[Float64]:
+    """A kerb cut into walks of some 80 m."""
+    starts = range(0, len(kerb_m) - 1, points)
+    pieces = [kerb_m[start : start + points + 1] for start in starts]
+    return [piece for piece in pieces if len(piece) >= 3 and np.ptp(piece[:, :2]) > 1.0]

@@ -1,0 +1,211 @@
+"""Cars, vans and buses: a hull with wheel arches, a glazed cabin, and what one sees through its windows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.stages.simulate.world.raycast.mesh import Mesh, box, ellipsoid, merge, tube
+from advpipe.stages.simulate.world.raycast.shapes import Profile, band, panels, wheel
+
+FRAME_M = 0.05
+PILLAR_M = 0.09
+
+
+@dataclass(frozen=True)
+class CarShape:
+    """A side view in shares of length (-0.5 the rear) and height, and how it is glazed and furnished.
+
+    rear, front: the hull's outline behind the cabin, from the rear bumper up, and before it, down to the
+    front bumper. cabin: the outline from the rear end of the belt line over the roof to the windscreen's
+    foot. roof: the roof's width as a share of the belt's. pillars, rows, axles: places along the length.
+    glazed_from: windows begin here. tinted_to: up to here they are tinted. bed: a load bed's two ends.
+    """
+
+    rear: Profile
+    cabin: Profile
+    front: Profile
+    roof: float
+    pillars: Sequence[float]
+    rows: Sequence[float]
+    axles: Sequence[float] = (-0.29, 0.31)
+    wheel_radius_m: float = 0.32
+    glazed_from: float = -0.5
+    tinted_to: float = -0.5
+    rear_glass: bool = True
+    bed: bool = False
+
+    def __call__(self, length_m: float, width_m: float, height_m: float, paint: str, pose: float) -> Mesh:
+        """The mesh at this size; `pose` in [0, 1] says whether a passenger is in."""
+        size = np.array([length_m, height_m])
+        parts = [
+            *self._hull(size, width_m, paint),
+            *self._cabin(size, width_m, paint),
+            *_inside(self, length_m, width_m, height_m, pose),
+            *_ends(length_m, width_m, height_m, self.rear[1][1], self.front[-2][1]),
+            *(
+                wheel(x * length_m, side * (width_m / 2 - 0.015), self.wheel_radius_m, 0.21)
+                for x in self.axles
+                for side in (-1, 1)
+            ),
+        ]
+        return merge(parts)
+
+    def _hull(self, size: Float64, width_m: float, paint: str) -> list[Mesh]:
+        top = np.array([*self.rear, self.cabin[0], self.cabin[-1], *self.front]) * size
+        floor_m = float(min(top[0, 1], top[-1, 1]))
+        arches = [_arch(x * size[0], self.wheel_radius_m, floor_m) for x in sorted(self.axles, reverse=True)]
+        under = np.array([(top[-1, 0], floor_m), *(point for arch in arches for point in arch)])
+        outline = np.concatenate([top, under, [[top[0, 0], floor_m]], top[:1]])
+
+        def half_width(points: Float64) -> Float64:
+            nose = np.clip((np.abs(points[:, 0]) / size[0] - 0.44) / 0.06, 0, 1)
+            half: Float64 = width_m / 2 * (1 - 0.1 * nose**2)
+            return half
+
+        materials: list[str | None] = [*[paint] * (len(top) - 1), *["plastic"] * (len(outline) - len(top))]
+        materials[len(self.rear)] = None  # the belt line: the cabin is open to the hull
+        if self.bed:
+            materials[len(self.rear) - 1] = None
+        sides = panels(shapely.make_valid(shapely.Polygon(outline)), half_width, paint)
+        return [sides, band([(x, z) for x, z in outline], half_width(outline).tolist(), materials)]
+
+    def _cabin(self, size: Float64, width_m: float, paint: str) -> list[Mesh]:
+        outline = np.array(self.cabin) * size
+        low, high = float(outline[:, 1].min()), float(outline[:, 1].max())
+
+        def half_width(points: Float64) -> Float64:
+            half: Float64 = width_m / 2 * (1 - (1 - self.roof) * (points[:, 1] - low) / (high - low))
+            return half
+
+        side = shapely.make_valid(shapely.Polygon(outline))
+        windows = side.buffer(-FRAME_M - 0.06 * max(high - low - 0.5, 0.0), join_style="mitre")
+        for x in self.pillars:
+            middle_m = x * size[0]
+            windows -= shapely.box(middle_m - PILLAR_M / 2, 0, middle_m + PILLAR_M / 2, 9)
+        windows &= shapely.box(self.glazed_from * size[0], 0, 99, 9)
+        tinted = windows & shapely.box(-99, 0, self.tinted_to * size[0], 9)
+        steep = [abs(b[1] - a[1]) > 0.12 for a, b in zip(self.cabin, self.cabin[1:], strict=False)]
+        panes: list[str | None] = ["glass" if is_steep else paint for is_steep in steep]
+        panes[0] = ("glass_tinted" if self.tinted_to > -0.5 else "glass") if self.rear_glass else paint
+        return [
+            panels(side - windows, half_width, paint),
+            panels(windows - tinted, half_width, "glass"),
+            panels(tinted, half_width, "glass_tinted"),
+            band([(x, z) for x, z in outline], half_width(outline).tolist(), panes),
+        ]
+
+
+def _arch(x_m: float, radius_m: float, floor_m: float) -> list[tuple[float, float]]:
+    """A wheel arch in the underside, from its front end to its rear end."""
+    reach_m = 1.16 * radius_m
+    end = np.arcsin(np.clip((floor_m - radius_m) / reach_m, -1, 1))
+    return [
+        (float(x_m + reach_m * np.cos(a)), float(radius_m + reach_m * np.sin(a)))
+        for a in np.linspace(end, np.pi - end, 7)
+    ]
+
+
+def _inside(shape: CarShape, length_m: float, width_m: float, height_m: float, pose: float) -> list[Mesh]:
+    """Floor, dashboard, seats and who sits in them."""
+    belt_m = shape.cabin[-1][1] * height_m
+    back_m, ahead_m = shape.cabin[0][0] * length_m, shape.cabin[-1][0] * length_m
+    middle_m, long_m = (back_m + ahead_m) / 2, ahead_m - back_m
+    parts = [
+        box((long_m, 0.92 * width_m, 0.02), "interior").moved(middle_m, 0, belt_m - 0.62),
+        box((0.4, 0.9 * width_m, 0.3), "interior").moved(ahead_m - 0.22, 0, belt_m - 0.3),
+    ]
+    if shape.bed:
+        bed_m = (-0.5 * length_m + back_m) / 2
+        floor = box((back_m + 0.5 * length_m - 0.06, 0.9 * width_m, 0.02), "plastic")
+        parts.append(floor.moved(bed_m, 0, 0.38 * height_m))
+        parts.append(box((0.04, 0.92 * width_m, 0.5), "plastic").moved(back_m, 0, belt_m - 0.5))
+    for row, x in enumerate(shape.rows):
+        for side in (-1, 1):
+            parts += _seat(x * length_m, side * 0.24 * width_m, 0.38 * width_m, belt_m, row < 2)
+    people = [(shape.rows[0], 1)] + [(shape.rows[0], -1)] * (pose > 0.6)
+    return parts + [p for x, s in people for p in _sitting(x * length_m, s * 0.24 * width_m, belt_m)]
+
+
+def _seat(x_m: float, y_m: float, width_m: float, belt_m: float, whole: bool) -> list[Mesh]:
+    parts = [box((0.12, width_m, 0.72), "interior").moved(x_m - 0.26, y_m, belt_m - 0.5)]
+    if whole:
+        parts.append(box((0.5, width_m, 0.16), "interior").moved(x_m, y_m, belt_m - 0.56))
+    return parts
+
+
+def _sitting(x_m: float, y_m: float, belt_m: float) -> list[Mesh]:
+    """The upper part of somebody in a seat."""
+    torso = tube((x_m, y_m, belt_m - 0.4), (x_m - 0.1, y_m, belt_m + 0.14), 0.17, "cloth_dark", 6)
+    return [torso, ellipsoid((x_m - 0.06, y_m, belt_m + 0.27), (0.1, 0.08, 0.12), "skin", 3)]
+
+
+def _ends(length_m: float, width_m: float, height_m: float, tail: float, nose: float) -> list[Mesh]:
+    """Number plates, head-lamps and tail-lamps."""
+    plate, lamp = box((0.02, 0.52, 0.11), "plate"), box((0.1, 0.16 * width_m, 0.13), "lamp")
+    parts = [
+        plate.moved(-length_m / 2 - 0.01, 0, 0.62 * tail * height_m),
+        plate.moved(length_m / 2 + 0.01, 0, 0.3 * height_m if height_m < 2 else 0.45),
+    ]
+    for side in (-1, 1):
+        parts.append(lamp.moved(-length_m / 2 + 0.03, side * 0.36 * width_m, tail * height_m - 0.2))
+        parts.append(lamp.moved(length_m / 2 - 0.03, side * 0.34 * width_m, nose * height_m - 0.16))
+    return parts
+
+
+SEDAN = CarShape(
+    rear=[(-0.5, 0.2), (-0.5, 0.6), (-0.47, 0.68)],
+    cabin=[(-0.37, 0.68), (-0.22, 0.96), (-0.08, 1.0), (0.04, 0.98), (0.22, 0.65)],
+    front=[(0.42, 0.57), (0.49, 0.48), (0.5, 0.2)],
+    roof=0.74, pillars=(-0.05, -0.24), rows=(0.04, -0.15),
+)  # fmt: skip
+HATCHBACK = CarShape(
+    rear=[(-0.5, 0.2), (-0.5, 0.6)],
+    cabin=[(-0.49, 0.62), (-0.41, 0.95), (-0.1, 1.0), (0.05, 0.98), (0.26, 0.63)],
+    front=[(0.43, 0.55), (0.49, 0.47), (0.5, 0.18)],
+    roof=0.76, pillars=(-0.04, -0.28), rows=(0.05, -0.18), axles=(-0.31, 0.32),
+)  # fmt: skip
+ESTATE = CarShape(
+    rear=[(-0.5, 0.2), (-0.5, 0.6)],
+    cabin=[(-0.49, 0.63), (-0.44, 0.94), (-0.1, 1.0), (0.05, 0.98), (0.23, 0.64)],
+    front=[(0.42, 0.57), (0.49, 0.48), (0.5, 0.19)],
+    roof=0.75, pillars=(-0.04, -0.23), rows=(0.04, -0.15), tinted_to=-0.25,
+)  # fmt: skip
+SUV = CarShape(
+    rear=[(-0.5, 0.22), (-0.5, 0.61)],
+    cabin=[(-0.49, 0.62), (-0.43, 0.96), (-0.05, 1.0), (0.07, 0.98), (0.23, 0.63)],
+    front=[(0.45, 0.57), (0.49, 0.49), (0.5, 0.22)],
+    roof=0.82, pillars=(-0.03, -0.24), rows=(0.05, -0.15), wheel_radius_m=0.37, tinted_to=-0.06,
+)  # fmt: skip
+PICKUP = CarShape(
+    rear=[(-0.5, 0.24), (-0.5, 0.58)],
+    cabin=[(-0.13, 0.58), (-0.1, 0.97), (0.02, 1.0), (0.09, 0.98), (0.21, 0.6)],
+    front=[(0.46, 0.56), (0.49, 0.47), (0.5, 0.22)],
+    roof=0.8, pillars=(0.02,), rows=(0.08, -0.06), wheel_radius_m=0.39, bed=True,
+)  # fmt: skip
+VAN = CarShape(
+    rear=[(-0.5, 0.14), (-0.5, 0.48)],
+    cabin=[(-0.5, 0.5), (-0.49, 0.99), (0.2, 1.0), (0.27, 0.97), (0.42, 0.5)],
+    front=[(0.47, 0.43), (0.5, 0.36), (0.5, 0.14)],
+    roof=0.88, pillars=(0.17,), rows=(0.24,), axles=(-0.3, 0.33), wheel_radius_m=0.34,
+    glazed_from=0.18, rear_glass=False,
+)  # fmt: skip
+MINIBUS = CarShape(
+    rear=[(-0.5, 0.14), (-0.5, 0.44)],
+    cabin=[(-0.5, 0.46), (-0.49, 0.98), (0.24, 1.0), (0.3, 0.97), (0.43, 0.48)],
+    front=[(0.47, 0.4), (0.5, 0.33), (0.5, 0.13)],
+    roof=0.9, pillars=(0.22, 0.02, -0.18, -0.36), rows=(0.29, 0.14, -0.02, -0.18, -0.34),
+    axles=(-0.28, 0.33), wheel_radius_m=0.35, tinted_to=0.2,
+)  # fmt: skip
+BUS = CarShape(
+    rear=[(-0.5, 0.1), (-0.5, 0.38)],
+    cabin=[(-0.5, 0.4), (-0.498, 0.99), (-0.3, 1.0), (0.48, 1.0), (0.498, 0.36)],
+    front=[(0.5, 0.3), (0.5, 0.24), (0.5, 0.1)],
+    roof=0.98, pillars=(0.4, 0.26, 0.12, -0.02, -0.16, -0.3, -0.42),
+    rows=(0.43, 0.3, 0.22, 0.1, 0.02, -0.06, -0.14, -0.3, -0.38, -0.45),
+    axles=(-0.24, 0.27), wheel_radius_m=0.48, tinted_to=0.38,
+)  # fmt: skip

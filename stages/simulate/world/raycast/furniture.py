@@ -1,0 +1,115 @@
+"""Street furniture: lamp posts, signs, signals, fences, walls, bins, shelters, cabinets.
+
+Each faces the traffic that comes along its kerb: x is along the driving direction, y to the left, where
+the road is; the origin is on the ground.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from advpipe.stages.simulate.world.raycast.mesh import Mesh, box, merge, surface, tube
+
+
+def lamp_post(rng: np.random.Generator) -> Mesh:
+    """A tapered post with an arm over the road."""
+    height_m, reach_m = rng.uniform(6.0, 10.0), rng.uniform(1.0, 2.2)
+    return merge(
+        [
+            tube((0, 0, -0.3), (0, 0, 1.2), 0.11, "steel", 8),
+            tube((0, 0, 1.2), (0, 0, height_m), 0.07, "steel", 8),
+            tube((0, 0, height_m), (0, reach_m, height_m + 0.25), 0.04, "steel", 6),
+            box((0.25, 0.6, 0.12), "steel").moved(0, reach_m + 0.2, height_m + 0.18),
+        ]
+    )
+
+
+def sign(rng: np.random.Generator) -> Mesh:
+    """A traffic sign on its post: round, triangular, square or a large panel; bright to the front only."""
+    kind = int(rng.integers(5))
+    foot_m = rng.uniform(2.0, 2.4)
+    if kind == 4:
+        face = _plate([(-0.9, 0.0), (0.9, 0.0), (0.9, 1.1), (-0.9, 1.1)])
+        posts = [tube((0, y, -0.3), (0, y, foot_m + 1.1), 0.05, "steel", 6) for y in (-0.7, 0.7)]
+        return merge([face.moved(-0.06, 0, foot_m), *posts])
+    corners, size_m = (16, 3, 4, 8)[kind], 0.37
+    angle = 2 * np.pi * (np.arange(corners) + (0.5 if corners in (4, 8) else 0.0)) / corners + np.pi / 2
+    face = _plate([(size_m * np.cos(a), size_m * np.sin(a) + size_m) for a in angle])
+    post = tube((0, 0, -0.3), (0, 0, foot_m + 2 * size_m), 0.035, "steel", 6)
+    return merge([face.moved(-0.05, 0, foot_m), post])
+
+
+def _plate(outline_yz: list[tuple[float, float]]) -> Mesh:
+    """A convex sheet: retroreflective towards -x, bare metal 2 cm behind."""
+    points = np.array([(0.0, y, z) for y, z in outline_yz])
+    fan = [[0, i, i + 1] for i in range(1, len(points) - 1)]
+    return merge([surface(points, fan, "sign"), surface(points + (0.02, 0, 0), fan, "sign_back")])
+
+
+def signal(rng: np.random.Generator) -> Mesh:
+    """A traffic signal: a head on the post, and often another on an arm over the road."""
+    head = merge(
+        [
+            box((0.22, 0.3, 0.9), "plastic"),
+            box((0.02, 0.56, 1.1), "plastic").moved(0.12, 0, -0.1),
+        ]
+    )
+    parts = [tube((0, 0, -0.3), (0, 0, 3.4), 0.07, "steel", 8), head.moved(-0.15, 0, 2.3)]
+    if rng.random() < 0.6:
+        reach_m = rng.uniform(3.0, 5.5)
+        parts.append(tube((0, 0, 3.4), (0, 0, 5.9), 0.08, "steel", 8))
+        parts.append(tube((0, 0, 5.8), (0, reach_m, 5.9), 0.06, "steel", 6))
+        parts.append(head.moved(-0.15, reach_m - 0.2, 4.9))
+    return merge(parts)
+
+
+def bollard(rng: np.random.Generator) -> Mesh:
+    """A bollard with a reflecting band."""
+    band = tube((0, 0, 0.7), (0, 0, 0.8), 0.07, "sign", 8)
+    return merge([tube((0, 0, -0.2), (0, 0, 0.95), 0.06, "steel", 8), band])
+
+
+def delineator(rng: np.random.Generator) -> Mesh:
+    """The reflecting post beside fast roads."""
+    reflector = box((0.01, 0.05, 0.18), "sign").moved(-0.065, 0, 0.75)
+    return merge([box((0.12, 0.12, 1.0), "barrier_concrete"), reflector])
+
+
+def fence(length_m: float, rng: np.random.Generator) -> Mesh:
+    """A fence of upright slats: as much gap as wood."""
+    height_m = rng.uniform(0.9, 1.6)
+    slats = np.arange(-length_m / 2, length_m / 2, 0.2)
+    corners = np.stack(
+        [
+            np.stack([slats + dx, np.zeros(len(slats)), np.full(len(slats), z)], axis=1)
+            for dx, z in ((0, 0.05), (0.1, 0.05), (0.1, height_m), (0, height_m))
+        ],
+        axis=1,
+    )
+    first = 4 * np.arange(len(slats))[:, None]
+    faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
+    rails = [box((length_m, 0.04, 0.08), "wood").moved(0, 0.03, z) for z in (0.25, height_m - 0.25)]
+    return merge([surface(corners.reshape(-1, 3), faces, "wood"), *rails])
+
+
+def litter_bin(rng: np.random.Generator) -> Mesh:
+    """A bin, or two large ones on wheels."""
+    if rng.random() < 0.5:
+        return tube((0, 0, 0.1), (0, 0, 0.9), 0.22, "bin", 10)
+    return merge(box((0.58, 0.7, 1.05), "bin").moved(x, 0, 0) for x in (-0.34, 0.34))
+
+
+def container(rng: np.random.Generator) -> Mesh:
+    """A skip or a switch cabinet: of a car's size too, to be told from cars."""
+    if rng.random() < 0.5:
+        return box((rng.uniform(0.4, 1.2), rng.uniform(0.3, 0.6), rng.uniform(0.8, 1.6)), "bin")
+    return box((rng.uniform(1.2, 4.5), rng.uniform(1.0, 1.9), rng.uniform(1.1, 1.9)), "rail")
+
+
+def shelter(rng: np.random.Generator) -> Mesh:
+    """A bus shelter: roof, posts, panes at the back and one end, a bench."""
+    pane = box((3.6, 0.01, 1.9), "pane").moved(0, -0.75, 0.25)
+    end = box((0.01, 1.3, 1.9), "pane").moved(1.8, -0.1, 0.25)
+    posts = [tube((x, y, 0), (x, y, 2.35), 0.04, "steel", 6) for x in (-1.85, 1.85) for y in (-0.75, 0.6)]
+    bench = box((2.4, 0.4, 0.06), "wood").moved(0, -0.45, 0.45)
+    return merge([box((4.0, 1.7, 0.12), "steel").moved(0, 0, 2.35), pane, end, *posts, bench])

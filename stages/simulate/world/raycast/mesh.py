@@ -1,0 +1,148 @@
+"""Triangle meshes with a material per triangle, and the primitives that the world is built of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.geometry.transforms import Float64, transform_points
+from advpipe.stages.simulate.world.raycast.materials import MATERIAL_ID
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """V vertices and T triangles.
+
+    vertices_m: (V, 3) float64. triangles: (T, 3) int64, index into the vertices.
+    materials: (T,) uint8, index into `materials.REFLECTIVITY`.
+    """
+
+    vertices_m: Float64
+    triangles: npt.NDArray[np.int64]
+    materials: npt.NDArray[np.uint8]
+
+    def transformed(self, a_SE3_b: Float64) -> Mesh:
+        return Mesh(transform_points(a_SE3_b, self.vertices_m), self.triangles, self.materials)
+
+    def scaled(self, x: float, y: float, z: float) -> Mesh:
+        return Mesh(self.vertices_m * (x, y, z), self.triangles, self.materials)
+
+    def moved(self, x_m: float, y_m: float, z_m: float) -> Mesh:
+        return Mesh(self.vertices_m + (x_m, y_m, z_m), self.triangles, self.materials)
+
+
+def merge(meshes: Iterable[Mesh]) -> Mesh:
+    """All meshes as one."""
+    parts = list(meshes)
+    if not parts:
+        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int64), np.zeros(0, np.uint8))
+    starts = np.cumsum([0] + [len(part.vertices_m) for part in parts[:-1]])
+    return Mesh(
+        np.concatenate([part.vertices_m for part in parts]),
+        np.concatenate([part.triangles + start for part, start in zip(parts, starts, strict=True)]),
+        np.concatenate([part.materials for part in parts]),
+    )
+
+
+def surface(vertices_m: npt.ArrayLike, triangles: npt.ArrayLike, material: str) -> Mesh:
+    """A mesh of one material."""
+    faces = np.asarray(triangles, dtype=np.int64).reshape(-1, 3)
+    ids = np.full(len(faces), MATERIAL_ID[material], np.uint8)
+    return Mesh(np.asarray(vertices_m, dtype=np.float64).reshape(-1, 3), faces, ids)
+
+
+def strip(left_m: Float64, right_m: Float64, material: str) -> Mesh:
+    """The band between two polylines (K, 3)."""
+    count = len(left_m)
+    i = np.arange(count - 1)
+    faces = np.concatenate(
+        [np.stack([i, i + count, i + 1], axis=1), np.stack([i + 1, i + count, i + count + 1], axis=1)]
+    )
+    return surface(np.concatenate([left_m, right_m]), faces, material)
+
+
+def box(size_m: Sequence[float], material: str, top: str | None = None) -> Mesh:
+    """A box that stands on z = 0, centred in x and y."""
+    length, width, height = size_m
+    corners = [(x, y, z) for z in (0, height) for x, y in _square(length / 2, width / 2)]
+    sides = [[i, (i + 1) % 4, (i + 1) % 4 + 4] for i in range(4)] + [
+        [i, (i + 1) % 4 + 4, i + 4] for i in range(4)
+    ]
+    lid = [[4, 5, 6], [4, 6, 7]]
+    floor = [[0, 2, 1], [0, 3, 2]]
+    return merge([surface(corners, sides + floor, material), surface(corners, lid, top or material)])
+
+
+def _square(x: float, y: float) -> list[tuple[float, float]]:
+    return [(x, y), (-x, y), (-x, -y), (x, -y)]
+
+
+def tube(
+    start_m: Sequence[float], end_m: Sequence[float], radius_m: float, material: str, sides: int = 8
+) -> Mesh:
+    """A closed cylinder between two points."""
+    a, b = np.asarray(start_m, dtype=np.float64), np.asarray(end_m, dtype=np.float64)
+    axis = (b - a) / np.linalg.norm(b - a)
+    across = np.cross(axis, [0.0, 0.0, 1.0] if abs(axis[2]) < 0.9 else [1.0, 0.0, 0.0])
+    across /= np.linalg.norm(across)
+    angle = 2 * np.pi * np.arange(sides) / sides
+    ring = radius_m * (np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * np.cross(axis, across))
+    vertices = np.concatenate([a + ring, b + ring, [a, b]])
+    i, j = np.arange(sides), (np.arange(sides) + 1) % sides
+    faces = [
+        np.stack([i, j, i + sides], axis=1),
+        np.stack([j, j + sides, i + sides], axis=1),
+        np.stack([np.full(sides, 2 * sides), j, i], axis=1),
+        np.stack([np.full(sides, 2 * sides + 1), i + sides, j + sides], axis=1),
+    ]
+    return surface(vertices, np.concatenate(faces), material)
+
+
+def ellipsoid(centre_m: Sequence[float], radii_m: Sequence[float], material: str, rings: int = 5) -> Mesh:
+    """An ellipsoid of `rings` bands of latitude."""
+    columns = 2 * rings
+    polar = np.pi * np.arange(rings + 1) / rings
+    around = 2 * np.pi * np.arange(columns) / columns
+    unit = np.stack(
+        [
+            np.sin(polar)[:, None] * np.cos(around),
+            np.sin(polar)[:, None] * np.sin(around),
+            np.broadcast_to(np.cos(polar)[:, None], (rings + 1, columns)),
+        ],
+        axis=-1,
+    )
+    vertices = unit.reshape(-1, 3) * radii_m + np.asarray(centre_m)
+    row, column = np.meshgrid(np.arange(rings), np.arange(columns), indexing="ij")
+    a, b = row * columns + column, row * columns + (column + 1) % columns
+    faces = np.stack([a, a + columns, b, b, a + columns, b + columns], axis=-1).reshape(-1, 3)
+    return surface(vertices, faces, material)
+
+
+def extruded_profile(
+    profile_xz: Sequence[tuple[float, float]],
+    half_width: Sequence[float],
+    side: str,
+    rim: str | Sequence[str],
+) -> Mesh:
+    """A closed side view (K, 2), extruded to both sides, with a half-width of its own at each corner.
+
+    `side` is the material of the two side faces, `rim` that of the band from each corner to the next.
+    """
+    count = len(profile_xz)
+    profile, half = np.asarray(profile_xz, dtype=np.float64), np.asarray(half_width, dtype=np.float64)
+    left = np.stack([profile[:, 0], half, profile[:, 1]], axis=1)
+    middle = np.append(profile.mean(axis=0), half.mean())
+    hubs = np.array([[middle[0], middle[2], middle[1]], [middle[0], -middle[2], middle[1]]])
+    vertices = np.concatenate([left, left * (1, -1, 1), hubs])
+    i, j = np.arange(count), (np.arange(count) + 1) % count
+    hub = np.full(count, 2 * count)
+    sides = np.concatenate([np.stack([hub, i, j], axis=1), np.stack([hub + 1, j + count, i + count], axis=1)])
+    names = [rim] * count if isinstance(rim, str) else list(rim)
+    bands = [
+        surface(vertices, [[a, b, a + count], [b, b + count, a + count]], name)
+        for a, b, name in zip(i.tolist(), j.tolist(), names, strict=True)
+    ]
+    return merge([surface(vertices, sides, side), *bands])

@@ -1,0 +1,45 @@
+"""Places taken: nothing may stand on a road, nor two things on one spot."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.stages.simulate.world.raycast.roads import Roads
+
+CELL_M = 30.0
+
+
+def footprint(map_SE3_base: Float64, length_m: float, width_m: float) -> shapely.Polygon:
+    """A rectangle as seen from above, its length along the pose's x axis."""
+    corners = np.array([[x, y, 0, 1] for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))], dtype=np.float64)
+    return shapely.Polygon(((corners * (length_m / 2, width_m / 2, 1, 1)) @ map_SE3_base.T)[:, :2])
+
+
+class Occupied:
+    """Footprints in the x-y plane."""
+
+    def __init__(self, roads: Roads, clearance_m: float = 0.2) -> None:
+        self._roads = roads.area.buffer(clearance_m)
+        shapely.prepare(self._roads)
+        self._cells: dict[tuple[int, int], list[shapely.Polygon]] = {}
+
+    def take(self, map_SE3_base: Float64, length_m: float, width_m: float) -> bool:
+        """Takes a rectangle if it is free."""
+        return self._take(footprint(map_SE3_base, length_m, width_m))
+
+    def take_line(self, path_m: Float64, width_m: float) -> bool:
+        """Takes the strip along a path (K, 3) if it is free."""
+        return self._take(shapely.LineString(path_m[:, :2]).buffer(width_m / 2, cap_style="flat"))
+
+    def _take(self, footprint: shapely.Polygon) -> bool:
+        if footprint.is_empty or self._roads.intersects(footprint):
+            return False
+        x_min, y_min, x_max, y_max = (int(np.floor(v / CELL_M)) for v in footprint.bounds)
+        cells = [(i, j) for i in range(x_min, x_max + 1) for j in range(y_min, y_max + 1)]
+        if any(footprint.intersects(other) for cell in cells for other in self._cells.get(cell, ())):
+            return False
+        for cell in cells:
+            self._cells.setdefault(cell, []).append(footprint)
+        return True

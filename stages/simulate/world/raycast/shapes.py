@@ -1,0 +1,90 @@
+"""Shapes that bodies and street furniture are made of, beyond the plain ones of `mesh`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.stages.simulate.world.raycast.mesh import Mesh, merge, surface
+
+Profile = Sequence[tuple[float, float]]
+Vector = Sequence[float]
+
+
+def triangulated(area: shapely.Geometry) -> Float64:
+    """The corners (T, 3, 2) of triangles that fill an area."""
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(area))
+    corners: Float64 = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
+    return corners
+
+
+def panels(area_xz: shapely.Geometry, half_width: Callable[[Float64], Float64], material: str) -> Mesh:
+    """A side view as a sheet on both sides of a body: y = +-`half_width` of its points (N, 2)."""
+    corners = triangulated(area_xz).reshape(-1, 2)
+    y = half_width(corners)
+    left = np.column_stack([corners[:, 0], y, corners[:, 1]])
+    faces = np.arange(2 * len(corners)).reshape(-1, 3)
+    return surface(np.concatenate([left, left * (1, -1, 1)]), faces, material)
+
+
+def band(profile_xz: Profile, half_width_m: Sequence[float], materials: Sequence[str | None]) -> Mesh:
+    """The sheet across a body along an open side view; a piece without material is left open."""
+    points = [[(x, half, z), (x, -half, z)] for (x, z), half in zip(profile_xz, half_width_m, strict=True)]
+    pieces = zip(points, points[1:], materials, strict=False)
+    return merge(surface([*a, *b], [[0, 1, 2], [1, 3, 2]], material) for a, b, material in pieces if material)
+
+
+def quad(corners_m: npt.ArrayLike, material: str) -> Mesh:
+    """A sheet with four corners (4, 3), in order around it."""
+    return surface(corners_m, [[0, 1, 2], [0, 2, 3]], material)
+
+
+def wheel(x_m: float, y_m: float, radius_m: float, tread_m: float, sides: int = 12) -> Mesh:
+    """A tyre on the ground with its rim, of which the outer side is at `y_m`."""
+    angle = 2 * np.pi * np.arange(sides) / sides
+    circle = np.column_stack([np.cos(angle), np.zeros(sides), np.sin(angle)])
+    hub = np.array([x_m, y_m, radius_m])
+    inward = np.array([0.0, -np.sign(y_m) * tread_m, 0.0])
+    rings = [
+        hub + inward + radius_m * circle,
+        hub + radius_m * circle,
+        hub + 0.62 * radius_m * circle,
+        hub + 0.2 * inward + 0.58 * radius_m * circle,
+    ]
+    i, j = np.arange(sides), (np.arange(sides) + 1) % sides
+
+    def around(a: int, b: int) -> npt.NDArray[np.int64]:
+        lower, upper = np.stack([i, j, i + sides], axis=1), np.stack([j, j + sides, i + sides], axis=1)
+        shift = np.where(np.concatenate([lower, upper]) >= sides, (b - 1) * sides, a * sides)
+        faces: npt.NDArray[np.int64] = np.concatenate([lower, upper]) + shift
+        return faces
+
+    points = np.concatenate(rings)
+    fan = np.stack([np.full(sides - 2, 3 * sides), 3 * sides + i[1:-1], 3 * sides + i[2:]], axis=1)
+    rubber = surface(points, np.concatenate([around(0, 1), around(1, 2)]), "rubber")
+    return merge([rubber, surface(points, fan, "rim")])
+
+
+def hoop(centre_m: Vector, radius_m: float, depth_m: float, half_tread_m: float, sides: int = 12) -> Mesh:
+    """A spoked wheel in the x-z plane: its tyre, and nothing between the spokes."""
+    angle = 2 * np.pi * np.arange(sides) / sides
+    circle = np.column_stack([np.cos(angle), np.zeros(sides), np.sin(angle)])
+    side = np.array([0.0, half_tread_m, 0.0])
+    outer, inner = radius_m * circle, (radius_m - depth_m) * circle
+    points = np.concatenate([outer + side, outer - side, inner]) + np.asarray(centre_m)
+    i, j = np.arange(sides), (np.arange(sides) + 1) % sides
+    pairs = [(0, 1), (0, 2), (1, 2)]
+    faces = [
+        np.concatenate(
+            [
+                np.stack([i + a * sides, j + a * sides, i + b * sides], axis=1),
+                np.stack([j + a * sides, j + b * sides, i + b * sides], axis=1),
+            ]
+        )
+        for a, b in pairs
+    ]
+    return surface(points, np.concatenate(faces), "rubber")

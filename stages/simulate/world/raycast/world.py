@@ -1,0 +1,96 @@
+"""The world that the LiDAR sees: a static scene, and the road users in it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from advpipe.pipeline.core.seeding import named_generator
+from advpipe.pipeline.scenario.models import Scenario
+from advpipe.stages.simulate.road_network.network import RoadNetwork
+from advpipe.stages.simulate.traffic.road_users import RoadUser
+from advpipe.stages.simulate.world.raycast.barriers import build_barriers
+from advpipe.stages.simulate.world.raycast.bodies import Variant
+from advpipe.stages.simulate.world.raycast.ground import build_ground
+from advpipe.stages.simulate.world.raycast.markings import build_markings
+from advpipe.stages.simulate.world.raycast.mesh import merge
+from advpipe.stages.simulate.world.raycast.occupied import Occupied
+from advpipe.stages.simulate.world.raycast.roads import Roads, lay_out_roads
+from advpipe.stages.simulate.world.raycast.scene import Float32, Hits, Returns, Scene
+from advpipe.stages.simulate.world.raycast.scenery import build_scenery, park_cars
+from advpipe.stages.simulate.world.raycast.showroom import Contacts, Showroom
+
+__all__ = ["Hits", "Scene", "World"]
+
+NEAR_M = 10.0
+"""A parked car counts as near a little beyond the range: it is longer than a point."""
+
+
+class World:
+    """The static world of a scenario, and the bodies of all who may come into it.
+
+    parked: cars that never move. footprints: of the buildings, on the map as seen from above.
+    Raises AdvpipeError for a mesh of the user's that cannot be used.
+    """
+
+    def __init__(self, scenario: Scenario, network: RoadNetwork, variants: dict[str, Variant]) -> None:
+        seed = scenario.simulation.seed
+        self.roads: Roads = lay_out_roads(network)
+        occupied = Occupied(self.roads)
+
+        def chance(use: str) -> np.random.Generator:
+            return named_generator(seed, "world", use)
+
+        self.parked: list[RoadUser] = park_cars(scenario, self.roads, variants, occupied, chance("parked"))
+        scenery, footprints = build_scenery(scenario, network, self.roads, occupied, chance("scenery"))
+        self.footprints: list[shapely.Polygon] = footprints
+        static = [
+            build_ground(network, self.roads, chance("ground")),
+            *build_markings(network, chance("markings")),
+            scenery,
+            *build_barriers(scenario.environment.barriers, self.roads, occupied, chance("barriers")),
+        ]
+        self._static = Scene(merge(static))
+        self._showroom = Showroom(variants)
+        self._parked_m = np.array([car.position_m for car in self.parked]).reshape(-1, 3)
+
+    def cast(self, rays: Float32, users: Sequence[RoadUser], range_m: float = np.inf) -> Hits:
+        """Casts rays (R, 6) in the map's frame into the world as it is with these road users in it.
+
+        The rays start near one another, as those of one turn of one sensor do. Parked cars that are
+        farther away than `range_m` are left out.
+        """
+        static = self._static.returns(rays)
+        away_m = np.linalg.norm(self._parked_m - rays[0, :3], axis=1)
+        near = np.flatnonzero(away_m <= range_m + NEAR_M)
+        ids = np.concatenate([np.arange(len(users)), -2 - near]).astype(np.int32)
+        everyone = [*users, *(self.parked[index] for index in near)]
+        occlusion = np.zeros(len(users) + len(self.parked), np.float32)
+        contacts = self._showroom.contacts(rays, everyone)
+        hits = _merged(static, contacts, ids, occlusion)
+        met = np.isfinite(contacts.returns.range_m)
+        alone = np.bincount(contacts.users[met], minlength=len(everyone))
+        seen = contacts.returns.range_m == hits.range_m[contacts.rays]
+        visible = np.bincount(contacts.users[met & seen], minlength=len(everyone))
+        slots = np.concatenate([np.arange(len(users)), len(users) + near])
+        occlusion[slots] = np.where(alone > 0, 1 - visible / np.maximum(alone, 1), 0.0)
+        return hits
+
+
+def _merged(static: Returns, contacts: Contacts, ids: npt.NDArray[np.int32], occlusion: Float32) -> Hits:
+    """The nearest of what each ray met, and the light that the panes before it leave."""
+    returns, rays = contacts.returns, contacts.rays
+    range_m, cos, materials = static.range_m.copy(), static.cos_incidence, static.materials
+    np.minimum.at(range_m, rays, returns.range_m)
+    first = np.flatnonzero((returns.range_m == range_m[rays]) & (returns.range_m < static.range_m[rays]))
+    objects = np.full(len(range_m), -1, np.int32)
+    objects[rays[first]] = ids[contacts.users[first]]
+    cos[rays[first]] = returns.cos_incidence[first]
+    materials[rays[first]] = returns.materials[first]
+    transmission = np.ones(len(range_m), np.float32)
+    static.panes.before(range_m, transmission)
+    returns.panes.before(range_m, transmission, rays)
+    return Hits(range_m, cos, materials, transmission, objects, occlusion)

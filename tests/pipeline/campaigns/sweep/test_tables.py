@@ -1,0 +1,182 @@
+"""Tables and the choice of a frame, of cells written by hand."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from cells import cell
+
+from advpipe.pipeline.campaigns.sweep.budgets import TABLES, budget_named
+from advpipe.pipeline.campaigns.sweep.cell import Cell
+from advpipe.pipeline.campaigns.sweep.compare import differences
+from advpipe.pipeline.campaigns.sweep.curves import PAPER, curve_points, draw_convergence
+from advpipe.pipeline.campaigns.sweep.panels import median_frame
+from advpipe.pipeline.campaigns.sweep.tables import (
+    NOT_RUN,
+    baselines_table,
+    below_paper,
+    convergence_table,
+    loose_table,
+    recipes_of,
+    records,
+    step,
+    steps_table,
+    table_one,
+    table_two,
+)
+from advpipe.pipeline.campaigns.sweep.variants import split_recipe
+from advpipe.pipeline.core.errors import AdvpipeError
+
+
+def test_a_line_has_the_figures_of_its_cell():
+    table = table_two([cell("perturb-10", 40.5)], ["best", "paper"], "perturb")
+    assert len(table.lines) == 12
+    (line,) = [line for line in table.lines if line[0] == "10 cm, best"]
+    figures = ("73.20", "0.01533", "40.50", "39.5…41.5", "0.00100", "yes", "90.00", "-49.50", "-60.0…-40.0")
+    assert line[1:] == (*figures, "yes", "0.0999", "0.0123", "~5.00 %", "3")
+    assert [line[3] for line in table.lines].count(NOT_RUN) == 11
+
+
+def test_table_one_says_what_was_not_run():
+    table = table_one([cell("detach-1", 50.0)], ["best"])
+    paper, ours, random = table.lines
+    assert paper[1:] == ("0.01533", "73.20", "0.07035", "91.77", "0.00126", "78.46")
+    assert ours == (
+        "small, 3 frames, recipe best",
+        NOT_RUN,
+        NOT_RUN,
+        "0.00100",
+        "50.00 (49.00…51.00)",
+        *[NOT_RUN] * 2,
+    )
+    assert random[3:5] == ("0.00200", "90.00")
+
+
+def test_below_the_paper_needs_both_figures():
+    budget = budget_named("perturb-10")
+    assert below_paper(budget, cell("perturb-10", 73.19, distance=0.01533))
+    assert not below_paper(budget, cell("perturb-10", 73.20))
+    assert not below_paper(budget, cell("perturb-10", 40.0, distance=0.01534))
+
+
+def test_records_and_curves_hold_every_budget():
+    cells = [cell("attach-0.5", 30.0), cell("attach-0.1", 80.0), cell("attach-1", 20.0, "paper", random=None)]
+    assert recipes_of(cells, ["robust"]) == ["robust", "best", "paper"]
+    listed = records(cells, ["best"])
+    assert [each["cell"] for each in listed] == [budget.name for budget in TABLES["paper"]]
+    assert [each["cell"] for each in listed if each["status"] != NOT_RUN] == ["attach-0.1", "attach-0.5"]
+    lines = {title: points for (title, _, _), points in curve_points(cells, "attach").items()}
+    assert set(lines) == {
+        PAPER,
+        "ours, recipe best",
+        "strongest plain random baseline of best",
+        "ours, recipe paper",
+    }
+    assert [(point.x, point.y) for point in lines["ours, recipe best"]] == [
+        ((0.1, 0.001), 80.0),
+        ((0.5, 0.001), 30.0),
+    ]
+    assert len(lines[PAPER]) == 6
+    assert len(baselines_table(cells).lines) == 2
+
+
+def test_a_rise_is_one_beyond_the_paired_interval():
+    before, after = (
+        cell("detach-0.5", 50.0, draws=(48.0, 52.0, None)),
+        cell("detach-1", 51.0, draws=(49.0, 53.0, 1.0)),
+    )
+    points, bounds = step(before, after)
+    assert points == 1.0
+    assert bounds == (1.0, 1.0)  # each interval is 4 wide: only the pairs show the rise
+    assert [line[-1] for line in steps_table([before, after]).lines] == ["yes"]
+    assert step(before, cell("detach-1", 51.0)) == (1.0, None)
+
+
+@pytest.mark.parametrize(
+    ("lost", "found", "frame"),
+    [
+        (((1, 0, 4), (0, 0, 4), (1, 1, 0)), (5, 5, 5), 0),  # totals 2, 1, 8
+        (((1, 0, 4), (0, 0, 4), (1, 1, 0)), (0, 5, 5), 2),  # of 1 and 8, the lower
+        (((1, 1, 1),), (5, 5, 5), 0),
+        (((0, 0, 0),), (0, 0, 0), None),
+    ],
+)
+def test_median_frame(lost, found, frame):
+    assert median_frame([cell("detach-1", 50.0, lost=each, found=found) for each in lost]) == frame
+
+
+def test_a_cell_comes_back_from_its_file():
+    made = cell("detach-1", 50.0, draws=(48.0, None))
+    again = Cell.from_json(made.to_json())
+    assert again == made
+    assert differences(made, again) == []
+    assert differences(made, cell("detach-1", 51.0, draws=(48.0, None)))[-1].startswith("row.map_ratio_")
+
+
+def test_other_numbers_of_steps_are_laid_beside():
+    cells = [
+        cell("perturb-10", 40.0, draws=(38.0, 42.0)),
+        cell("perturb-10", 38.5, recipe="best+twice", draws=(37.0, 41.0)),
+        cell("detach-1", 50.0, draws=(48.0, 52.0)),
+        cell("detach-1", 45.0, recipe="best+twice", draws=(44.0, 52.5)),
+        cell("detach-1", 50.5, recipe="best+half", draws=(47.0, 53.0)),
+        cell("attach-0.5", 30.0, draws=(29.0, 31.0)),
+        cell("attach-0.5", 20.5, recipe="best+twice", draws=(19.0, 22.0)),
+        cell("attach-1", 20.0, recipe="paper+twice"),  # without the plain one there is nothing to say
+    ]
+    lines = convergence_table(cells).lines
+    assert [line[:3] for line in lines] == [
+        ("best-perturb-10", "x 1", "40.00"),
+        ("best-perturb-10", "x 2", "38.50"),
+        ("best-detach-1", "x 0.5", "50.50"),
+        ("best-detach-1", "x 1", "50.00"),
+        ("best-detach-1", "x 2", "45.00"),
+        ("best-attach-0.5", "x 1", "30.00"),
+        ("best-attach-0.5", "x 2", "20.50"),
+    ]
+    assert lines[0][4:] == ("-1.50", "-1.0…-1.0", "yes", "no")
+    assert lines[1][4:] == ("–", "–", "–", "–")
+    assert (lines[2][4], *lines[2][6:]) == ("-0.50", "yes", "no")
+    assert (lines[3][4], *lines[3][6:]) == ("-5.00", "no", "no")
+    assert (lines[5][4], *lines[5][6:]) == ("-9.50", "no", "yes")
+    lines = [line[0] for line in table_two(cells, ["best", "best+twice"], "detach").lines]
+    assert lines[-3:] == ["1 %, best", "1 %, best+twice", "1.5 %, best"]
+    listed = records(cells, ["best", "best+twice"])
+    assert {each["recipe"] for each in listed if each["status"] == NOT_RUN} == {"best"}
+    titles = [title for title, _, _ in curve_points(cells, "perturb")]
+    assert not [title for title in titles if "twice" in title or "half" in title]
+    (axes,) = draw_convergence(cells).axes
+    assert [list(line.get_xdata()) for line in axes.get_lines() if len(line.get_xdata()) == 3] == [
+        [0.5, 1, 2]
+    ]
+    assert draw_convergence(cells[:1]) is None
+
+
+def test_loose_overlap_is_laid_beside():
+    (line,) = loose_table([cell("perturb-10", 40.0, lost=(1, 2, 0))]).lines
+    assert line == ("best-perturb-10", "40.00", "70.00", "97.00", "3", "9", "0.25")
+
+
+def test_unknown_variants_are_named():
+    assert split_recipe("best+hide+twice") == ("best", ("hide", "twice"))
+    with pytest.raises(
+        AdvpipeError, match=r"unknown variant 'thrice' of recipe best; known: hide, half, twice"
+    ):
+        split_recipe("best+thrice")
+    for word in ("best+twice+hide", "best+hide+twice+hide"):
+        with pytest.raises(AdvpipeError, match=r"is spelt best\+hide\+twice"):
+            split_recipe(word)
+    with pytest.raises(AdvpipeError, match=r"two numbers of steps; take one of half, twice"):
+        split_recipe("best+half+twice")
+
+
+def test_other_code_is_no_difference_by_itself():
+    one = cell("detach-1", 50.0)
+    other = replace(one, settings=replace(one.settings, code_sha256="e" * 64), bag_sha256="f" * 64)
+    assert differences(one, other) == []
+    assert differences(one, replace(one, bag_sha256="f" * 64)) != []
+    assert differences(one, replace(other, frames=(0, 2))) == ["frames (0, 2, 4), again (0, 2)"]

@@ -1,0 +1,162 @@
+"""The checksum of the code: worked out by hand, and of all that the results hang on."""
+
+import ast
+import hashlib
+import shutil
+import subprocess
+
+import pytest
+
+from advpipe.pipeline.core import code
+from advpipe.pipeline.core.code import CLOUDS, PACKAGE, code_sha256, source_commit
+from advpipe.stages.attack.provenance import LIDAR, MESSAGES
+from advpipe.stages.evaluate.provenance import REPORTING, SCORING
+
+NO_FIGURE = {
+    "pipeline/bag/__init__.py",
+    "pipeline/bag/provenance.py",
+    "pipeline/bag/provenance_record.py",
+    "pipeline/bag/reader.py",
+    "pipeline/bag/writer.py",
+    "pipeline/birds_eye.py",
+    "pipeline/core/__init__.py",
+    "pipeline/core/bounded_parquet.py",
+    "pipeline/core/code.py",
+    "pipeline/core/document.py",
+    "pipeline/core/errors.py",
+    "pipeline/core/figure.py",
+    "pipeline/core/hashing.py",
+    "pipeline/core/jobs.py",
+    "pipeline/core/leftover_names.py",
+    "pipeline/core/lock.py",
+    "pipeline/core/partial.py",
+    "pipeline/core/plain_json.py",
+    "pipeline/core/plain_yaml.py",
+    "pipeline/core/plugins.py",
+    "pipeline/core/progress.py",
+    "pipeline/core/shown.py",
+    "pipeline/core/signals.py",
+    "pipeline/core/streams.py",
+    "pipeline/core/text.py",
+    "pipeline/core/verbosity.py",
+    "pipeline/core/versions.py",
+    "pipeline/core/whole_file.py",
+    "pipeline/mcap/__init__.py",
+    "pipeline/mcap/background.py",
+    "pipeline/mcap/checksums.py",
+    "pipeline/mcap/reader.py",
+    "pipeline/mcap/records.py",
+    "pipeline/mcap/salvage.py",
+    "pipeline/mcap/summary.py",
+    "pipeline/mcap/unpacking.py",
+    "pipeline/mcap/writer.py",
+    "pipeline/messages/build.py",
+    "pipeline/messages/topics.py",
+    "pipeline/messages/types.py",
+    "pipeline/process/__init__.py",
+    "pipeline/scenario/base.py",
+    "pipeline/scenario/bounds.py",
+    "stages/attack/job.py",
+    "stages/attack/parameters.py",
+}
+"""What clouds and messages come through, but which decides nothing about them: other code of it reads the
+same figures."""
+
+OF_CLOUDS = {
+    source.relative_to(PACKAGE).as_posix() for part in CLOUDS for source in code._sources(PACKAGE / part)
+}
+SCENARIO = {f"pipeline/scenario/{name}.py" for name in ("map", "sensors", "simulation", "v2x")}
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    monkeypatch.setattr(code, "PACKAGE", tmp_path)
+    (tmp_path / "b" / "deep").mkdir(parents=True)
+    (tmp_path / "a.py").write_text("x = 1\n")
+    (tmp_path / "b" / "deep" / "c.py").write_text("y\n")
+    (tmp_path / "b" / "notes.md").write_text("no code")
+    code_sha256.cache_clear()
+    source_commit.cache_clear()
+    yield tmp_path
+    code_sha256.cache_clear()
+    source_commit.cache_clear()
+
+
+def test_worked_out_by_hand(package):
+    wanted = hashlib.sha256(b"a.py\x006\x00x = 1\nb/deep/c.py\x002\x00y\n").hexdigest()
+    assert (
+        code_sha256("a.py", "b") == code_sha256("b", "a.py") == code_sha256("a.py", "b", "b/deep") == wanted
+    )
+    (package / "a.py").write_bytes(b"x = 1\r\n")
+    code_sha256.cache_clear()
+    assert code_sha256("a.py", "b") == wanted  # a checkout with other line ends
+
+
+@pytest.mark.parametrize("change", [("a.py", "x = 2\n"), ("b/new.py", ""), ("b/deep/c.py", "z\n")])
+def test_any_change_shows(package, change):
+    before = code_sha256("a.py", "b")
+    (package / change[0]).write_text(change[1])
+    assert code_sha256("a.py", "b") == before  # the code that was loaded
+    code_sha256.cache_clear()
+    assert code_sha256("a.py", "b") != before
+
+
+def test_the_commit(package):
+    def git(*words):
+        person = ("-c", "user.name=A", "-c", "user.email=a@example.org")
+        subprocess.run(["git", "-C", str(package), *person, *words], check=True, capture_output=True)
+
+    def now():
+        source_commit.cache_clear()
+        return source_commit()
+
+    assert now() is None
+    git("init")
+    assert now() is None
+    git("add", ".")
+    git("commit", "-m", "first")
+    first = now()
+    assert first == (package / ".git/refs/heads").joinpath(_branch(package)).read_text().strip()
+    (package / "a.py").write_text("x = 3\n")
+    assert now() == f"{first}+"
+
+
+def _branch(package):
+    return (package / ".git/HEAD").read_text().strip().removeprefix("ref: refs/heads/")
+
+
+def test_a_part_that_is_none_is_a_mistake(package):
+    shutil.rmtree(package / "b")
+    with pytest.raises(FileNotFoundError):
+        code_sha256("a.py", "b")
+
+
+@pytest.mark.parametrize(
+    ("parts", "others"),
+    [(LIDAR, set()), (SCORING, set()), (MESSAGES, OF_CLOUDS), (REPORTING, SCENARIO)],
+    ids=["clouds", "scores", "messages", "reports"],
+)
+def test_what_the_code_imports_is_in_it(parts, others):
+    """Every module of ours that these import, but for those that decide no figure: a bag's scenario spells
+    out every default, and code of attacks on clouds decides nothing about messages."""
+    sources = {source for part in parts for source in code._sources(PACKAGE / part)}
+    wanted = {imported for source in sources for imported in _imports(source)}
+    missing = {path.relative_to(PACKAGE).as_posix() for path in wanted - sources}
+    assert missing <= NO_FIGURE | others
+
+
+def test_the_parts_are_there():
+    assert len({code_sha256(*parts) for parts in (CLOUDS, LIDAR, SCORING, MESSAGES, REPORTING)}) == 5
+
+
+def _imports(source):
+    for node in ast.walk(ast.parse(source.read_text())):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("advpipe."):
+            module = PACKAGE.joinpath(*node.module.split(".")[1:])
+            for name in node.names:
+                if (module / f"{name.name}.py").is_file():
+                    yield module / f"{name.name}.py"
+                elif module.with_suffix(".py").is_file():
+                    yield module.with_suffix(".py")
+                else:
+                    yield module / "__init__.py"

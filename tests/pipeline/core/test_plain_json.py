@@ -1,0 +1,106 @@
+"""JSON that Python's own reader takes, and that no other program or file name could, is refused."""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+from pathlib import Path
+
+import pytest
+
+from advpipe.pipeline.core.plain_json import LIMIT_BYTES, load
+from advpipe.pipeline.core.plain_values import MOST_LEVELS
+
+SOURCES = Path(__file__).parents[3]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"a": [1, -2.5, 1e10, true, null, "größe", "\\u00fc\\ud83d\\ude00"]}',
+        "[" * MOST_LEVELS + "]" * MOST_LEVELS,
+        json.dumps(["[{" * 1000, '"[' * 1000, "\\[" * 1000]),
+        "[" + ",".join(["[]"] * 1000) + "]",
+        f'"{"x" * (LIMIT_BYTES - 2)}"',
+        "9" * 100,
+    ],
+    ids=lambda text: text[:20],
+)
+def test_plain_values(text: str) -> None:
+    assert load(text) == load(text.encode()) == json.loads(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("", "Expecting value"),
+        ("{", "Expecting property name"),
+        ("[1] [2]", "Extra data"),
+        ("NaN", "NaN, which is no number"),
+        ("[-Infinity]", "-Infinity, which is no number"),
+        ("1e999", "too large"),
+        ("-1e999", "too large"),
+        ("9" * 101, "a number of 101 characters"),
+        ("0." + "9" * 5000, "a number of 5002 characters"),
+        ('{"a": 1, "a": 2}', "given twice"),
+        ('"\\ud800"', "half a surrogate pair"),
+        ('{"\\udfff": 1}', "half a surrogate pair"),
+        ('"\\u0000"', "NUL"),
+        ('[{"a": ["\\u0000"]}]', "NUL"),
+        ('"a\0"', "control character"),
+        ("[" * (MOST_LEVELS + 1) + "]" * (MOST_LEVELS + 1), "levels"),
+        ('{"a":' * (MOST_LEVELS + 1), "levels"),
+        ('["', "Unterminated"),
+        (" " * (LIMIT_BYTES + 1), "too many"),
+        ("\ud800", "Expecting value"),
+    ],
+    ids=lambda text: ascii(text)[:20],
+)
+def test_what_is_refused(text: str, what: str) -> None:
+    with pytest.raises(ValueError, match=what):
+        load(text)
+
+
+def test_bytes_that_are_no_text() -> None:
+    for data in (b"\xff", b'"\xed\xa0\x80"', b"{\x00}", " ".encode("utf-16")):
+        with pytest.raises(ValueError, match=r".") as caught:
+            load(data)
+        assert isinstance(caught.value, ValueError)
+
+
+@pytest.mark.parametrize("text", ["[" * LIMIT_BYTES, "[]" * 500 + '"' + '\\"' * 1_000_000, '["a' * 500_000])
+def test_no_text_takes_long(text: str) -> None:
+    start_s = time.process_time()
+    with pytest.raises(ValueError, match=r"levels|Extra data|delimiter"):
+        load(text)
+    assert time.process_time() - start_s < 10
+
+
+LOADERS = {
+    "pipeline/core/plain_json.py",
+    "pipeline/core/plain_yaml.py",
+    "pipeline/scenario/load.py",  # its errors name the place of a key
+}
+OTHERS = {
+    "stages/verify/ledger.py",  # rows that it has written itself
+    # Documents that advpipe has just written itself, for --json.
+    "pipeline/cli/evaluate.py",
+    "pipeline/cli/schema.py",
+    "pipeline/cli/sweep.py",
+    "pipeline/cli/verify.py",
+}
+
+
+def test_nothing_else_reads_such_texts() -> None:
+    """Whatever comes from outside goes through one of the loaders, which have bounds."""
+    read = re.compile(
+        r"(?<!plain_)json\.loads?\(|JSONDecoder|(?<!plain_)yaml\.\w*load\w*\(|YAML\(|from_geojson|validate_json\("
+    )
+    found = {
+        path.relative_to(SOURCES).as_posix()
+        for folder in ("pipeline", "stages")
+        for path in (SOURCES / folder).glob("**/*.py")
+        if read.search(path.read_text(encoding="utf-8"))
+    }
+    assert found - OTHERS <= LOADERS

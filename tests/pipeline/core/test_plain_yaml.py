@@ -1,0 +1,64 @@
+"""YAML that PyYAML itself stumbles over, or takes for ever for, is refused in the way callers know."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+import yaml
+
+from advpipe.pipeline.core.plain_yaml import LIMIT_BYTES, MOST_LEVELS, load
+
+
+def test_plain_values() -> None:
+    text = "a: [1, 0x10, -2.5, 1:30, .inf, true, null, '1', 2026-01-02]\nb: {c: größe}\n"
+    assert load(text) == yaml.safe_load(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a: &x [1]\nb: *x",
+        "!!bool x",
+        "!!int ''",
+        "!!timestamp x",
+        "!!python/object/apply:os.getcwd []",
+        "[1",
+        "1" + ":1" * 300 + ".5",
+        "9" * 5000,
+        "2001-99-99",
+        "[" * (MOST_LEVELS + 1) + "]" * (MOST_LEVELS + 1),
+        "[" * 1_000_000,
+        "- " * 500_000,
+        "x" * (LIMIT_BYTES + 1),
+    ],
+    ids=lambda text: text[:20],
+)
+def test_what_is_refused(text: str) -> None:
+    with pytest.raises((yaml.YAMLError, ValueError)):
+        load(text)
+
+
+def test_long_numbers_take_no_time() -> None:
+    start_s = time.process_time()
+    with pytest.raises(ValueError, match="a number of"):
+        load("1" + ":1" * (LIMIT_BYTES // 2 - 1))
+    assert time.process_time() - start_s < 20
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '"\\0"',
+        "{a: ['\\0']}".replace("'", '"'),
+        "a\0",
+        '"\\ud800"',
+        "{a: 1, a: 2}",
+        "!!binary aGk=",
+        "!!set {a}",
+    ],
+    ids=ascii,
+)
+def test_values_that_json_has_no_word_for(text: str) -> None:
+    with pytest.raises((yaml.YAMLError, ValueError)):
+        load(text)

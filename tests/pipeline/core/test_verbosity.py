@@ -1,0 +1,54 @@
+"""How much is told, and where to; libraries' warnings are no part of it."""
+
+from __future__ import annotations
+
+import warnings
+
+import pytest
+
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.verbosity import Verbosity, detail, notice, phase, say, speaking
+
+
+def told(capsys: pytest.CaptureFixture[str], **how: bool) -> tuple[str, str]:
+    with speaking(Verbosity(**how)):
+        say("cell")
+        notice("note\x1b")
+        with phase("work"):
+            detail("seed 7")
+            warnings.warn("overflow encountered", RuntimeWarning, stacklevel=1)
+    captured = capsys.readouterr()
+    return captured.out, captured.err
+
+
+def test_by_default_results_and_notices(capsys: pytest.CaptureFixture[str]) -> None:
+    assert told(capsys) == ("cell\n", "note\\x1b\n")
+
+
+def test_quiet_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    assert told(capsys, quiet=True) == ("", "")
+
+
+def test_with_json_standard_output_is_for_the_document(capsys: pytest.CaptureFixture[str]) -> None:
+    assert told(capsys, as_json=True) == ("", "cell\nnote\\x1b\n")
+
+
+def test_verbose_tells_details_times_and_warnings(capsys: pytest.CaptureFixture[str]) -> None:
+    out, errors = told(capsys, verbose=True)
+    assert out == "cell\n"
+    assert "s] seed 7\n" in errors
+    assert "s] RuntimeWarning: overflow encountered (" in errors
+    assert "s] work: 0." in errors
+
+
+def test_afterwards_all_is_as_before(capsys: pytest.CaptureFixture[str]) -> None:
+    shown = warnings.showwarning
+    told(capsys, verbose=True)
+    assert warnings.showwarning is shown
+    detail("not shown")
+    assert capsys.readouterr() == ("", "")
+
+
+def test_quiet_and_verbose_contradict() -> None:
+    with pytest.raises(UsageError, match="contradict"):
+        Verbosity(quiet=True, verbose=True)

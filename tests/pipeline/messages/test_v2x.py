@@ -1,0 +1,97 @@
+"""Messages of V2X: the very bytes that rosbags makes of them, and back."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from advpipe.pipeline.geometry.transforms import se3_from_yaw
+from advpipe.pipeline.messages.cam_message import cam_of_message, udp_packet
+from advpipe.pipeline.messages.topics import VehicleTopics
+from advpipe.pipeline.messages.types import message_class, serialise, typestore
+from advpipe.pipeline.messages.v2x import (
+    RadioPlace,
+    StampedCdr,
+    own_messages,
+    received_messages,
+    sent_message,
+    sent_of_message,
+    stations_message,
+    stations_of_message,
+    udp_packet_cdr,
+)
+from advpipe.pipeline.v2x.air import Received, Sent
+from advpipe.pipeline.v2x.codec.codec import decode
+from advpipe.pipeline.v2x.facilities.ldm import Verdict
+
+STAMP_NS = 1_767_268_800_250_000_001
+PLACES = tuple(
+    RadioPlace(
+        station_id,
+        name,
+        se3_from_yaw([1.1 * station_id, -2.2, 0.3], 0.1 * len(name), 0.05),
+        (4.5, 1.8, 1.5),
+        np.array([13.9, 0.1, -0.2]),
+    )
+    for station_id, name in ((7, "ego"), (2**31 - 1, "a"), (8, "flow.17"), (9, "ß"), (10, ""))
+)
+
+
+def again(stamped: StampedCdr) -> object:
+    topic, cdr, _ = stamped
+    message_class(topic.type)  # the types of CAMs join the store when one is asked for
+    message = typestore().deserialize_cdr(cdr, topic.type)
+    assert serialise(message, topic.type) == cdr
+    return message
+
+
+@pytest.mark.parametrize("count", range(len(PLACES) + 1))
+def test_stations(count: int) -> None:
+    stamped = stations_message(STAMP_NS, PLACES[:count])
+    found = stations_of_message(again(stamped))
+    assert stamped[2] == STAMP_NS
+    assert [one[:2] for one in found] == [one[:2] for one in PLACES[:count]]
+    for one, expected in zip(found, PLACES, strict=False):
+        assert one.size_m == expected.size_m
+        assert (one.map_SE3_base[:3, 3] == expected.map_SE3_base[:3, 3]).all()  # the radio: to the bit
+        assert one.map_SE3_base == pytest.approx(expected.map_SE3_base)
+        assert (one.velocity_mps == expected.velocity_mps).all()
+
+
+@pytest.mark.parametrize("length", range(10))
+def test_sent(length: int) -> None:
+    sent = Sent(2**63 + 5, 2**64 - 1, 2**32 - 1, STAMP_NS, bytes(range(length)), 23.5)
+    stamped = sent_message(sent)
+    assert sent_of_message(again(stamped)) == sent
+    assert stamped[2] == STAMP_NS
+
+
+@pytest.mark.parametrize("length", range(9))
+def test_udp_packet(length: int) -> None:
+    payload = bytes(range(length))
+    packet = udp_packet(STAMP_NS, payload)
+    assert udp_packet_cdr(STAMP_NS, payload) == serialise(packet, VehicleTopics().sent_raw.type)
+
+
+def test_what_a_vehicle_sends_and_receives(cam_vector: bytes) -> None:
+    sent = Sent(0, 1, 7, STAMP_NS, cam_vector, 23.0)
+    tree = decode(cam_vector)
+    topics = VehicleTopics("ego")
+    received = Received("ego", sent, tree, STAMP_NS + 500, -70.0, 20.0, Verdict.ACCEPTED)
+    for found, names, stamp_ns in (
+        (own_messages(topics, sent), (topics.sent_raw, topics.sent_cam), STAMP_NS),
+        (received_messages(received), (topics.received_raw, topics.received_cam), STAMP_NS + 500),
+    ):
+        raw, cam = found
+        assert (raw[0], cam[0]) == names
+        assert (raw[2], cam[2]) == (stamp_ns, stamp_ns)
+        assert bytes(again(raw).data[4:]) == cam_vector  # type: ignore[attr-defined]
+        assert cam_of_message(again(cam)) == tree
+
+
+def test_what_is_no_cam_stays_bytes() -> None:
+    sent = Sent(0, 1, 7, STAMP_NS, b"\x02\x02rubbish", 23.0)
+    (own,) = own_messages(VehicleTopics("ego"), sent)
+    (heard,) = received_messages(Received("ego", sent, None, STAMP_NS, -70.0, 20.0, Verdict.CORRUPT))
+    assert (own[0].name, heard[0].name) == ("/ego/v2x/tx/raw", "/ego/v2x/rx/raw")
+    assert bytes(again(heard).data) == bytes.fromhex("07d10000") + b"\x02\x02rubbish"  # type: ignore[attr-defined]

@@ -1,0 +1,138 @@
+"""The bag alone is enough: sent again from it, a drive's messages meet the same fates to the bit."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import pytest
+from pydantic import TypeAdapter
+
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.messages.ldm import ldm_snapshot_cdr
+from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATISTICS, VehicleTopics
+from advpipe.pipeline.messages.v2x import udp_packet_cdr
+from advpipe.pipeline.replay.v2x_drive import V2xDrive
+from advpipe.pipeline.v2x.air import Air, Received, Sent
+from advpipe.pipeline.v2x.statistics import Statistics
+
+Record = Callable[..., BagReader]
+Change = Callable[[Sequence[Sent]], Sequence[Sent]]
+
+DRIVES = {
+    "one listener": ("simulation.duration_s=3",),
+    "two listeners, all equipped, everything on": (
+        "simulation.duration_s=2",
+        "simulation.step_s=0.05",
+        "vehicles={ego: {}, other: {}}",
+        "v2x.penetration=1",
+        "v2x.radio.building_loss=obstacles",
+        "v2x.radio.processing_delay_min_s=0.02",
+        "v2x.radio.processing_delay_max_s=0.15",
+        "v2x.ldm.rate_hz=5",
+    ),
+    "a jammed channel": (
+        "simulation.duration_s=3",
+        "v2x.penetration=1",
+        "v2x.radio.bitrate_mbps=3",
+        "v2x.radio.overhead_bytes=2000",
+        "v2x.radio.queue_delay_max_s=0.004",
+        "v2x.cam={position_m: 0, speed_mps: 0, dcc: none}",
+    ),
+    "nobody else": ("v2x.penetration=0",),
+}
+
+
+def send_again(
+    reader: BagReader, change: Change = lambda sent: sent
+) -> tuple[list[Received], dict[tuple[str, int], bytes], Statistics]:
+    """Receptions, maps by listener and time, and the sum."""
+    drive, received, maps = V2xDrive(reader), [], {}
+    air = drive.air()
+    for step in drive.steps():
+        for listener in drive.listeners.values():
+            maps[listener, step.begin_ns] = ldm_snapshot_cdr(air.snapshot(listener, step.begin_ns))
+        received += drive.send(air, step, change(step.sent)).received
+    return received, maps, air.statistics()
+
+
+@pytest.mark.parametrize("settings", DRIVES.values(), ids=DRIVES)
+def test_the_same_receptions_maps_and_statistics(drive: Record, settings: tuple[str, ...]) -> None:
+    reader = drive(*settings)
+    received, maps, statistics = send_again(reader)
+    by_listener = defaultdict(list)
+    for one in received:
+        by_listener[one.listener].append((one.arrival_ns, udp_packet_cdr(one.arrival_ns, one.sent.payload)))
+    listeners = V2xDrive(reader).listeners.values()
+    for listener in listeners:
+        topics = VehicleTopics(listener)
+        raw = reader.raw_messages([topics.received_raw.name])
+        assert [(message.log_time_ns, message.cdr) for message in raw] == by_listener[listener]
+        recorded = list(reader.raw_messages([topics.ldm.name]))
+        assert recorded
+        assert all(maps[listener, raw.log_time_ns] == raw.cdr for raw in recorded)
+    assert bool(received) == ("v2x.penetration=0" not in settings)
+    ((_, message),) = reader.messages(V2X_STATISTICS.name)
+    assert TypeAdapter(Statistics).validate_json(message.data) == statistics
+
+
+def test_buildings_are_in_the_way(drive: Record) -> None:
+    """Those that stand in the drive's world; without them, more arrives."""
+    reader = drive(*DRIVES["two listeners, all equipped, everything on"])
+    with_buildings = send_again(reader)[2]
+    recorded = V2xDrive(reader)
+    air = Air(recorded.v2x, recorded.seed, Geodesy(48.1351, 11.582, 520.0), recorded.listeners, None)
+    for step in recorded.steps():
+        recorded.send(air, step, step.sent)
+    without = air.statistics()
+    assert without.pairs == with_buildings.pairs
+    assert without.outcomes["received"] > 1.02 * with_buildings.outcomes["received"]
+
+
+def test_the_jam_is_one(drive: Record) -> None:
+    statistics = send_again(drive(*DRIVES["a jammed channel"]))[2]
+    assert statistics.dropped > 10
+    assert statistics.outcomes["interference"] + statistics.outcomes["busy"] > 100
+    assert max(statistics.busy_max) > 0.6
+
+
+@pytest.mark.parametrize("settings", DRIVES.values(), ids=DRIVES)
+def test_every_message_meets_its_fate(drive: Record, settings: tuple[str, ...]) -> None:
+    """Also those that are still waiting, or on the air, when the recording ends."""
+    reader = drive(*settings)
+    ((_, message),) = reader.messages(V2X_STATISTICS.name)
+    statistics = TypeAdapter(Statistics).validate_json(message.data)
+    assert statistics.cams + statistics.dropped == reader.topics[V2X_SENT.name].count
+    numbers = [message.number for _, message in reader.messages(V2X_SENT.name)]
+    assert numbers == list(range(len(numbers)))
+
+
+def test_other_messages_leave_the_rest_as_it_was(drive: Record) -> None:
+    """One station lies and another sends rubbish: what the others send arrives as before."""
+    reader = drive(*DRIVES["one listener"])
+    before, _, _ = send_again(reader)
+    senders = sorted({one.sent.station_id for one in before})
+    liar, broken = senders[0], senders[1]
+
+    def change(sent: Sequence[Sent]) -> list[Sent]:
+        changed = []
+        for one in sent:
+            if one.station_id == liar:
+                one = replace(one, payload=one.payload[:2] + bytes(4) + one.payload[6:])
+            elif one.station_id == broken:
+                one = replace(one, payload=b"\xff" * len(one.payload))
+            changed.append(one)
+        return changed
+
+    after, _, _ = send_again(reader, change)
+    assert [(one.sent.number, one.arrival_ns, one.sinr_db) for one in after] == [
+        (one.sent.number, one.arrival_ns, one.sinr_db) for one in before
+    ]
+    kept = [(one.sent, one.verdict) for one in after if one.sent.station_id not in (liar, broken)]
+    assert kept == [(one.sent, one.verdict) for one in before if one.sent.station_id not in (liar, broken)]
+    assert {one.tree["header"]["stationID"] for one in after if one.sent.station_id == liar and one.tree} == {
+        0
+    }
+    assert all(one.tree is None for one in after if one.sent.station_id == broken)

@@ -1,0 +1,78 @@
+"""Rays pass panes, meet what lies behind, and see a pane itself only near its normal."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from advpipe.stages.simulate.world.raycast.materials import (
+    MATERIAL_ID,
+    MATERIALS,
+    REFLECTIVITY,
+    RETROREFLECTIVE,
+    SEMANTIC,
+    SEMANTIC_CLASSES,
+    TRANSMITTANCE,
+)
+from advpipe.stages.simulate.world.raycast.mesh import Mesh, merge
+from advpipe.stages.simulate.world.raycast.scene import Scene
+from advpipe.stages.simulate.world.raycast.shapes import quad
+
+
+def wall(x_m: float, material: str) -> Mesh:
+    """A sheet of 40 m across the x axis."""
+    return quad([(x_m, -20, -20), (x_m, 20, -20), (x_m, 20, 20), (x_m, -20, 20)], material)
+
+
+def ray(degrees: float) -> np.ndarray:
+    a = np.deg2rad(degrees)
+    return np.array([[0, 0, 0, np.cos(a), np.sin(a), 0]], np.float32)
+
+
+def test_two_panes_weaken_the_wall_behind_them() -> None:
+    scene = Scene(merge([wall(5, "glass"), wall(6, "glass_tinted"), wall(8, "masonry")]))
+    hits = scene.cast(ray(30.0))
+    assert hits.range_m[0] == pytest.approx(8 / np.cos(np.deg2rad(30)), abs=1e-4)
+    assert hits.materials[0] == MATERIAL_ID["masonry"]
+    assert hits.transmission[0] == pytest.approx(0.8 * 0.5)
+    assert hits.cos_incidence[0] == pytest.approx(np.cos(np.deg2rad(30)), abs=1e-5)
+
+
+@pytest.mark.parametrize(("degrees", "material"), [(4.0, "glass"), (6.0, "masonry")])
+def test_a_pane_shows_itself_within_five_degrees_of_its_normal(degrees: float, material: str) -> None:
+    hits = Scene(merge([wall(5, "glass"), wall(8, "masonry")])).cast(ray(degrees))
+    assert hits.materials[0] == MATERIAL_ID[material]
+    assert hits.transmission[0] == pytest.approx(1.0 if material == "glass" else 0.8)
+
+
+def test_light_is_lost_behind_the_fifth_pane_and_in_the_open() -> None:
+    four = [wall(x, "glass") for x in (2, 3, 4, 5)]
+    behind_four = Scene(merge([*four, wall(9, "masonry")])).cast(ray(30.0))
+    assert behind_four.transmission[0] == pytest.approx(0.8**4)
+    assert np.isinf(Scene(merge([*four, wall(6, "glass"), wall(9, "masonry")])).cast(ray(30.0)).range_m[0])
+    assert np.isinf(Scene(merge(four[:2])).cast(ray(30.0)).range_m[0])
+
+
+def test_an_empty_scene_answers_nothing() -> None:
+    hits = Scene(merge([])).cast(ray(0.0))
+    assert np.isinf(hits.range_m[0])
+    assert hits.objects[0] == -1
+
+
+def test_parts_do_not_see_each_other() -> None:
+    mesh = merge([wall(5, "steel"), wall(8, "masonry")])
+    scene = Scene(mesh, np.array([0, 0, 1, 1], np.int32))
+    rays = np.repeat(ray(0.0), 2, axis=0)
+    returns = scene.returns(rays, np.array([0, 1], np.int32))
+    assert returns.range_m.tolist() == [
+        5.0,
+        np.inf,
+    ]  # the second wall is hidden: a part has a place of its own
+
+
+def test_material_tables_agree() -> None:
+    assert len(REFLECTIVITY) == len(RETROREFLECTIVE) == len(TRANSMITTANCE) == len(SEMANTIC) == len(MATERIALS)
+    assert np.all((REFLECTIVITY > 0) & (REFLECTIVITY <= 1))
+    assert {name for name, i in MATERIAL_ID.items() if TRANSMITTANCE[i]} == {"glass", "glass_tinted", "pane"}
+    assert {name for name, i in MATERIAL_ID.items() if RETROREFLECTIVE[i]} == {"sign", "plate", "lamp"}
+    assert {SEMANTIC_CLASSES[index] for index in SEMANTIC} == set(SEMANTIC_CLASSES)

@@ -1,0 +1,123 @@
+"""Which part of the project may import which: layers, and no circles between packages."""
+
+from __future__ import annotations
+
+import ast
+from collections import defaultdict
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+TOP = ("cli", "campaigns")
+"""Packages of `pipeline/` that stand above the stages."""
+
+LAYERS = (
+    {"core"},
+    {"process", "geometry", "scenario", "mcap", "metrics"},
+    {"localisation"},
+    {"v2x", "misbehaviour"},
+    {"messages"},
+    {"bag", "baselines", "birds_eye", "labels", "results"},
+    {"replay", "dataset", "detector"},
+    {"defences"},
+)
+"""Of `pipeline/`, from the ground up; each imports only from its own layer and those below it."""
+
+
+def modules() -> dict[str, Path]:
+    """All modules of the package by their dotted names without `advpipe`, those on top under `top`."""
+    found = {}
+    for path in [*(ROOT / "pipeline").rglob("*.py"), *(ROOT / "stages").rglob("*.py")]:
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        found[_placed(".".join(part for part in parts if part != "__init__"))] = path
+    return found
+
+
+def _placed(module: str) -> str:
+    for name in TOP:
+        if module == f"pipeline.{name}" or module.startswith(f"pipeline.{name}."):
+            return module.replace("pipeline", "top", 1)
+    return module
+
+
+def imports(path: Path, known: dict[str, Path]) -> Iterator[str]:
+    """The modules of ours that one imports, in functions too."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        for name in names:
+            module = _placed(name.removeprefix("advpipe."))
+            if name.startswith("advpipe."):
+                yield module if module in known else module.rpartition(".")[0]
+
+
+def edges() -> Iterator[tuple[str, str]]:
+    known = modules()
+    for module, path in known.items():
+        for other in imports(path, known):
+            if other != module:
+                yield module, other
+
+
+def circles(pairs: Iterator[tuple[str, str]], packages: set[str]) -> list[str]:
+    """Within each package, the children that import one another in a circle, if one of them is a package.
+
+    What two modules of different packages import counts where their packages part.
+    """
+    graphs: dict[str, dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
+    for one, other in pairs:
+        left, right = one.split("."), other.split(".")
+        depth = next((i for i, (a, b) in enumerate(zip(left, right, strict=False)) if a != b), None)
+        if depth is not None:
+            graphs[".".join(left[:depth])][left[depth]].add(right[depth])
+    found = []
+    for parent, graph in graphs.items():
+        try:
+            TopologicalSorter(graph).prepare()
+        except CycleError as error:
+            circle = error.args[1]
+            if any(".".join(filter(None, (parent, child))) in packages for child in circle):
+                found.append(f"{parent}: {' -> '.join(circle)}")
+    return found
+
+
+def test_circles_are_seen() -> None:
+    packages = {"a", "a.b", "c"}
+    assert circles(iter([("a.b.x", "a.y"), ("a.y", "a.b.z")]), packages) == ["a: b -> y -> b"]
+    assert circles(iter([("a.x", "c.x"), ("c.y", "a.y")]), packages) == [": a -> c -> a"]
+    assert circles(iter([("a.x", "a.y"), ("a.y", "a.x")]), packages) == []  # two modules side by side
+
+
+def test_no_package_imports_in_a_circle() -> None:
+    packages = {module for module, path in modules().items() if path.name == "__init__.py"} | {"top"}
+    assert circles(edges(), packages) == []
+
+
+def test_stages_stand_on_the_pipeline_and_not_on_one_another() -> None:
+    for one, other in edges():
+        if one.startswith("pipeline."):
+            assert other.startswith("pipeline."), f"{one} imports {other}"
+        if one.startswith("stages."):
+            assert not other.startswith("top."), f"{one} imports {other}"
+            assert not other.startswith("stages.") or one.split(".")[1] == other.split(".")[1], (
+                f"{one} imports {other}"
+            )
+
+
+def test_layers_of_the_pipeline() -> None:
+    height = {name: level for level, names in enumerate(LAYERS) for name in names}
+    for one, other in edges():
+        if one.startswith("pipeline.") and other.startswith("pipeline."):
+            assert height[one.split(".")[1]] >= height[other.split(".")[1]], f"{one} imports {other}"
+
+
+@pytest.mark.parametrize("module", ["pipeline.cli", "pipeline.campaigns.sweep"])
+def test_the_top_is_seen(module: str) -> None:
+    assert module.replace("pipeline", "top") in modules()
