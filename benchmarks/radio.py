@@ -14,10 +14,10 @@ from time import perf_counter
 
 import numpy as np
 
-from advpipe.pipeline.scenario.v2x import Radio
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.radio.medium import Medium
 from advpipe.pipeline.v2x.radio.stations import Outcome, Stations, Transmissions
+from advpipe.pipeline.v2x.section import Radio
 
 STEP_NS = 100_000_000
 CAM_BYTES = 200

@@ -30,7 +30,6 @@ from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.messages import v2x as bag_v2x
 from advpipe.pipeline.scenario import Scenario, load_scenario
-from advpipe.pipeline.scenario.v2x import V2x
 from advpipe.pipeline.v2x import air as air_module
 from advpipe.pipeline.v2x.air import Air, Sent
 from advpipe.pipeline.v2x.codec.codes import StationType
@@ -39,6 +38,7 @@ from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam, encode_cam
 from advpipe.pipeline.v2x.facilities.station_state import StationState
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.radio.stations import Stations
+from advpipe.pipeline.v2x.section import V2x
 from advpipe.stages.simulate import recorder, run
 from advpipe.stages.simulate.network.embedded.communication import Communication
 from advpipe.stages.simulate.recorder import Recorder

@@ -17,10 +17,12 @@ TOP = ("cli", "campaigns")
 
 LAYERS = (
     {"core"},
-    {"process", "geometry", "scenario", "mcap", "metrics"},
+    {"process", "geometry", "mcap", "metrics"},
     {"localisation"},
     {"v2x", "misbehaviour"},
     {"messages"},
+    {"sensors"},
+    {"scenario"},
     {"bag", "baselines", "birds_eye", "labels", "results"},
     {"replay", "dataset", "detector"},
     {"defences"},

@@ -7,12 +7,12 @@ from typing import Any
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.document import LONGEST_TEXT, Count, Document, read_json
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.section import Name
 from advpipe.pipeline.messages.topics import SCENARIO_INFO
-from advpipe.pipeline.scenario.base import Name
 from advpipe.pipeline.scenario.map import Origin
 from advpipe.pipeline.scenario.sensors import Sensors
 from advpipe.pipeline.scenario.simulation import Simulation
-from advpipe.pipeline.scenario.v2x import V2x
+from advpipe.pipeline.v2x.section import V2x
 
 
 class _Map(Document):

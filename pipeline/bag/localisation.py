@@ -13,10 +13,10 @@ from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.localisation.measurements import ImuSamples, InitialPose, Measurements, WheelTwist
 from advpipe.pipeline.localisation.onboard import OnBoardStep
+from advpipe.pipeline.localisation.section import ImuSensor
 from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import VehicleTopics
-from advpipe.pipeline.scenario.sensors import ImuSensor
 
 MAP_FRAME = "map"
 

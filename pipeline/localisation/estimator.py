@@ -13,8 +13,8 @@ from advpipe.pipeline.localisation.gnss import HEIGHT_FACTOR
 from advpipe.pipeline.localisation.measurements import ImuSamples, InitialPose, Measurements, WheelTwist
 from advpipe.pipeline.localisation.motion import GRAVITY_MPS2
 from advpipe.pipeline.localisation.rotations import rotation, skew
+from advpipe.pipeline.localisation.section import OnBoardSensors
 from advpipe.pipeline.localisation.strapdown import Increment, integrate
-from advpipe.pipeline.scenario.sensors import Sensors
 
 STATES = 19
 POSITION, VELOCITY, ORIENTATION = slice(0, 3), slice(3, 6), slice(6, 9)
@@ -44,7 +44,7 @@ class Estimator:
     geodesy: the map's place on the Earth. initial: where it starts.
     """
 
-    def __init__(self, sensors: Sensors, geodesy: Geodesy, initial: InitialPose) -> None:
+    def __init__(self, sensors: OnBoardSensors, geodesy: Geodesy, initial: InitialPose) -> None:
         self._sensors = sensors
         self._geodesy = geodesy
         self._initial = initial

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.pipeline.scenario.sensors import GnssSensor
+from advpipe.pipeline.localisation.section import GnssSensor
 
 HEIGHT_FACTOR = 2.0
 """Heights err by twice as much as horizontal axes."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.pipeline.scenario.sensors import ImuSensor
+from advpipe.pipeline.localisation.section import ImuSensor
 
 
 class Imu:

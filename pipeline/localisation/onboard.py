@@ -17,8 +17,8 @@ from advpipe.pipeline.localisation.imu import Imu
 from advpipe.pipeline.localisation.measurements import ImuSamples, InitialPose, Measurements
 from advpipe.pipeline.localisation.motion import Motion, MotionStep
 from advpipe.pipeline.localisation.rotations import rotation
+from advpipe.pipeline.localisation.section import LocalisationFilter, OnBoardSensors
 from advpipe.pipeline.localisation.wheel import DeadReckoning, WheelOdometer, WheelOdometry
-from advpipe.pipeline.scenario.sensors import LocalisationFilter, Sensors
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,9 @@ class OnBoard:
     step to the next. seed: of the scenario. Raises AdvpipeError where a sensor's rate does not fit the step.
     """
 
-    def __init__(self, name: str, sensors: Sensors, geodesy: Geodesy, step_s: float, seed: int) -> None:
+    def __init__(
+        self, name: str, sensors: OnBoardSensors, geodesy: Geodesy, step_s: float, seed: int
+    ) -> None:
         self._name, self._seed = name, seed
         self._sensors = sensors
         self._geodesy = geodesy

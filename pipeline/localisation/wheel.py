@@ -8,7 +8,7 @@ import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64, se3_from_yaw
 from advpipe.pipeline.localisation.measurements import WheelTwist
-from advpipe.pipeline.scenario.sensors import WheelOdometrySensor
+from advpipe.pipeline.localisation.section import WheelOdometrySensor
 
 NOT_MEASURED = 1e6
 """The variance of what wheels say nothing of, as ROS writes it."""

@@ -17,12 +17,12 @@ from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.cam_cdr import cam_cdr
 from advpipe.pipeline.messages.cdr import Cdr
 from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATIONS, VehicleTopics
-from advpipe.pipeline.scenario.v2x import V2x
 from advpipe.pipeline.v2x.air import Received, Sent
 from advpipe.pipeline.v2x.codec.btp import btp_packet
 from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.codec.codec import CamTree, decode
 from advpipe.pipeline.v2x.radio.stations import Stations
+from advpipe.pipeline.v2x.section import V2x
 
 StampedCdr = tuple[Topic, bytes, int]
 """A topic, a serialised message for it, and its stamp in nanoseconds."""

@@ -17,11 +17,11 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
+from advpipe.pipeline.core.bounds import DriveTimeS, HeightM, PlaceM, ShareOfSome
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.frame_slice import FrameSlice
+from advpipe.pipeline.core.section import NotNegative, Section, Switch, Word
 from advpipe.pipeline.core.shown import cut, shown
-from advpipe.pipeline.scenario.base import NotNegative, Section, Switch, Word
-from advpipe.pipeline.scenario.bounds import DriveTimeS, HeightM, PlaceM, ShareOfSome
 
 NS_PER_S = 1_000_000_000
 Family = Literal["gnss", "cam", "lidar"]

@@ -6,8 +6,8 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from advpipe.pipeline.scenario.base import File, NotNegative, Positive, Probability, Section, Word
-from advpipe.pipeline.scenario.bounds import HeightM, MeshScale, PlaceM, YawRad
+from advpipe.pipeline.core.bounds import HeightM, MeshScale, PlaceM, YawRad
+from advpipe.pipeline.core.section import File, NotNegative, Positive, Probability, Section, Word
 
 LEAST_RATE_MM_PER_H = 0.0001
 """Of rain and snow: less is far below what is measured, and calls for clear weather."""

@@ -14,8 +14,8 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.section import IsFile
 from advpipe.pipeline.core.shown import cut, shown
-from advpipe.pipeline.scenario.base import IsFile
 from advpipe.pipeline.scenario.document import LIMIT_BYTES, Document, DocumentError, read_document
 from advpipe.pipeline.scenario.map import MAP_SOURCES
 from advpipe.pipeline.scenario.models import Scenario

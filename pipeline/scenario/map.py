@@ -6,8 +6,8 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from advpipe.pipeline.scenario.base import File, Number, Positive, Section, Whole
-from advpipe.pipeline.scenario.bounds import BlockM
+from advpipe.pipeline.core.bounds import BlockM
+from advpipe.pipeline.core.section import File, Number, Positive, Section, Whole
 
 MAP_SOURCES = ("opendrive", "sumo_net", "generator")
 

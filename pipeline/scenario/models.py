@@ -6,8 +6,8 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
+from advpipe.pipeline.core.section import Name, Section, Switch
 from advpipe.pipeline.scenario.attacks import Attacks
-from advpipe.pipeline.scenario.base import Name, Section, Switch
 from advpipe.pipeline.scenario.environment import Environment
 from advpipe.pipeline.scenario.map import Map
 from advpipe.pipeline.scenario.sensors import Sensors
@@ -22,7 +22,7 @@ from advpipe.pipeline.scenario.traffic import (
     Vehicle,
     Vehicles,
 )
-from advpipe.pipeline.scenario.v2x import V2x
+from advpipe.pipeline.v2x.section import V2x
 
 TAKEN_NAMES = ("clean", "reports")
 

@@ -6,8 +6,8 @@ from datetime import datetime, timezone
 
 from pydantic import Field, model_validator
 
-from advpipe.pipeline.scenario.base import NotNegative, Section, Whole
-from advpipe.pipeline.scenario.bounds import DriveTimeS
+from advpipe.pipeline.core.bounds import DriveTimeS
+from advpipe.pipeline.core.section import NotNegative, Section, Whole
 
 
 class Simulation(Section):

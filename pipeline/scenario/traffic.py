@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from advpipe.pipeline.scenario.base import File, Name, NotNegative, Section, Whole, Word
-from advpipe.pipeline.scenario.bounds import AccelerationMps2, MeshScale, SpeedMps
+from advpipe.pipeline.core.bounds import AccelerationMps2, MeshScale, SpeedMps
+from advpipe.pipeline.core.section import File, Name, NotNegative, Section, Whole, Word
 
 BODIES = (
     "sedan",

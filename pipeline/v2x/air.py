@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.pipeline.localisation.geodesy import Geodesy
-from advpipe.pipeline.scenario.v2x import V2x
 from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.codec.codec import CamTree, decode
 from advpipe.pipeline.v2x.facilities.cam import CamCore
@@ -22,6 +21,7 @@ from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.load import WINDOW_NS, ChannelLoad
 from advpipe.pipeline.v2x.radio.medium import Medium, Step
 from advpipe.pipeline.v2x.radio.stations import Fates, Reception, Stations, Transmissions
+from advpipe.pipeline.v2x.section import V2x
 from advpipe.pipeline.v2x.statistics import Statistics, Tally
 
 

@@ -10,9 +10,9 @@ from pydantic import TypeAdapter, ValidationError
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.plugins import mistakes_told, own_words
+from advpipe.pipeline.core.section import leaves, written_number
 from advpipe.pipeline.core.shown import shown
 from advpipe.pipeline.scenario.attacks import AttackSpec, Value
-from advpipe.pipeline.scenario.base import leaves, written_number
 from advpipe.stages.attack.lidar.base import LidarAttack
 from advpipe.stages.attack.registry import find_attack
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from enum import Flag, auto
 
 from advpipe.pipeline.core.seeding import named_generator
-from advpipe.pipeline.scenario.v2x import CamRules
 from advpipe.pipeline.v2x.facilities.cam import MAX_PATH_POINTS, Cam, LowFrequency, cam_of_state
 from advpipe.pipeline.v2x.facilities.cam_tree import encode_cam
 from advpipe.pipeline.v2x.facilities.ellipsoid import east_north_m
 from advpipe.pipeline.v2x.facilities.path_history import PathHistory
 from advpipe.pipeline.v2x.facilities.station_state import StationState
+from advpipe.pipeline.v2x.section import CamRules
 
 CHECK_INTERVAL_NS = 100_000_000
 """T_CheckCamGen."""

@@ -11,9 +11,9 @@ from enum import IntEnum
 import numpy as np
 
 from advpipe.pipeline.localisation.geodesy import Geodesy
-from advpipe.pipeline.scenario.v2x import LdmRules
 from advpipe.pipeline.v2x.codec.timestamps import generation_time_ns
 from advpipe.pipeline.v2x.facilities.cam import Cam, CamCore
+from advpipe.pipeline.v2x.section import LdmRules
 
 _NORTHWARD_DEG = 1e-4
 

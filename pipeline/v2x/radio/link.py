@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.pipeline.scenario.v2x import Radio
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.draws import Draws
 from advpipe.pipeline.v2x.radio.fading import nakagami_db, shadowing_db
 from advpipe.pipeline.v2x.radio.path_loss import PATH_LOSS
 from advpipe.pipeline.v2x.radio.stations import Int64, Stations, UInt64
+from advpipe.pipeline.v2x.section import Radio
 
 NEGLIGIBLE_DB = 15.0
 """So far below the noise nothing matters, and what buildings would take besides is left out."""

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from advpipe.pipeline.scenario.v2x import Radio
 from advpipe.pipeline.v2x.radio.access import Access
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.draws import Draws
@@ -16,6 +15,7 @@ from advpipe.pipeline.v2x.radio.load import WINDOW_NS, ChannelLoad, busy_ratio
 from advpipe.pipeline.v2x.radio.ofdm import CONTENTION_SLOTS, Ofdm
 from advpipe.pipeline.v2x.radio.reception import Receiver
 from advpipe.pipeline.v2x.radio.stations import Fates, Stations, Transmissions
+from advpipe.pipeline.v2x.section import Radio
 
 
 class Step(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.scenario.v2x import CHANNEL_BITRATES_MBPS, Radio
+from advpipe.pipeline.v2x.section import CHANNEL_BITRATES_MBPS, Radio
 
 Int64 = npt.NDArray[np.int64]
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.pipeline.scenario.v2x import Radio
+from advpipe.pipeline.v2x.section import Radio
 
 SPEED_OF_LIGHT_MPS = 299_792_458.0
 REFERENCE_M = 1.0

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.pipeline.scenario.v2x import Radio
 from advpipe.pipeline.v2x.radio.draws import Draws
 from advpipe.pipeline.v2x.radio.error_rate import flawless_db, success_rate
 from advpipe.pipeline.v2x.radio.frame import Frame
 from advpipe.pipeline.v2x.radio.path_loss import SPEED_OF_LIGHT_MPS
 from advpipe.pipeline.v2x.radio.stations import Bool, Fates, Int64, Outcome, Stations, UInt8, UInt64
+from advpipe.pipeline.v2x.section import Radio
 
 
 class Receiver:

@@ -9,7 +9,6 @@ from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.recorded_filter import RecordedFilter
 from advpipe.pipeline.replay.v2x_drive import V2xStep
-from advpipe.pipeline.scenario.v2x import V2x
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.facilities.cam import Cam, cam_of_state
@@ -18,6 +17,7 @@ from advpipe.pipeline.v2x.facilities.generation import CHECK_INTERVAL_NS, first_
 from advpipe.pipeline.v2x.facilities.own_state import Identity, accuracy_of_estimate, own_state
 from advpipe.pipeline.v2x.facilities.path_history import PathHistory
 from advpipe.pipeline.v2x.facilities.reference_point import ReferencePoint, reference_point
+from advpipe.pipeline.v2x.section import V2x
 from advpipe.stages.attack.gnss.victim import SpoofedVehicle
 
 

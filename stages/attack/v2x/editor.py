@@ -43,9 +43,9 @@ from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.v2x_drive import V2xStep
-from advpipe.pipeline.scenario.v2x import V2x
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.pipeline.v2x.radio.draws import message_keys
+from advpipe.pipeline.v2x.section import V2x
 from advpipe.stages.attack.v2x.cams import Cams
 
 

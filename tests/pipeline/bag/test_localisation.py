@@ -21,10 +21,11 @@ from advpipe.pipeline.geometry.transforms import se3_from_yaw
 from advpipe.pipeline.localisation.estimator import Estimator
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.localisation.onboard import OnBoard, OnBoardStep
+from advpipe.pipeline.localisation.section import GnssSensor
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.messages.types import serialise
-from advpipe.pipeline.scenario.sensors import GnssSensor, Sensors
+from advpipe.pipeline.scenario.sensors import Sensors
 
 EGO = VehicleTopics("ego")
 START_NS, STEP_NS, STEPS = 1_767_268_800_000_000_000, 100_000_000, 40

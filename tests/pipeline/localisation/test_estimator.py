@@ -16,13 +16,13 @@ from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.localisation.measurements import ImuSamples, Measurements
 from advpipe.pipeline.localisation.onboard import OnBoard, OnBoardStep
 from advpipe.pipeline.localisation.rotations import rotation_vector
-from advpipe.pipeline.scenario.sensors import (
+from advpipe.pipeline.localisation.section import (
     GnssSensor,
     ImuSensor,
     LocalisationFilter,
-    Sensors,
     WheelOdometrySensor,
 )
+from advpipe.pipeline.scenario.sensors import Sensors
 
 STEP_NS = 100_000_000
 RUNS = 30

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.localisation.gnss import GnssReceiver
-from advpipe.pipeline.scenario.sensors import GnssSensor
+from advpipe.pipeline.localisation.section import GnssSensor
 
 
 def test_errors_have_the_stated_covariance() -> None:

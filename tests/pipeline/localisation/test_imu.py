@@ -7,7 +7,7 @@ import pytest
 
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.imu import Imu
-from advpipe.pipeline.scenario.sensors import ImuSensor
+from advpipe.pipeline.localisation.section import ImuSensor
 
 
 def allan_deviation(values: Float64, samples: int) -> Float64:

@@ -15,8 +15,9 @@ from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.localisation.gnss import GnssReceiver
 from advpipe.pipeline.localisation.onboard import OnBoard, OnBoardStep
+from advpipe.pipeline.localisation.section import GnssSensor, ImuSensor
 from advpipe.pipeline.scenario import load_scenario
-from advpipe.pipeline.scenario.sensors import GnssSensor, ImuSensor, Sensors
+from advpipe.pipeline.scenario.sensors import Sensors
 
 STEP_NS = 100_000_000
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.localisation.measurements import WheelTwist
+from advpipe.pipeline.localisation.section import WheelOdometrySensor
 from advpipe.pipeline.localisation.wheel import DeadReckoning, WheelOdometer
-from advpipe.pipeline.scenario.sensors import WheelOdometrySensor
 
 SENSOR = WheelOdometrySensor()
 

@@ -11,8 +11,8 @@ from pydantic import ValidationError
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario import dump_scenario, load_scenario
-from advpipe.pipeline.scenario.lidar_presets import LIDAR_PRESETS
-from advpipe.pipeline.scenario.sensors import LidarSensor
+from advpipe.pipeline.sensors.lidar.presets import LIDAR_PRESETS
+from advpipe.pipeline.sensors.lidar.section import LidarSensor
 
 # Channels, lowest and highest elevation, columns of a turn at 10 Hz, range: from the makers' datasheets.
 DATASHEETS = {

@@ -11,7 +11,6 @@ import pytest
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.ldm import ldm_detections_cdr, ldm_snapshot_cdr
 from advpipe.pipeline.messages.v2x import received_messages
-from advpipe.pipeline.scenario.v2x import Radio, V2x
 from advpipe.pipeline.v2x.air import Air, Heard, Sent
 from advpipe.pipeline.v2x.facilities.cam import cam_of_state
 from advpipe.pipeline.v2x.facilities.cam_tree import encode_cam
@@ -19,6 +18,7 @@ from advpipe.pipeline.v2x.facilities.ldm import Verdict
 from advpipe.pipeline.v2x.facilities.station_state import StationState
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.radio.stations import Stations
+from advpipe.pipeline.v2x.section import Radio, V2x
 
 START_NS = 1_767_268_800_000_000_000
 MS = 1_000_000

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from advpipe.pipeline.scenario.v2x import Radio
 from advpipe.pipeline.v2x.plot import draw_statistics
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.radio.load import ChannelLoad
 from advpipe.pipeline.v2x.radio.medium import Medium, Step
 from advpipe.pipeline.v2x.radio.stations import Fates, Outcome, Stations, Transmissions
+from advpipe.pipeline.v2x.section import Radio
 from advpipe.pipeline.v2x.statistics import Statistics, Tally, delivery_by_distance
 
 MS = 1_000_000

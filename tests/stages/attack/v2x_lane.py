@@ -12,7 +12,6 @@ from advpipe.pipeline.geometry.transforms import se3_from_yaw
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.v2x_drive import V2xStep
-from advpipe.pipeline.scenario.v2x import V2x
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.pipeline.v2x.codec.codes import StationType
 from advpipe.pipeline.v2x.facilities.cam import LowFrequency, cam_of_state
@@ -21,6 +20,7 @@ from advpipe.pipeline.v2x.facilities.ldm import report_of_cam
 from advpipe.pipeline.v2x.facilities.reference_point import reference_point
 from advpipe.pipeline.v2x.facilities.station_state import StationState
 from advpipe.pipeline.v2x.radio.draws import message_keys
+from advpipe.pipeline.v2x.section import V2x
 from advpipe.stages.attack.v2x.cams import Cams
 from advpipe.stages.attack.v2x.editor import AttackContext, Numbers
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64, wrap_angle
 from advpipe.pipeline.localisation.estimate import Estimate
-from advpipe.pipeline.scenario.v2x import SelfKnowledge
 from advpipe.pipeline.v2x.facilities.own_state import STANDING_MPS, Accuracy
+from advpipe.pipeline.v2x.section import SelfKnowledge
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 
 POSITION_TIME_S = 30.0

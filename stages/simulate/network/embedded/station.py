@@ -10,7 +10,6 @@ from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace
-from advpipe.pipeline.scenario.v2x import V2x
 from advpipe.pipeline.v2x.codec.codes import StationType, TrailerPresence
 from advpipe.pipeline.v2x.facilities.dcc import ReactiveDcc
 from advpipe.pipeline.v2x.facilities.generation import (
@@ -23,6 +22,7 @@ from advpipe.pipeline.v2x.facilities.generation import (
 from advpipe.pipeline.v2x.facilities.own_state import Identity, accuracy_of_estimate, own_state
 from advpipe.pipeline.v2x.facilities.reference_point import reference_points
 from advpipe.pipeline.v2x.facilities.station_state import StationState
+from advpipe.pipeline.v2x.section import V2x
 from advpipe.stages.simulate.network.embedded.self_knowledge import Senses, accuracy_of_receiver, believed
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.scenario.sensors import LidarSensor
+from advpipe.pipeline.sensors.lidar.section import LidarSensor
 from advpipe.stages.simulate.world.raycast.materials import (
     REFLECTIVITY,
     RETROREFLECTIVE,

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud, xyz
 from advpipe.pipeline.scenario.environment import Weather
-from advpipe.pipeline.scenario.sensors import LidarSensor
+from advpipe.pipeline.sensors.lidar.section import LidarSensor
 from advpipe.stages.simulate.sensors.lidar.intensity import detected_share, kept_share, noise_floor, signal
 from advpipe.stages.simulate.sensors.lidar.sweep import Sweep, mounting
 from advpipe.stages.simulate.sensors.lidar.weather import ASSUMED_REFLECTIVITY, Echoes, air_of, transmission

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64, invert, se3
-from advpipe.pipeline.scenario.sensors import LidarSensor
+from advpipe.pipeline.sensors.lidar.section import LidarSensor
 
 Float32 = npt.NDArray[np.float32]
 

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.scenario.environment import Weather
-from advpipe.pipeline.scenario.sensors import LidarSensor
+from advpipe.pipeline.sensors.lidar.section import LidarSensor
 from advpipe.stages.simulate.sensors.lidar.intensity import noise_floor
 
 Float32 = npt.NDArray[np.float32]

@@ -10,13 +10,13 @@ import pytest
 
 from advpipe.pipeline.geometry.transforms import se3_from_yaw
 from advpipe.pipeline.localisation.geodesy import Geodesy
-from advpipe.pipeline.scenario.v2x import LdmRules
 from advpipe.pipeline.v2x.codec.codes import StationType
 from advpipe.pipeline.v2x.facilities.cam import Cam, cam_of_state
 from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam, encode_cam
 from advpipe.pipeline.v2x.facilities.ldm import LocalDynamicMap, Report, Verdict, report_of_cam
 from advpipe.pipeline.v2x.facilities.reference_point import reference_point
 from advpipe.pipeline.v2x.facilities.station_state import StationState
+from advpipe.pipeline.v2x.section import LdmRules
 
 NOW_NS = 1_767_268_800_000_000_000
 MS = 1_000_000

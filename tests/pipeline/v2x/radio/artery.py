@@ -11,10 +11,10 @@ import pyarrow.csv
 import pytest
 
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.pipeline.scenario.v2x import Radio
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.radio.medium import Medium
 from advpipe.pipeline.v2x.radio.stations import Fates, Int64, Outcome, Stations, Transmissions
+from advpipe.pipeline.v2x.section import Radio
 
 STEP_NS = 100_000_000
 ANTENNA_M = 1.5

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from advpipe.pipeline.scenario.v2x import Radio
 from advpipe.pipeline.v2x.radio.access import Access
 from advpipe.pipeline.v2x.radio.frame import Frame
 from advpipe.pipeline.v2x.radio.ofdm import Ofdm
+from advpipe.pipeline.v2x.section import Radio
 
 AIR_US, AIFS_US, SLOT_US = 208, 110, 13
 EVERYBODY = (0, 1, 2)

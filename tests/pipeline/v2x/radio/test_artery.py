@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from advpipe.pipeline.scenario.v2x import Radio
 from advpipe.pipeline.v2x.radio.stations import Outcome
+from advpipe.pipeline.v2x.section import Radio
 
 from .artery import FREE_SPACE, NAKAGAMI, Trace, by_distance
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from advpipe.pipeline.scenario.v2x import Radio
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.radio.medium import Medium, Step
 from advpipe.pipeline.v2x.radio.stations import Outcome, Stations, Transmissions
+from advpipe.pipeline.v2x.section import Radio
 
 PLAIN = Radio(path_loss="free_space", shadowing=None, fading="none")
 MS = 1_000_000

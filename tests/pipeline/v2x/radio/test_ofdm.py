@@ -1,7 +1,7 @@
 import pytest
 
-from advpipe.pipeline.scenario.v2x import Radio
 from advpipe.pipeline.v2x.radio.ofdm import Ofdm
+from advpipe.pipeline.v2x.section import Radio
 
 
 @pytest.mark.parametrize(("cam_bytes", "air_time_us"), [(41, 208), (241, 480)])

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from advpipe.pipeline.scenario.v2x import Radio
 from advpipe.pipeline.v2x.radio.path_loss import PATH_LOSS
+from advpipe.pipeline.v2x.section import Radio
 
 RADIO = Radio()
 

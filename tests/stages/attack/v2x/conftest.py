@@ -17,10 +17,10 @@ from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.scenario import load_scenario
-from advpipe.pipeline.scenario.v2x import V2x
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.pipeline.v2x.facilities.cam import Cam
 from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam
+from advpipe.pipeline.v2x.section import V2x
 from advpipe.stages.attack.registry import find_attack
 from advpipe.stages.attack.v2x.cams import Cams
 from advpipe.stages.attack.v2x.editor import AttackContext, Numbers

@@ -4,8 +4,8 @@ import pytest
 from v2x_lane import BEGIN_NS, MS, context, edited, lane, said, time_s
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.scenario.v2x import LdmRules
 from advpipe.pipeline.v2x.facilities.ldm import LocalDynamicMap, Verdict
+from advpipe.pipeline.v2x.section import LdmRules
 from advpipe.stages.attack.v2x.delay import Delay, Stale
 
 DRIVE = lane({1: 0.0, 2: 50.0}, 30)

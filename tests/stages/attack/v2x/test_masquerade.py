@@ -4,8 +4,8 @@ import pytest
 from v2x_lane import context, edited, lane, said
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.scenario.v2x import LdmRules
 from advpipe.pipeline.v2x.facilities.ldm import LocalDynamicMap, Verdict
+from advpipe.pipeline.v2x.section import LdmRules
 from advpipe.stages.attack.v2x.masquerade import Masquerade
 
 STARTS_M = {1: 0.0, 2: 80.0, 3: -50.0, 4: 300.0}

@@ -15,10 +15,11 @@ from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.geometry.transforms import se3_from_yaw
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.localisation.onboard import OnBoard
+from advpipe.pipeline.localisation.section import GnssSensor
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import SCENARIO_INFO, VehicleTopics
 from advpipe.pipeline.scenario.attacks import attack_spec
-from advpipe.pipeline.scenario.sensors import GnssSensor, Sensors
+from advpipe.pipeline.scenario.sensors import Sensors
 from advpipe.stages.attack.change import changed_messages
 from advpipe.stages.attack.gnss.change import spoof
 

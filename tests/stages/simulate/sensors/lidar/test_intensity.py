@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from advpipe.pipeline.scenario.sensors import LidarSensor
+from advpipe.pipeline.sensors.lidar.section import LidarSensor
 from advpipe.stages.simulate.sensors.lidar import Lidar
 from advpipe.stages.simulate.sensors.lidar.intensity import GRAZING_SHARE, detected_share, noise_floor, signal
 from advpipe.stages.simulate.world.raycast.materials import MATERIALS

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.geometry.transforms import se3_from_yaw, transform_points
-from advpipe.pipeline.scenario.sensors import LidarSensor
+from advpipe.pipeline.sensors.lidar.section import LidarSensor
 from advpipe.stages.simulate.sensors.lidar import Lidar
 from advpipe.stages.simulate.world.raycast.materials import MATERIALS
 from advpipe.stages.simulate.world.raycast.mesh import box, merge, surface

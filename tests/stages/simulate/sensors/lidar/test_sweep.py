@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from advpipe.pipeline.geometry.transforms import se3_from_yaw, transform_points
 from advpipe.pipeline.messages.cloud import Cloud, xyz
-from advpipe.pipeline.scenario.sensors import LidarSensor
+from advpipe.pipeline.sensors.lidar.section import LidarSensor
 from advpipe.stages.simulate.sensors.lidar import Lidar
 from advpipe.stages.simulate.sensors.lidar.sweep import mounting, poses_at
 from advpipe.stages.simulate.world.raycast.mesh import box, surface

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 
 from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.pipeline.scenario.environment import Weather
-from advpipe.pipeline.scenario.sensors import LidarSensor
+from advpipe.pipeline.sensors.lidar.section import LidarSensor
 from advpipe.stages.simulate.sensors.lidar import Lidar
 from advpipe.stages.simulate.sensors.lidar.weather import Fog, air_of, needed_signal, rain, snow, transmission
 from advpipe.stages.simulate.world.raycast.materials import MATERIALS

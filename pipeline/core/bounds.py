@@ -9,7 +9,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from advpipe.pipeline.scenario.base import Number, Probability
+from advpipe.pipeline.core.section import Number, Probability
 
 PlaceM = Annotated[Number, Field(ge=-1e5, le=1e5)]
 """A coordinate in the map's frame. Clouds are in single precision, which is 8 mm coarse at 100 km."""

@@ -6,8 +6,8 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from advpipe.pipeline.scenario.base import NotNegative, Number, Positive, Probability, Section, Switch, Whole
-from advpipe.pipeline.scenario.bounds import AirDelayS, AntennaM, BitrateMbps, KeptS, SnapshotRateHz
+from advpipe.pipeline.core.bounds import AirDelayS, AntennaM, BitrateMbps, KeptS, SnapshotRateHz
+from advpipe.pipeline.core.section import NotNegative, Number, Positive, Probability, Section, Switch, Whole
 
 CHANNEL_BITRATES_MBPS = (3.0, 4.5, 6.0, 9.0, 12.0, 18.0, 24.0, 27.0)
 """Of OFDM in a channel of 10 MHz (IEEE 802.11-2016, table 17-4); in proportion for other widths."""

@@ -6,7 +6,7 @@ import pytest
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario import load_scenario
-from advpipe.pipeline.scenario.v2x import Shadowing
+from advpipe.pipeline.v2x.section import Shadowing
 
 
 def test_defaults() -> None:

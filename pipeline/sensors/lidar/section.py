@@ -1,0 +1,137 @@
+"""The section of a LiDAR in the scenario file."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from itertools import pairwise
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+
+from advpipe.pipeline.core.bounds import (
+    AttenuationPerM,
+    MountingHeightM,
+    MountingM,
+    RangeM,
+)
+from advpipe.pipeline.core.section import (
+    NotNegative,
+    Number,
+    Probability,
+    Section,
+    Switch,
+    Whole,
+    Word,
+)
+from advpipe.pipeline.core.shown import cut, shown
+from advpipe.pipeline.sensors.lidar.presets import LIDAR_PRESETS
+
+_FAN = ("channels", "upper_fov", "lower_fov")
+
+MAX_RAYS = 2_000_000
+"""Rays of one turn; a few hundred bytes of memory each."""
+
+
+class LidarSensor(Section):
+    """A rotating LiDAR; names and meanings as in CARLA's sensor.lidar.ray_cast."""
+
+    vehicle: Word = "ego"
+    preset: Word | None = Field(
+        None,
+        description=f"a known sensor ({', '.join(LIDAR_PRESETS)}); every key given beside it wins over it",
+    )
+    x_m: MountingM = Field(0.0, description="mounting place before the vehicle's centre")
+    y_m: MountingM = Field(0.0, description="mounting place to the left of the vehicle's centre")
+    z_m: MountingHeightM = Field(1.8, description="mounting height above the road")
+    roll_deg: Number = Field(0.0, ge=-180, le=180)
+    pitch_deg: Number = Field(0.0, ge=-90, le=90, description="positive looks down")
+    yaw_deg: Number = Field(0.0, ge=-180, le=180)
+    channels: Whole = Field(64, ge=1, le=256)
+    range: RangeM = Field(100.0, description="metres")
+    points_per_second: Whole = Field(
+        1_152_000, ge=1, le=20_000_000, description="rays of all channels together"
+    )
+    rotation_frequency: Number = Field(
+        10.0, ge=0.1, le=1000, description="turns a second; one turn is one cloud"
+    )
+    upper_fov: Number = Field(2.0, ge=-90, le=90, description="degrees")
+    lower_fov: Number = Field(-24.8, ge=-90, le=90, description="degrees")
+    vertical_angles_deg: tuple[Annotated[Number, Field(ge=-90, le=90)], ...] | None = Field(
+        None,
+        max_length=256,
+        description="elevation of each channel from the lowest up; even between the fovs if left out",
+    )
+    range_reflectivity: Probability = Field(
+        0.0,
+        description="diffuse reflectivity that is seen nine times in ten at `range`, darker things less far; "
+        "0 sees everything in range, as CARLA does",
+    )
+    atmosphere_attenuation_rate: AttenuationPerM = Field(
+        0.004, description="intensity lost, exp(-a d), per metre"
+    )
+    dropoff_general_rate: Probability = Field(0.02, description="share of points lost at random")
+    dropoff_intensity_limit: Probability = Field(0.3, description="no intensity-based loss above it")
+    dropoff_zero_intensity: Probability = Field(0.4, description="share of points lost at intensity zero")
+    noise_stddev: NotNegative = Field(0.02, le=1.0, description="of the range, in metres")
+    motion_distortion: Switch = Field(
+        False, description="rays leave one after the other, as the vehicle moves on"
+    )
+    coordinate_grid_m: NotNegative = Field(
+        0.0, le=0.1, description="round coordinates to this binary grid, like 0.001953125; 0 keeps them"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _defaults(cls, keys: Any) -> Any:
+        """What the preset and the angles set, below what the file itself says."""
+        if not isinstance(keys, dict):
+            return keys
+        name, given = keys.get("preset"), dict(keys)
+        if isinstance(name, str):
+            if name not in LIDAR_PRESETS:
+                close = difflib.get_close_matches(cut(name.lower()), LIDAR_PRESETS, n=1)
+                hint = f"did you mean {close[0]!r}? " if close else ""
+                raise ValueError(
+                    f"preset {shown(name)} is no known sensor; {hint}known: {', '.join(LIDAR_PRESETS)}"
+                )
+            if any(key in given for key in _FAN):  # another fan than the preset's: its angles do not fit
+                given.setdefault("vertical_angles_deg", None)
+            given = LIDAR_PRESETS[name] | given
+        angles = keys.get("vertical_angles_deg")
+        if isinstance(angles, (list, tuple)) and angles:
+            fan = dict(zip(_FAN, (len(angles), angles[-1], angles[0]), strict=True))
+            given |= {key: value for key, value in fan.items() if key not in keys}
+        return given
+
+    @model_validator(mode="after")
+    def _fan(self) -> LidarSensor:
+        angles = self.vertical_angles_deg
+        if angles is None and self.lower_fov >= self.upper_fov and self.channels > 1:
+            raise ValueError(f"lower_fov {self.lower_fov:g} is not below upper_fov {self.upper_fov:g}")
+        if angles is not None and len(angles) != self.channels:
+            raise ValueError(f"vertical_angles_deg holds {len(angles)} angles for {self.channels} channels")
+        if angles is not None and any(a >= b for a, b in pairwise(angles)):
+            raise ValueError("vertical_angles_deg does not rise from each channel to the next")
+        if self.columns < 1:
+            raise ValueError("points_per_second gives less than one ray per channel and turn")
+        if self.columns * self.channels > MAX_RAYS:
+            raise ValueError(
+                f"one turn has {self.columns * self.channels} rays, over {MAX_RAYS}; "
+                f"lower points_per_second or raise rotation_frequency"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _grid(self) -> LidarSensor:
+        if self.coordinate_grid_m and math.frexp(self.coordinate_grid_m)[0] != 0.5:
+            nearest = 2.0 ** round(math.log2(self.coordinate_grid_m))
+            raise ValueError(
+                f"coordinate_grid_m {self.coordinate_grid_m:g} is no power of two; the nearest is {nearest}"
+            )
+        return self
+
+    @property
+    def columns(self) -> int:
+        """Firings of each channel in one turn."""
+        return int(self.points_per_second / self.rotation_frequency / self.channels)
