@@ -16,9 +16,7 @@ from advpipe.pipeline.localisation.onboard import OnBoardStep
 from advpipe.pipeline.localisation.section import ImuSensor
 from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.messages import build
-from advpipe.pipeline.messages.topics import VehicleTopics
-
-MAP_FRAME = "map"
+from advpipe.pipeline.messages.topics import MAP_FRAME, VehicleTopics
 
 Stamped = tuple[Topic, Any, int]
 """A topic, a message for it, and its stamp in nanoseconds."""
