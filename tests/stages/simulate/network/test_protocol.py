@@ -9,6 +9,7 @@ import pytest
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATIONS, VehicleTopics
+from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.stages.simulate.run import simulate
 
@@ -35,6 +36,8 @@ def test_everyone_hears_everything_at_once(tmp_path: Path) -> None:
         assert all(bytes(one.data).endswith(b"hello") for one in heard)
     assert VehicleTopics("ego").sent_raw.name in reader.topics
     assert VehicleTopics("ego").received_cam.name not in reader.topics  # bytes that are no CAM
+    with pytest.raises(AdvpipeError, match="sent again through the embedded one only"):
+        V2xDrive(reader).air()
 
 
 @pytest.mark.parametrize(
