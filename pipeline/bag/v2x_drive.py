@@ -22,6 +22,9 @@ from advpipe.pipeline.v2x.air import Air, Heard, Sent
 from advpipe.pipeline.v2x.codec import CamTree
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 
+LONGEST_STEP_NS = 10_000_000_000
+"""Simulated steps last a second at most; a bag that has lost a few messages may have a longer one."""
+
 
 class V2xStep(NamedTuple):
     """One step of the drive: radios stay where they are from its begin to its end.
@@ -66,7 +69,8 @@ class V2xDrive:
     def steps(self) -> Iterator[V2xStep]:
         """All steps of the drive, in order; with `until_ns` to the first one that ends then or later.
 
-        Raises AdvpipeError for a message that no station of its step can have sent, and for two of a number.
+        Raises AdvpipeError for a message that no station of its step can have sent, for two of a number, and
+        for a step longer than `LONGEST_STEP_NS`.
         """
         begin_ns: int | None = None
         radios: tuple[RadioPlace, ...] = ()
@@ -83,6 +87,9 @@ class V2xDrive:
             if begin_ns is not None:
                 if raw.log_time_ns <= begin_ns:
                     raise self._wrong(raw, "is not later than the one before it")
+                if (lasted_ns := raw.log_time_ns - begin_ns) > LONGEST_STEP_NS:
+                    late = f"comes {lasted_ns / 1e9:,.1f} s after the one before it"
+                    raise self._wrong(raw, f"{late}; no step lasts over {LONGEST_STEP_NS / 1e9:g} s")
                 due = [one for one in sent if one.request_ns < raw.log_time_ns]
                 self._check(due, begin_ns, radios)
                 yield V2xStep(begin_ns, raw.log_time_ns, radios, tuple(due))
