@@ -173,6 +173,16 @@ def parquet_bomb(call: str, place: str) -> Callable[[Path], Case]:
     return make
 
 
+def group_of_other_names(call: str, place: str, column: bytes) -> Callable[[Path], Case]:
+    """A table whose last group of rows calls a column by a name that is no text."""
+
+    def make(folder: Path) -> Case:
+        before, found, after = (folder / base.DRIVE / place).read_bytes().rpartition(b"\x19\x18" + column)
+        return Case(call, place, before + found[:-1] + b"\xf3" + after)
+
+    return make
+
+
 def trajectory_bomb(folder: Path) -> Case:
     data = (folder / base.TABLES / trajectories.PARQUET).read_bytes()
     return Case("parquet", trajectories.PARQUET, tables.repeated(tables.read(data), BOMB_ROWS))
@@ -280,6 +290,11 @@ SEEDS = (
     Seed("many messages, verify", "parquet", parquet_bomb("verify cam", "cam/v2x_labels.parquet")),
     Seed("many messages, export", "parquet", parquet_bomb("export cam", "cam/v2x_labels.parquet")),
     Seed("many points, verify", "parquet", parquet_bomb("verify detach", "detach/labels.parquet")),
+    Seed(
+        "group of other names, export",
+        "parquet",
+        group_of_other_names("export gnss", "gnss/v2x_labels.parquet", b"\x06number"),
+    ),
     Seed("QoS of no kind, recover", "container", bad_qos),
     Seed("name of 300 letters", "tar", long_name),
     Seed("zip of zeros", "checkpoint", zip_bomb),
