@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from advpipe.pipeline.bag import messages
+from advpipe.pipeline.bag.message_bounds import LATEST_NS
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import Topic, VehicleTopics
 from advpipe.pipeline.errors import AdvpipeError, UsageError
@@ -110,7 +111,7 @@ def read_measurements(
 
     A message counts for the first estimate at or after its log time, the time at which it arrived; of fixes
     and wheel odometry the last one. A fix without a place is none. Raises AdvpipeError for a bag without
-    estimates.
+    estimates, for two at one time, and for one after `LATEST_NS`.
     """
     if topics.odometry.name not in reader.topics:
         raise UsageError(f"{reader.path} has no topic {topics.odometry.name}: no filter to run again")
@@ -122,6 +123,11 @@ def read_measurements(
         raise AdvpipeError(
             f"{reader.path}: {topics.odometry.name} has two messages at {stamps_ns[again[0]]} ns; record it "
             "again"
+        )
+    if stamps_ns.max(initial=0) > LATEST_NS:
+        raise AdvpipeError(
+            f"{reader.path}: {topics.odometry.name} has a message at {stamps_ns[-1]} ns, after January 2038, "
+            "where ROS time stamps end; record it again"
         )
     names = [topics.imu.name, topics.gnss_fix.name, topics.wheel_odometry.name]
     found = reader.raw_messages(names, last_ns=last_ns)

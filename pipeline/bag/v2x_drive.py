@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from advpipe.pipeline.bag.footprints import footprints_of_text
 from advpipe.pipeline.bag.latched import V2xInfo, latched_text, read_scenario_info
+from advpipe.pipeline.bag.message_bounds import LATEST_NS
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import (
     SCENARIO_INFO,
@@ -69,8 +70,8 @@ class V2xDrive:
     def steps(self) -> Iterator[V2xStep]:
         """All steps of the drive, in order; with `until_ns` to the first one that ends then or later.
 
-        Raises AdvpipeError for a message that no station of its step can have sent, for two of a number, and
-        for a step longer than `LONGEST_STEP_NS`.
+        Raises AdvpipeError for a message that no station of its step can have sent, for two of a number,
+        for a step longer than `LONGEST_STEP_NS`, and for one later than `LATEST_NS`.
         """
         begin_ns: int | None = None
         radios: tuple[RadioPlace, ...] = ()
@@ -84,6 +85,8 @@ class V2xDrive:
                     raise self._wrong(raw, f"has the number {sent[-1].number}, as one before it")
                 numbers.add(sent[-1].number)
                 continue
+            if raw.log_time_ns > LATEST_NS:
+                raise self._wrong(raw, "lies after January 2038, where ROS time stamps end")
             if begin_ns is not None:
                 if raw.log_time_ns <= begin_ns:
                     raise self._wrong(raw, "is not later than the one before it")

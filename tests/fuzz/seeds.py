@@ -111,25 +111,26 @@ def twice(call: str, topic: str) -> Callable[[Path], Case]:
     return make
 
 
-def earliest_at(call: str, topic: str, time_ns: int) -> Callable[[Path], Case]:
-    """A bag in which the first message of a topic lies at that time, far before all others."""
+def at_another_time(call: str, topic: str, time_ns: int) -> Callable[[Path], Case]:
+    """A bag in which the first message of a topic has another log time."""
 
     def make(folder: Path) -> Case:
         found = BagDocument(folder / base.DRIVE / "clean")
         changed, place = list(found.messages), found.of_topic(topic)[0]
-        changed.insert(0, replace(changed.pop(place), log_time_ns=time_ns))
+        changed[place] = replace(changed[place], log_time_ns=time_ns)
+        changed.sort(key=lambda raw: raw.log_time_ns)
         return Case(call, "clean_0.mcap", mcap_bytes(changed, found.provenance))
 
     return make
 
 
-def in_1970(call: str) -> Callable[[Path], Case]:
-    """A bag that begins at the time 0."""
+def begun_at(call: str, time_ns: int) -> Callable[[Path], Case]:
+    """A bag with log times from then on."""
 
     def make(folder: Path) -> Case:
         found = BagDocument(folder / base.DRIVE / "clean")
-        begin_ns = min(raw.log_time_ns for raw in found.messages)
-        changed = [replace(raw, log_time_ns=raw.log_time_ns - begin_ns) for raw in found.messages]
+        shift_ns = time_ns - min(raw.log_time_ns for raw in found.messages)
+        changed = [replace(raw, log_time_ns=raw.log_time_ns + shift_ns) for raw in found.messages]
         return Case(call, "clean_0.mcap", mcap_bytes(changed, found.provenance))
 
     return make
@@ -278,8 +279,11 @@ SEEDS = (
     Seed("estimates twice, gnss", CDR, twice("gnss", "/ego/odometry")),
     Seed("sent twice, export", CDR, twice("export", "/v2x/sent")),
     Seed("stations twice, export", CDR, twice("export", "/v2x/stations")),
-    Seed("stations since 1970, sybil", CDR, earliest_at("sybil", "/v2x/stations", 1)),
-    Seed("drive in 1970, export", CDR, in_1970("export")),
+    Seed("stations since 1970, sybil", CDR, at_another_time("sybil", "/v2x/stations", 1)),
+    Seed("estimates since 1970, gnss", CDR, at_another_time("gnss", "/ego/odometry", 1)),
+    Seed("estimates until 2116, gnss", CDR, at_another_time("gnss", "/ego/odometry", 1 << 62)),
+    Seed("drive in 1970, export", CDR, begun_at("export", 0)),
+    Seed("drive in 2116, cam", CDR, begun_at("cam", 1 << 62)),
     Seed("aliases in a scenario", "scenario", yaml_file(laughs())),
     Seed("tag of another kind", "scenario", yaml_file("!!bool x", "description")),
     Seed("timestamp of no time", "scenario", yaml_file("!!timestamp x", "description")),

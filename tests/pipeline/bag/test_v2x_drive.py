@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from advpipe.pipeline.bag.message_bounds import LATEST_NS
 from advpipe.pipeline.bag.messages import string
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.topics import SCENARIO_INFO
@@ -37,6 +38,13 @@ def test_a_step_that_lasts_too_long(tmp_path: Path) -> None:
     assert next(steps).end_ns == 5 + LONGEST_STEP_NS
     with pytest.raises(AdvpipeError, match=r"at 30000000006 ns comes 20.0 s after .* over 10 s"):
         next(steps)
+
+
+def test_a_drive_after_the_last_time_stamp(tmp_path: Path) -> None:
+    """What is sent again could not be stamped."""
+    drive = V2xDrive(BagReader(_stations_at(tmp_path / "bag", LATEST_NS, LATEST_NS + 1)))
+    with pytest.raises(AdvpipeError, match=r"/v2x/stations at \d+ ns lies after January 2038"):
+        list(drive.steps())
 
 
 def _stations_at(path: Path, *times_ns: int) -> Path:
