@@ -228,6 +228,16 @@ def lane_shapes(call: str, shape: str) -> Callable[[Path], Case]:
     return make
 
 
+def long_curves(folder: Path) -> Case:
+    """An OpenDRIVE map whose curves go around the Earth."""
+    import xml.etree.ElementTree as ElementTree
+
+    tree = ElementTree.fromstring((folder / base.NETWORKS / network.OPENDRIVE).read_bytes())
+    for geometry in tree.iter("geometry"):
+        geometry.set("length", "2147483647")
+    return Case("opendrive", network.OPENDRIVE, ElementTree.tostring(tree))
+
+
 def bad_qos(folder: Path) -> Case:
     """A bag whose summary tells a quality of service that is no YAML."""
     nodes = take_apart((folder / base.DRIVE / "clean" / container.MCAP).read_bytes())
@@ -305,5 +315,6 @@ SEEDS = (
     Seed("checkpoint of a deep text", "checkpoint", checkpoint_about(lambda about: DEEP)),
     Seed("checkpoint of a list", "checkpoint", checkpoint_about(lambda about: [about])),
     Seed("lane beyond all numbers", "network", lane_shapes("simulate", "1e308,0 -1e308,0")),
+    Seed("curves beyond all maps", "network", long_curves),
     Seed("lane with and without height", "network", lane_shapes("repair", "0,0,1 50,0")),
 )  # fmt: skip
