@@ -29,6 +29,8 @@ LARGEST_M = 1e4
 """Of a road user's box."""
 MOST_PAYLOAD_BYTES = 1 << 16
 _STRONGEST_DBM = 200.0
+LATEST_NS = ((1 << 31) - 86_400) * 1_000_000_000
+"""A day before ROS time stamps end, in January 2038: attacks stamp what they make from log times on."""
 
 _TYPES = {
     topic.name: topic.type

@@ -11,11 +11,15 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.pipeline.messages.message_bounds import LATEST_NS
 from advpipe.pipeline.messages.topics import SCENARIO_INFO, V2X_BUILDINGS, V2X_SENT, V2X_STATIONS
 from advpipe.pipeline.messages.v2x import RadioPlace, sent_of_message, stations_of, stations_of_message
 from advpipe.pipeline.v2x.air import Air, Heard, Sent
 from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.pipeline.v2x.radio.buildings import Buildings
+
+LONGEST_STEP_NS = 10_000_000_000
+"""Simulated steps last a second at most; a bag that has lost a few messages may have a longer one."""
 
 
 class V2xStep(NamedTuple):
@@ -61,7 +65,8 @@ class V2xDrive:
     def steps(self) -> Iterator[V2xStep]:
         """All steps of the drive, in order; with `until_ns` to the first one that ends then or later.
 
-        Raises AdvpipeError for a message that no station of its step can have sent, and for two of a number.
+        Raises AdvpipeError for a message that no station of its step can have sent, for two of a number,
+        for a step longer than `LONGEST_STEP_NS`, and for one later than `LATEST_NS`.
         """
         begin_ns: int | None = None
         radios: tuple[RadioPlace, ...] = ()
@@ -75,9 +80,14 @@ class V2xDrive:
                     raise self._wrong(raw, f"has the number {sent[-1].number}, as one before it")
                 numbers.add(sent[-1].number)
                 continue
+            if raw.log_time_ns > LATEST_NS:
+                raise self._wrong(raw, "lies after January 2038, where ROS time stamps end")
             if begin_ns is not None:
                 if raw.log_time_ns <= begin_ns:
                     raise self._wrong(raw, "is not later than the one before it")
+                if (lasted_ns := raw.log_time_ns - begin_ns) > LONGEST_STEP_NS:
+                    late = f"comes {lasted_ns / 1e9:,.1f} s after the one before it"
+                    raise self._wrong(raw, f"{late}; no step lasts over {LONGEST_STEP_NS / 1e9:g} s")
                 due = [one for one in sent if one.request_ns < raw.log_time_ns]
                 self._check(due, begin_ns, radios)
                 yield V2xStep(begin_ns, raw.log_time_ns, radios, tuple(due))

@@ -230,14 +230,16 @@ class _Motion(NamedTuple):
     @classmethod
     def of(cls, radio: RadioPlace, before: RadioPlace | None, time_ns: int, before_ns: int) -> _Motion:
         pose, (x_mps, y_mps) = radio.map_SE3_base, radio.velocity_mps[:2].tolist()
-        old_mps = (x_mps, y_mps) if before is None else tuple(before.velocity_mps[:2].tolist())
-        step_s = (time_ns - before_ns) / 1e9
+        acceleration_mps2 = (0.0, 0.0)
+        if before is not None:
+            (old_x_mps, old_y_mps), step_s = before.velocity_mps[:2].tolist(), (time_ns - before_ns) / 1e9
+            acceleration_mps2 = (x_mps - old_x_mps) / step_s, (y_mps - old_y_mps) / step_s
         yaw_rad = math.atan2(pose[1, 0], pose[0, 0])
         return cls(
             time_ns,
             (float(pose[0, 3]), float(pose[1, 3])),
             (x_mps, y_mps),
-            ((x_mps - old_mps[0]) / step_s, (y_mps - old_mps[1]) / step_s),
+            acceleration_mps2,
             (math.cos(yaw_rad), math.sin(yaw_rad)),
         )
 
