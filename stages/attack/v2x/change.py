@@ -233,8 +233,9 @@ def _by_stamp(messages: list[StampedCdr]) -> list[StampedCdr]:
 
 
 def _topics_of(topics: VehicleTopics) -> tuple[Topic, ...]:
-    sent = topics.sent_raw, topics.sent_cam
-    return *sent, topics.received_raw, topics.received_cam, topics.ldm, topics.ldm_objects
+    sent, known = (topics.sent_raw, topics.sent_cam), (topics.ldm, topics.ldm_objects)
+    received = topics.received_raw, topics.received_cam, topics.reception_info, topics.true_receptions
+    return *sent, *received, *known
 
 
 @cache
