@@ -8,9 +8,9 @@ from math import cos, exp, log, pi, sin
 import pytest
 import torch
 
-from advpipe.pipeline.detector.second.anchors import AnchorGrid, Targets, encode
-from advpipe.pipeline.detector.second.head import Predictions
-from advpipe.pipeline.detector.second.loss import aligned_iou, direction_bin, focal_loss, losses
+from advpipe.pipeline.detector.common.anchors import AnchorGrid, Targets, encode
+from advpipe.pipeline.detector.common.head import Predictions
+from advpipe.pipeline.detector.common.loss import aligned_iou, direction_bin, focal_loss, losses
 from advpipe.pipeline.detector.second.presets import SMALL
 from advpipe.pipeline.geometry.iou import iou_3d
 

@@ -9,9 +9,9 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from advpipe.pipeline.detector.common.anchors import AnchorGrid, decode
+from advpipe.pipeline.detector.common.head import Predictions
 from advpipe.pipeline.detector.protocol import Detections
-from advpipe.pipeline.detector.second.anchors import AnchorGrid, decode
-from advpipe.pipeline.detector.second.head import Predictions
 from advpipe.pipeline.geometry.iou import iou_bev
 from advpipe.pipeline.geometry.transforms import wrap_angle
 

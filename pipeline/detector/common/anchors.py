@@ -8,7 +8,7 @@ from math import pi
 import torch
 from torch import Tensor
 
-from advpipe.pipeline.detector.second.presets import Preset
+from advpipe.pipeline.detector.common.preset import AnchorPreset
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,9 @@ class Targets:
 class AnchorGrid:
     """All anchors of a preset: at each cell of the (H, W) map, each anchor size at each yaw."""
 
-    def __init__(self, preset: Preset, height: int, width: int, device: torch.device | None = None) -> None:
+    def __init__(
+        self, preset: AnchorPreset, height: int, width: int, device: torch.device | None = None
+    ) -> None:
         self.preset, self.height, self.width = preset, height, width
         r = preset.range_m
         gaps, first = (1, 0.0) if preset.anchors_to_edges else (0, 0.5)

@@ -1,4 +1,4 @@
-"""The training loss of SECOND: focal classification, smooth L1 boxes, direction (Yan et al. 2018); and the
+"""The loss of an anchor head: focal classification, smooth L1 boxes, direction (Yan et al. 2018); and the
 quality of boxes (Wu et al. 2020)."""
 
 from __future__ import annotations
@@ -11,10 +11,11 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from advpipe.pipeline.detector.second.anchors import AnchorGrid, Targets, decode, encode
-from advpipe.pipeline.detector.second.head import Predictions
+from advpipe.pipeline.detector.common.anchors import AnchorGrid, Targets, decode, encode
+from advpipe.pipeline.detector.common.head import Predictions
 
 SCORE_WEIGHT, BOX_WEIGHT, DIRECTION_WEIGHT, QUALITY_WEIGHT = 1.0, 2.0, 0.2, 0.5
+LOSS_PARTS = ("score_loss", "box_loss", "direction_loss", "quality_loss")
 ALPHA, GAMMA = 0.25, 2
 BETA = 1 / 9
 
@@ -28,6 +29,11 @@ class Losses:
     direction: Tensor
     quality: Tensor
     """Zero where the head predicts none."""
+
+    @property
+    def parts(self) -> tuple[Tensor, ...]:
+        """In the order of `LOSS_PARTS`."""
+        return self.score, self.box, self.direction, self.quality
 
     @property
     def total(self) -> Tensor:

@@ -6,8 +6,8 @@ import pytest
 import torch
 from torch import nn
 
-from advpipe.pipeline.detector.second.backbone2d import Backbone2d, Upsample
-from advpipe.pipeline.detector.second.head import Head
+from advpipe.pipeline.detector.common.backbone2d import Backbone2d, Upsample
+from advpipe.pipeline.detector.common.head import Head
 from advpipe.pipeline.detector.second.presets import SMALL
 
 
@@ -35,6 +35,6 @@ def test_head_is_a_convolution():
 
 
 def test_map_keeps_its_size():
-    net = Backbone2d(SMALL, 64).eval()
+    net = Backbone2d(SMALL.bev, 64).eval()
     assert net(torch.zeros(1, 64, 16, 24)).shape == (1, 256, 16, 24)
     assert net.out_channels == 256

@@ -1,9 +1,10 @@
-"""Checkpoints of SECOND: one safetensors file with the weights, the preset's name and the provenance."""
+"""Checkpoints: one safetensors file with the weights, the names of family and preset, and the provenance."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -16,13 +17,12 @@ from advpipe.pipeline.core.document import Document, Text, Word, read_json
 from advpipe.pipeline.core.errors import OutputExistsError, UsageError, wrong_use
 from advpipe.pipeline.core.shown import cut
 from advpipe.pipeline.core.whole_file import write_whole
-from advpipe.pipeline.detector.second.model import Second, SecondNet
-from advpipe.pipeline.detector.second.presets import preset_named
+from advpipe.pipeline.detector.common.network import Network
+from advpipe.pipeline.detector.families import family_named, shipped_checkpoints
+from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.detector.training_maps import with_listed_maps
 
-KIND = "advpipe-second-1"
-SHIPPED = {"small": Path(__file__).parent / "checkpoints" / "small.safetensors"}
-"""Checkpoints that come with the package."""
+KIND = "advpipe-detector-1"
 
 MOST_BYTES = 1 << 28
 """The largest preset has 21 MB of weights in single precision."""
@@ -32,16 +32,32 @@ MOST_HEADER_BYTES = 1 << 20
 
 
 class _About(Document):
-    """The metadata of a checkpoint, under the key `advpipe`."""
+    """The metadata of a checkpoint, under the key `advpipe`.
 
-    kind: Literal["advpipe-second-1"]
+    Those of kind `advpipe-second-1` were written when SECOND was the only family, and name none.
+    """
+
+    kind: Literal["advpipe-detector-1", "advpipe-second-1"]
+    family: Word = "second"
     preset: Word
     classes: Annotated[tuple[Word, ...], Field(max_length=100)]
     provenance: dict[Word, Text]
 
 
+@dataclass(frozen=True)
+class Checkpoint:
+    """A trained network, and how its weights came to be, as text."""
+
+    net: Network
+    provenance: Mapping[str, str]
+
+    def detector(self) -> Detector:
+        """The network as a detector, its weights frozen."""
+        return self.net.detector(self.provenance)
+
+
 def save_checkpoint(
-    net: SecondNet, path: Path, provenance: Mapping[str, str], *, half: bool = True, overwrite: bool = False
+    net: Network, path: Path, provenance: Mapping[str, str], *, half: bool = True, overwrite: bool = False
 ) -> None:
     """Write the weights in half precision or single, the batch norms in single; beside, then renamed.
 
@@ -56,6 +72,7 @@ def save_checkpoint(
             tensors[name] = value.detach().cpu().to(dtype).contiguous()
     about = {
         "kind": KIND,
+        "family": net.preset.family,
         "preset": net.preset.name,
         "classes": list(net.preset.classes),
         "provenance": dict(sorted(provenance.items())),
@@ -65,8 +82,11 @@ def save_checkpoint(
     write_whole(path, save(tensors, metadata={"advpipe": json.dumps(about)}))
 
 
-def load_checkpoint(path: Path, device: torch.device | None = None) -> Second:
-    """The detector in a checkpoint file, its weights in single precision, on the device (the CPU)."""
+def load_checkpoint(path: Path, device: torch.device | None = None) -> Checkpoint:
+    """What a checkpoint file holds, the weights in single precision, on the device (the CPU).
+
+    Raises UsageError for a file that is no checkpoint, or one of a family or preset that is not known.
+    """
     if not path.is_file():
         raise UsageError(f"no detector checkpoint at {path}; train one with `advpipe train`")
     _check_size(path)
@@ -90,7 +110,7 @@ def load_checkpoint(path: Path, device: torch.device | None = None) -> Second:
     if not all(bool(torch.isfinite(weights).all()) for weights in tensors.values()):
         raise UsageError(f"the weights in {path} are not all finite; train or copy it again")
     net.load_state_dict(tensors, strict=False)
-    return Second(net.to(device), with_listed_maps(provenance, path, SHIPPED["small"]))
+    return Checkpoint(net.to(device), with_listed_maps(provenance, path, shipped_checkpoints().values()))
 
 
 def _check_size(path: Path) -> None:
@@ -105,15 +125,16 @@ def _check_size(path: Path) -> None:
         raise UsageError(f"{path} is not a whole safetensors file ({reason}); train or copy it again")
 
 
-def _told_by(path: Path, metadata: Mapping[str, str]) -> tuple[SecondNet, dict[str, str]]:
+def _told_by(path: Path, metadata: Mapping[str, str]) -> tuple[Network, dict[str, str]]:
     """The network that a checkpoint is of, its weights not set, and how it was trained."""
     where = f"{path} is no detector checkpoint of advpipe"
     with wrong_use():
         about: _About = read_json(metadata.get("advpipe", ""), _About, where, "make one with `advpipe train`")
-    net = SecondNet(preset_named(about.preset))
-    if about.classes != net.preset.classes:
+    family = family_named(about.family)
+    preset = family.preset(about.preset)
+    if about.classes != preset.classes:
         raise UsageError(
             f"{path} finds {cut(str(list(about.classes)), 200)}, preset {about.preset!r} finds "
-            f"{list(net.preset.classes)}; train again"
+            f"{list(preset.classes)}; train again"
         )
-    return net, dict(about.provenance)
+    return family.network(about.preset), dict(about.provenance)

@@ -7,7 +7,7 @@ from math import pi
 import pytest
 import torch
 
-from advpipe.pipeline.detector.second.anchors import AnchorGrid, decode, encode
+from advpipe.pipeline.detector.common.anchors import AnchorGrid, decode, encode
 from advpipe.pipeline.detector.second.presets import SMALL
 
 GRID = AnchorGrid(SMALL, 128, 128)

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from advpipe.pipeline.detector.second.presets import Preset
+from advpipe.pipeline.detector.common.preset import AnchorPreset
 
 PRIOR = 0.01
 """Score of every anchor before training (Lin et al., "Focal Loss", section 4.1)."""
@@ -33,7 +33,7 @@ class Predictions:
 class Head(nn.Module):
     """A 1 x 1 convolution for each kind of prediction."""
 
-    def __init__(self, preset: Preset, c_in: int) -> None:
+    def __init__(self, preset: AnchorPreset, c_in: int) -> None:
         super().__init__()
         self.anchors = len(preset.anchors) * len(preset.yaws_rad)
         kinds = [len(preset.classes), 7, 2] + [1] * (preset.quality_power is not None)

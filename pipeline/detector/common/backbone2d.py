@@ -3,10 +3,12 @@ BaseBEVBackbone)."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import torch
 from torch import Tensor, nn
 
-from advpipe.pipeline.detector.second.presets import Preset
+from advpipe.pipeline.detector.common.preset import BevBlock
 
 
 def _norm_relu(channels: int) -> list[nn.Module]:
@@ -29,30 +31,23 @@ class Upsample(nn.ConvTranspose2d):
 class Backbone2d(nn.Module):
     """Each block halves the map or keeps it; all of them, brought to one scale, side by side."""
 
-    def __init__(self, preset: Preset, c_in: int) -> None:
+    def __init__(self, sizes: Sequence[BevBlock], c_in: int) -> None:
         super().__init__()
         self.blocks, self.ups = nn.ModuleList(), nn.ModuleList()
-        sizes = zip(
-            preset.bev_layers,
-            preset.bev_strides,
-            preset.bev_channels,
-            preset.up_strides,
-            preset.up_channels,
-            strict=True,
-        )
-        for layers, stride, channels, up_stride, up_channels in sizes:
-            block: list[nn.Module] = [nn.Conv2d(c_in, channels, 3, stride, padding=1, bias=False)]
+        for size in sizes:
+            channels, stride = size.channels, size.up_stride
+            block: list[nn.Module] = [nn.Conv2d(c_in, channels, 3, size.stride, padding=1, bias=False)]
             block += _norm_relu(channels)
-            for _ in range(layers):
+            for _ in range(size.layers):
                 block += [nn.Conv2d(channels, channels, 3, padding=1, bias=False), *_norm_relu(channels)]
-            up = Upsample(channels, up_channels, up_stride, up_stride, bias=False)
+            up = Upsample(channels, size.up_channels, stride, stride, bias=False)
             self.blocks.append(nn.Sequential(*block))
-            self.ups.append(nn.Sequential(up, *_norm_relu(up_channels)))
+            self.ups.append(nn.Sequential(up, *_norm_relu(size.up_channels)))
             c_in = channels
-        self.out_channels = sum(preset.up_channels)
+        self.out_channels = sum(size.up_channels for size in sizes)
 
     def forward(self, bev: Tensor) -> Tensor:
-        """Features (B, sum of up_channels, H, W) of a map (B, C, H, W)."""
+        """Features (B, sum of the blocks' up_channels, H, W) of a map (B, C, H, W)."""
         ups = []
         for block, up in zip(self.blocks, self.ups, strict=True):
             bev = block(bev)

@@ -11,10 +11,10 @@ import shapely
 import shapely.affinity
 import torch
 
-from advpipe.pipeline.detector.second.anchors import AnchorGrid, encode
-from advpipe.pipeline.detector.second.decode import detections, suppress, vote
-from advpipe.pipeline.detector.second.head import Predictions
-from advpipe.pipeline.detector.second.loss import direction_bin
+from advpipe.pipeline.detector.common.anchors import AnchorGrid, encode
+from advpipe.pipeline.detector.common.decode import detections, suppress, vote
+from advpipe.pipeline.detector.common.head import Predictions
+from advpipe.pipeline.detector.common.loss import direction_bin
 from advpipe.pipeline.detector.second.presets import SMALL
 
 GRID = AnchorGrid(SMALL, 128, 128)

@@ -10,7 +10,7 @@ from safetensors import safe_open
 from safetensors.torch import save_file
 
 from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError
-from advpipe.pipeline.detector.second.checkpoint import MOST_BYTES, load_checkpoint, save_checkpoint
+from advpipe.pipeline.detector.checkpoint import MOST_BYTES, load_checkpoint, save_checkpoint
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import SMALL
 
@@ -27,8 +27,9 @@ def saved(tmp_path):
 def test_round_trip(saved):
     net, path = saved
     assert path.stat().st_size < 2_800_000
-    detector = load_checkpoint(path)
-    assert detector.provenance == {"seed": "7", "frames": "100"}
+    checkpoint = load_checkpoint(path)
+    detector = checkpoint.detector()
+    assert checkpoint.provenance == {"seed": "7", "frames": "100"}
     torch.manual_seed(0)
     points = torch.rand(500, 4) * torch.tensor([20.0, 20.0, 2.0, 1.0]) - torch.tensor([0.0, 0.0, 2.0, 0.0])
     boxes, labels = torch.tensor([[10.0, 10.0, -1.0, 4.5, 1.8, 1.6, 0.2]]), torch.tensor([0])
@@ -39,8 +40,17 @@ def test_round_trip(saved):
     assert after == pytest.approx(before, rel=1e-2)
     # Saved again, nothing more is lost, to the byte.
     again = path.with_name("b.safetensors")
-    save_checkpoint(detector.net, again, detector.provenance)
+    save_checkpoint(checkpoint.net, again, checkpoint.provenance)
     assert again.read_bytes() == path.read_bytes()
+
+
+def test_one_without_a_family_is_a_second(saved):
+    net, path = saved
+    rewritten(path, lambda about, tensors: about.update(kind="advpipe-second-1", family="second"))
+    with_family = load_checkpoint(path)
+    rewritten(path, lambda about, tensors: about.pop("family"))
+    assert isinstance(load_checkpoint(path).net, SecondNet)
+    assert load_checkpoint(path).net.preset == with_family.net.preset == net.preset
 
 
 def test_nothing_is_overwritten_unasked(saved):
@@ -62,6 +72,7 @@ def rewritten(path, change):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
+        (lambda about, tensors: about.update(family="third"), "unknown detector family 'third'"),
         (lambda about, tensors: about.update(preset="huge"), "unknown detector preset 'huge'"),
         (lambda about, tensors: about.update(classes=["car"]), "train again"),
         (lambda about, tensors: about.update(kind="other"), "no detector checkpoint of advpipe"),
