@@ -15,13 +15,13 @@ from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.scenario import Scenario, dump_scenario
 from advpipe.pipeline.v2x.statistics import Statistics
+from advpipe.stages.simulate.bodies import draw_variants
 from advpipe.stages.simulate.instrumented import Instrumented, Snapshot
 from advpipe.stages.simulate.network.embedded.communication import Communication
 from advpipe.stages.simulate.recorder import Recorder
 from advpipe.stages.simulate.road_network.network import load_network
 from advpipe.stages.simulate.traffic.sumo.traffic import Traffic
 from advpipe.stages.simulate.traffic.walkers import draw_walkers
-from advpipe.stages.simulate.world.raycast.bodies import draw_variants
 from advpipe.stages.simulate.world.raycast.world import World
 
 DATA_SET = FolderKind("data set", ("scenario.yaml", "clean"), ("scenario.yaml", "clean/metadata.yaml"))

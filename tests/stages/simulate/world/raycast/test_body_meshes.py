@@ -6,19 +6,30 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.geometry.boxes import CLASSES
-from advpipe.pipeline.scenario.traffic import BODIES as DRIVEN
-from advpipe.pipeline.scenario.traffic import PEOPLE, Traffic
-from advpipe.stages.simulate.world.raycast.bodies import BODIES, MIRROR_OUT_M, VARIANTS, draw_variants
+from advpipe.stages.simulate.bodies import BODIES, PAINTS, VARIANTS, Variant, draw_variants
+from advpipe.stages.simulate.world.raycast.body_meshes import (
+    MIRROR_OUT_M,
+    SHAPES,
+    body_mesh,
+    body_meshes,
+    hull,
+)
 from advpipe.stages.simulate.world.raycast.materials import MATERIAL_ID, RETROREFLECTIVE
 from advpipe.stages.simulate.world.raycast.scene import Scene
 
 VEHICLES = [name for name, body in BODIES.items() if body.label in ("car", "truck")]
 
 
+def of_its_size(name: str) -> Variant:
+    """The body as large as its kind is, in red."""
+    body = BODIES[name]
+    return Variant(f"{name}.0", body, body.length_m, body.width_m, body.height_m, "paint_red")
+
+
 @pytest.mark.parametrize("name", BODIES)
 def test_a_body_without_mirrors_fills_its_box_exactly(name: str) -> None:
     body = BODIES[name]
-    mesh = body.hull(body.length_m, body.width_m, body.height_m, "paint_red")
+    mesh = hull(of_its_size(name))
     half = np.array([body.length_m / 2, body.width_m / 2])
     assert np.allclose(mesh.vertices_m.min(axis=0), [*-half, 0], atol=1e-9)
     assert np.allclose(mesh.vertices_m.max(axis=0), [*half, body.height_m], atol=1e-9)
@@ -28,18 +39,18 @@ def test_a_body_without_mirrors_fills_its_box_exactly(name: str) -> None:
 @pytest.mark.parametrize("name", BODIES)
 def test_only_mirrors_stick_out_and_triangles_are_few(name: str) -> None:
     body = BODIES[name]
-    mesh = body.mesh(body.length_m, body.width_m, body.height_m, "paint_red")
-    out_m = MIRROR_OUT_M if body.mirrors else 0.0
+    mesh = body_mesh(of_its_size(name))
+    out_m = MIRROR_OUT_M if SHAPES[name].mirrors else 0.0
     reach = np.abs(mesh.vertices_m).max(axis=0)
     assert reach == pytest.approx([body.length_m / 2, body.width_m / 2 + out_m, body.height_m], abs=1e-9)
     assert len(mesh.triangles) <= 1000
-    assert (body.mirrors is not None) == (name in VEHICLES)
+    assert (SHAPES[name].mirrors is not None) == (name in VEHICLES)
 
 
 @pytest.mark.parametrize("name", BODIES)
 def test_a_ray_from_the_side_hits_the_body_within_its_box(name: str) -> None:
     body = BODIES[name]
-    scene = Scene(body.mesh(body.length_m, body.width_m, body.height_m, "paint_red"))
+    scene = Scene(body_mesh(of_its_size(name)))
     places = np.stack(np.meshgrid(np.linspace(-0.4, 0.4, 21), np.linspace(0.2, 0.95, 21)), -1).reshape(-1, 2)
     rays = np.array(
         [[x * body.length_m, 10.0, z * body.height_m, 0.0, -1.0, 0.0] for x, z in places], np.float32
@@ -47,7 +58,7 @@ def test_a_ray_from_the_side_hits_the_body_within_its_box(name: str) -> None:
     range_m = scene.cast(rays).range_m
     met = np.isfinite(range_m)
     assert met.mean() > 0.2
-    out_m = MIRROR_OUT_M if body.mirrors else 0.0
+    out_m = MIRROR_OUT_M if SHAPES[name].mirrors else 0.0
     assert np.all(np.abs(range_m[met] - 10) <= body.width_m / 2 + out_m + 1e-4)
 
 
@@ -55,7 +66,7 @@ def test_a_ray_from_the_side_hits_the_body_within_its_box(name: str) -> None:
 def test_behind_a_windscreen_there_are_people_and_seats(name: str) -> None:
     """From ahead, a little aside: panes are passed, and what lies behind them answers."""
     body = BODIES[name]
-    scene = Scene(body.mesh(body.length_m, body.width_m, body.height_m, "paint_red"))
+    scene = Scene(body_mesh(of_its_size(name)))
     targets = np.stack(
         np.meshgrid(np.linspace(-0.4, 0.4, 41) * body.width_m, np.linspace(0.3, 0.95, 60) * body.height_m), -1
     ).reshape(-1, 2)
@@ -73,7 +84,7 @@ def test_behind_a_windscreen_there_are_people_and_seats(name: str) -> None:
 @pytest.mark.parametrize("name", VEHICLES)
 def test_a_vehicle_shows_plate_and_lamps_to_the_rear_and_wheels_to_the_side(name: str) -> None:
     body = BODIES[name]
-    scene = Scene(body.mesh(body.length_m, body.width_m, body.height_m, "paint_red"))
+    scene = Scene(body_mesh(of_its_size(name)))
     y, z = np.meshgrid(np.arange(-0.49, 0.5, 0.02) * body.width_m, np.arange(0.2, 0.75 * body.height_m, 0.03))
     rear = np.zeros((y.size, 6), np.float32)
     rear[:, 0], rear[:, 1], rear[:, 2], rear[:, 3] = -20, y.ravel(), z.ravel(), 1
@@ -86,23 +97,13 @@ def test_a_vehicle_shows_plate_and_lamps_to_the_rear_and_wheels_to_the_side(name
     assert {MATERIAL_ID["rubber"], MATERIAL_ID["rim"]} <= set(scene.cast(side).materials.tolist())
 
 
-def test_bodies_that_drive_are_those_of_the_scenario() -> None:
-    assert [name for name, body in BODIES.items() if body.label != "pedestrian"] == list(DRIVEN)
-    assert set(Traffic().mix) == set(DRIVEN)
-    assert sum(Traffic().mix.values()) == pytest.approx(1.0)
-    assert len(DRIVEN) >= 13
+def test_every_body_has_a_shape_and_every_paint_is_a_material() -> None:
+    assert set(SHAPES) == set(BODIES)
+    assert set(PAINTS) == {name for name in MATERIAL_ID if name.startswith("paint_")}
 
 
-def test_variants_differ_a_little_and_follow_the_seed() -> None:
-    first, again, other = (draw_variants(np.random.default_rng(seed)) for seed in (1, 1, 2))
+def test_every_variant_has_a_mesh_and_the_same_seed_the_same() -> None:
+    first, again = (body_meshes(draw_variants(np.random.default_rng(1)), {}) for _ in range(2))
     assert len(first) == VARIANTS * len(BODIES)
-    sizes = {name: (v.length_m, v.width_m, v.height_m) for name, v in first.items()}
-    assert sizes == {name: (v.length_m, v.width_m, v.height_m) for name, v in again.items()}
-    assert sizes != {name: (v.length_m, v.width_m, v.height_m) for name, v in other.items()}
-    for name, variant in first.items():
-        assert variant.length_m == pytest.approx(variant.body.length_m, rel=0.075)
-        assert np.array_equal(variant.mesh.vertices_m, again[name].mesh.vertices_m)
-
-
-def test_the_scenario_knows_every_body_by_name() -> None:
-    assert {*DRIVEN, *PEOPLE} == set(BODIES)
+    for name, mesh in first.items():
+        assert np.array_equal(mesh.vertices_m, again[name].vertices_m)

@@ -1,7 +1,7 @@
 """Rays cast at road users: each body's mesh is prepared once, and the rays are brought to it.
 
 A scene of all moving meshes would have to be rebuilt for each frame. Here every variant stands once in
-a showroom, on a floor of its own. A ray that may meet a road user is moved into that user's frame and
+one scene, on a floor of its own. A ray that may meet a road user is moved into that user's frame and
 cast there: nothing is rebuilt, only rays near a road user are cast, and what each would meet if nothing
 else were there, which occlusion asks for, is known.
 """
@@ -15,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.traffic.road_users import RoadUser
-from advpipe.stages.simulate.world.raycast.bodies import Variant
-from advpipe.stages.simulate.world.raycast.mesh import merge
+from advpipe.stages.simulate.world.raycast.mesh import Mesh, merge
 from advpipe.stages.simulate.world.raycast.scene import Float32, Returns, Scene
 from advpipe.stages.simulate.world.raycast.windows import Windows
 
@@ -31,12 +31,12 @@ class Contacts:
     returns: Returns
 
 
-class Showroom:
-    """All variants, floor above floor."""
+class InstancedBodies:
+    """The meshes of all variants, by their names, floor above floor."""
 
-    def __init__(self, variants: Mapping[str, Variant]) -> None:
+    def __init__(self, variants: Mapping[str, Variant], meshes: Mapping[str, Mesh]) -> None:
         self._floor = {name: index for index, name in enumerate(variants)}
-        extent = [np.abs(variant.mesh.vertices_m) for variant in variants.values()]
+        extent = [np.abs(meshes[name].vertices_m) for name in variants]
         # Half sides of what a body fills around its box's centre, with what sticks out of the box.
         self._half_m = np.array(
             [
@@ -48,9 +48,9 @@ class Showroom:
         self._centre_m = np.array([variant.height_m / 2 for variant in variants.values()])
         height_m = 2 * float(self._radius_m.max(initial=0.0)) + 1.0
         self._lift_m = height_m * (np.arange(len(variants)) - len(variants) / 2)
-        meshes = [v.mesh.moved(0, 0, lift) for v, lift in zip(variants.values(), self._lift_m, strict=True)]
-        parts = np.repeat(np.arange(len(meshes), dtype=np.int32), [len(mesh.triangles) for mesh in meshes])
-        self._scene = Scene(merge(meshes), parts)
+        lifted = [meshes[name].moved(0, 0, lift) for name, lift in zip(variants, self._lift_m, strict=True)]
+        parts = np.repeat(np.arange(len(lifted), dtype=np.int32), [len(mesh.triangles) for mesh in lifted])
+        self._scene = Scene(merge(lifted), parts)
 
     def contacts(self, rays: Float32, users: Sequence[RoadUser]) -> Contacts:
         """Casts those of the rays (R, 6) in the map's frame that may meet a road user."""

@@ -17,6 +17,9 @@ from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.stages.simulate.road_network.network import RoadNetwork
 
 KERB_M = 0.12
+WALKWAY_OFFSET_M = 3.6
+"""From the kerb to the middle of the pavement."""
+
 FAST_MPS = 20.0
 """Beside faster roads there are guard rails, and neither pavements nor houses."""
 
