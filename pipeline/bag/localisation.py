@@ -17,9 +17,7 @@ from advpipe.pipeline.localisation.section import ImuSensor
 from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.message_bounds import LATEST_NS
-from advpipe.pipeline.messages.topics import VehicleTopics
-
-MAP_FRAME = "map"
+from advpipe.pipeline.messages.topics import MAP_FRAME, VehicleTopics
 
 Stamped = tuple[Topic, Any, int]
 """A topic, a message for it, and its stamp in nanoseconds."""

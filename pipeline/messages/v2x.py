@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64, quaternion_xyzw
-from advpipe.pipeline.mcap.channel import Topic
+from advpipe.pipeline.mcap.channel import StampedCdr, Topic
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.cam_cdr import cam_cdr
 from advpipe.pipeline.messages.cdr import Cdr
@@ -23,9 +23,6 @@ from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.codec.codec import CamTree, decode
 from advpipe.pipeline.v2x.radio.stations import Stations
 from advpipe.pipeline.v2x.section import V2x
-
-StampedCdr = tuple[Topic, bytes, int]
-"""A topic, a serialised message for it, and its stamp in nanoseconds."""
 
 
 class RadioPlace(NamedTuple):

@@ -69,6 +69,7 @@ OF_CLOUDS = {
 }
 SCENARIO = {
     *(f"pipeline/scenario/{name}.py" for name in ("map", "sensors", "simulation")),
+    *(f"pipeline/sensors/{name}.py" for name in ("registry", "sensor", "weather")),
     "pipeline/sensors/lidar/section.py",
     "pipeline/sensors/lidar/presets.py",
 }

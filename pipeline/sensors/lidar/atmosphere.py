@@ -17,9 +17,9 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.scenario.environment import Weather
+from advpipe.pipeline.sensors.lidar.intensity import noise_floor
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
-from advpipe.stages.simulate.sensors.lidar.intensity import noise_floor
+from advpipe.pipeline.sensors.weather import Weather
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -54,7 +54,7 @@ class Echoes:
     signal: Float32
 
 
-class Air(Protocol):
+class Atmosphere(Protocol):
     """The air between a LiDAR and the world."""
 
     extinction_per_m: float
@@ -64,7 +64,7 @@ class Air(Protocol):
         ...
 
 
-def air_of(weather: Weather, sensor: LidarSensor) -> Air | None:
+def atmosphere_of(weather: Weather, sensor: LidarSensor) -> Atmosphere | None:
     """The air for one sensor; None where it is clear."""
     if weather.kind == "clear":
         return None
@@ -74,7 +74,7 @@ def air_of(weather: Weather, sensor: LidarSensor) -> Air | None:
     return rain(rate, sensor) if weather.kind == "rain" else snow(rate, sensor)
 
 
-def transmission(air: Air, range_m: Float32) -> Float32:
+def transmission(air: Atmosphere, range_m: Float32) -> Float32:
     """Share (N,) of light left on the way there and back: exp(-2 alpha R), Beer and Lambert."""
     share: Float32 = np.exp(range_m * np.float32(-2 * air.extinction_per_m))
     return share

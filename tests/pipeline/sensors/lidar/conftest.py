@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from advpipe.stages.simulate.world.raycast.materials import MATERIAL_ID
-from advpipe.stages.simulate.world.raycast.world import Hits
+from advpipe.pipeline.sensors.world import Hits
+from advpipe.stages.simulate.world.raycast.materials import MATERIAL_ID, REFLECTIVITY, RETROREFLECTIVE
 
 
 @pytest.fixture
@@ -19,9 +19,11 @@ def facing() -> Callable[..., Hits]:
         return Hits(
             np.full(count, range_m, np.float32),
             np.full(count, cos, np.float32),
-            np.full(count, MATERIAL_ID[material], np.uint8),
+            np.full(count, REFLECTIVITY[MATERIAL_ID[material]]),
+            np.full(count, RETROREFLECTIVE[MATERIAL_ID[material]]),
             np.full(count, transmission, np.float32),
             np.full(count, -1, np.int32),
+            np.zeros(0, np.float32),
         )
 
     return hits

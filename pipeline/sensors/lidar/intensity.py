@@ -6,12 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
-from advpipe.stages.simulate.world.raycast.materials import (
-    REFLECTIVITY,
-    RETROREFLECTIVE,
-    RETROREFLECTIVE_LIMIT_RAD,
-)
-from advpipe.stages.simulate.world.raycast.world import Hits
+from advpipe.pipeline.sensors.world import Hits
 
 Float32 = npt.NDArray[np.float32]
 
@@ -28,6 +23,9 @@ RETRO_SIGNAL = np.float32(220.0)
 """Signal of a retroreflector. Sheeting of class RA1 returns 70 cd/lx/m^2 (EN 12899-1), a white
 Lambertian surface 1/pi: 220 times as much. It saturates the receiver, so its intensity is 1."""
 
+RETROREFLECTIVE_LIMIT_RAD = np.deg2rad(40.0)
+"""Sheeting returns strongly up to an entrance angle of some 40 degrees (EN 12899-1 asks for 5 to 40)."""
+
 DETECTED_AT_RANGE = 0.9
 """Share of the pulses that come back from a target of `range_reflectivity` at `range`: the probability
 of detection for which makers state the range."""
@@ -39,10 +37,10 @@ def signal(hits: Hits, seen: npt.NDArray[np.intp], attenuation_per_m: float) -> 
     Reflectivity x incidence (Oren-Nayar) x what panes on the way leave x exp(-a d), as CARLA has it.
     The range itself takes nothing: sensors report calibrated reflectivity, not power.
     """
-    materials, cos = hits.materials[seen], hits.cos_incidence[seen]
+    cos = hits.cos_incidence[seen]
     answer = cos + GRAZING_SHARE * (1 - cos * cos)
-    answer *= REFLECTIVITY[materials]
-    mirrors = RETROREFLECTIVE[materials] & (cos >= np.float32(np.cos(RETROREFLECTIVE_LIMIT_RAD)))
+    answer *= hits.reflectivity[seen]
+    mirrors = hits.retroreflective[seen] & (cos >= np.float32(np.cos(RETROREFLECTIVE_LIMIT_RAD)))
     answer[mirrors] = RETRO_SIGNAL
     answer *= hits.transmission[seen]
     answer *= np.exp(hits.range_m[seen] * np.float32(-attenuation_per_m))

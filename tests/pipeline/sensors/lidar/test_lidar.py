@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.geometry.transforms import se3_from_yaw, transform_points
+from advpipe.pipeline.sensors.lidar.lidar import Lidar
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
-from advpipe.stages.simulate.sensors.lidar import Lidar
 from advpipe.stages.simulate.world.raycast.materials import MATERIALS
 from advpipe.stages.simulate.world.raycast.mesh import box, merge, surface
-from advpipe.stages.simulate.world.raycast.world import Scene
+from advpipe.stages.simulate.world.raycast.scene import Scene
 
 PLANE = surface(
     [[-200, -200, 0], [200, -200, 0], [200, 200, 0], [-200, 200, 0]], [[0, 1, 2], [0, 2, 3]], "asphalt"

@@ -1,9 +1,8 @@
-"""The V2X domain and its clock: the master, which the traffic and the world follow."""
+"""ETSI ITS-G5 in this process: stations that send CAMs, the radio between them, and the master clock."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import shapely
@@ -13,40 +12,28 @@ from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace, stations_of
 from advpipe.pipeline.scenario.models import Scenario
-from advpipe.pipeline.v2x.air import Air, Heard, Sent
+from advpipe.pipeline.v2x.air import Air, Sent
 from advpipe.pipeline.v2x.facilities.generation import switched_on_ns
 from advpipe.pipeline.v2x.facilities.ldm import Snapshot
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.network.embedded.station import Station, station_type, update_states
+from advpipe.stages.simulate.network.protocol import Exchange
 from advpipe.stages.simulate.traffic.road_users import RoadUser
-from advpipe.stages.simulate.traffic.sumo.traffic import Traffic
 
 
-@dataclass(frozen=True)
-class Exchange:
-    """What happened on the air up to `stamp_ns` since the step before."""
-
-    stamp_ns: int
-    sent: tuple[Sent, ...] = ()
-    heard: Heard = field(default_factory=Heard)
-
-
-class Communication:
-    """The stations' common clock. Each of its steps sends what is due, then steps the traffic.
-
-    A message tells what its station knew at the step before: nobody knows yet how the traffic goes on.
-
-    footprints: of buildings that weaken signals.
-    radios: who is on the air from the step just made to the next one, by station id.
-    """
+class EmbeddedNetwork:
+    """See `Network`. Each step of its clock sends what is due, and then moves the traffic."""
 
     def __init__(
-        self, scenario: Scenario, traffic: Traffic, footprints: Sequence[shapely.Polygon] | None = None
+        self,
+        scenario: Scenario,
+        step_traffic: Callable[[], None],
+        footprints: Sequence[shapely.Polygon] | None = None,
     ) -> None:
         self._clock, self._v2x = scenario.simulation, scenario.v2x
-        self._traffic = traffic
+        self._step_traffic = step_traffic
         self._instrumented = tuple(sorted(scenario.vehicles))
         origin = scenario.map.origin
         self._geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
@@ -61,16 +48,13 @@ class Communication:
         self._messages = 0
         self.radios: tuple[RadioPlace, ...] = ()
 
-    def simulate_until(self, frame: int) -> Exchange:
-        """Goes on to the instant of a recorded frame: messages, then everybody on the road."""
-        stamp_ns = self._clock.stamp_ns(frame)
+    def simulate_until(self, stamp_ns: int) -> Exchange:
         exchange = self._exchange(stamp_ns)
-        self._traffic.step()
+        self._step_traffic()
         self._now_ns = stamp_ns
         return exchange
 
     def update(self, drivers: Mapping[str, RoadUser], estimates: Mapping[str, Estimate]) -> None:
-        """What the stations know at the step just made; instrumented vehicles have their estimates."""
         if not self._v2x.enabled:
             return
         clock, before = self._clock, self._stations
@@ -83,22 +67,15 @@ class Communication:
         update_states(self._by_id, estimates, self._now_ns, self._v2x, clock.step_s, self._geodesy)
         self.radios = tuple(station.place for station in self._by_id)
 
-    def local_dynamic_maps(self, frame: int) -> list[tuple[str, Snapshot]]:
-        """The map of each instrumented vehicle on the road, where it is due to be recorded."""
-        rate_hz = self._v2x.ldm.rate_hz
-        every = 1 if rate_hz is None else round(1 / (rate_hz * self._clock.step_s))
-        if not self._v2x.enabled or frame % every:
-            return []
+    def local_dynamic_maps(self) -> list[tuple[str, Snapshot]]:
         names = [name for name in self._instrumented if name in self._stations]
         return [(name, self.air.snapshot(name, self._now_ns)) for name in names]
 
     def finish(self) -> Exchange:
-        """What is still on the air when the drive ends: nobody sends any more."""
         heard = self.air.finish(self._now_ns, stations_of(self._v2x, self.radios))
-        return Exchange(self._now_ns, heard=heard)
+        return Exchange(self._now_ns, received=heard.received)
 
     def statistics(self) -> Statistics | None:
-        """The drive's V2X in numbers; None without any."""
         return self.air.statistics() if self._v2x.enabled else None
 
     def _exchange(self, until_ns: int) -> Exchange:
@@ -121,7 +98,7 @@ class Communication:
         for load in heard.loads:
             for station, busy_ratio in zip(stations, load.busy_ratio.tolist(), strict=True):
                 station.hear_load(busy_ratio)
-        return Exchange(until_ns, sent, heard)
+        return Exchange(until_ns, sent, heard.received)
 
     def _new_station(self, name: str, user: RoadUser) -> Station:
         clock = self._clock

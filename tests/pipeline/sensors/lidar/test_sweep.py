@@ -11,11 +11,12 @@ from scipy.spatial.transform import Rotation
 
 from advpipe.pipeline.geometry.transforms import se3_from_yaw, transform_points
 from advpipe.pipeline.messages.cloud import Cloud, xyz
+from advpipe.pipeline.sensors.lidar.lidar import Lidar
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
-from advpipe.stages.simulate.sensors.lidar import Lidar
-from advpipe.stages.simulate.sensors.lidar.sweep import mounting, poses_at
+from advpipe.pipeline.sensors.lidar.sweep import mounting, poses_at
+from advpipe.pipeline.sensors.world import Hits
 from advpipe.stages.simulate.world.raycast.mesh import box, surface
-from advpipe.stages.simulate.world.raycast.world import Hits, Scene
+from advpipe.stages.simulate.world.raycast.scene import Scene
 
 QUIET = {"noise_stddev": 0.0, "dropoff_general_rate": 0.0, "dropoff_intensity_limit": 0.0}
 TWIST = np.array([15.0, -0.5, 0.2, 0.02, -0.03, 0.4])
@@ -130,9 +131,11 @@ def test_without_distortion_motion_counts_for_nothing() -> None:
     hits = Hits(
         np.full(count, 9.0, np.float32),
         np.ones(count, np.float32),
-        np.zeros(count, np.uint8),
+        np.full(count, 0.2, np.float32),
+        np.zeros(count, np.bool_),
         np.ones(count, np.float32),
         np.zeros(count, np.int32),
+        np.zeros(1, np.float32),
     )
     cloud = lidar.measure(hits, np.random.default_rng(0), [[30.0, 0, 0]])
     assert not cloud["time"].any()

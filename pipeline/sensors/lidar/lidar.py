@@ -9,12 +9,17 @@ import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud, xyz
-from advpipe.pipeline.scenario.environment import Weather
+from advpipe.pipeline.sensors.lidar.atmosphere import (
+    ASSUMED_REFLECTIVITY,
+    Echoes,
+    atmosphere_of,
+    transmission,
+)
+from advpipe.pipeline.sensors.lidar.intensity import detected_share, kept_share, noise_floor, signal
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
-from advpipe.stages.simulate.sensors.lidar.intensity import detected_share, kept_share, noise_floor, signal
-from advpipe.stages.simulate.sensors.lidar.sweep import Sweep, mounting
-from advpipe.stages.simulate.sensors.lidar.weather import ASSUMED_REFLECTIVITY, Echoes, air_of, transmission
-from advpipe.stages.simulate.world.raycast.world import Hits
+from advpipe.pipeline.sensors.lidar.sweep import Sweep, mounting
+from advpipe.pipeline.sensors.weather import Weather
+from advpipe.pipeline.sensors.world import Hits
 
 Float32 = npt.NDArray[np.float32]
 
@@ -43,7 +48,7 @@ class Lidar:
     ) -> None:
         self._sensor = sensor
         self._sweep = Sweep(sensor)
-        self._air = air_of(weather or Weather(), sensor)
+        self._air = atmosphere_of(weather or Weather(), sensor)
         self._turn_steps = 1 if step_s is None else round(1 / (sensor.rotation_frequency * step_s))
         self._times_s = (
             self._sweep.times_s if sensor.motion_distortion else np.zeros_like(self._sweep.times_s)
@@ -68,7 +73,7 @@ class Lidar:
     ) -> Cloud:
         """The cloud of one turn: intensity in [0, 1], range noise, lost points, and what the air adds.
 
-        `velocities_mps` (K, 3), of the moving road users that `hits.objects` names and in the LiDAR's
+        `velocities_mps` (K, 3), of the road users that `hits.objects` names and in the LiDAR's
         axes at the stamp, counts with motion distortion only: the rays met those users where they are
         at the stamp, and each point on one is set back by velocity times time. That is exact in where
         its surface is, and leaves the point beside its ray by what the user moved.

@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from advpipe.pipeline.sensors.lidar.intensity import GRAZING_SHARE, detected_share, noise_floor, signal
+from advpipe.pipeline.sensors.lidar.lidar import Lidar
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
-from advpipe.stages.simulate.sensors.lidar import Lidar
-from advpipe.stages.simulate.sensors.lidar.intensity import GRAZING_SHARE, detected_share, noise_floor, signal
+from advpipe.pipeline.sensors.world import Hits
 from advpipe.stages.simulate.world.raycast.materials import MATERIALS
-from advpipe.stages.simulate.world.raycast.world import Hits
 
 MakeHits = Callable[..., Hits]
 

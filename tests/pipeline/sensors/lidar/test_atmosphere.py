@@ -10,13 +10,21 @@ from pydantic import ValidationError
 from scipy.integrate import quad
 
 from advpipe.pipeline.messages.cloud import Cloud, xyz
-from advpipe.pipeline.scenario.environment import Weather
+from advpipe.pipeline.sensors.lidar.atmosphere import (
+    Fog,
+    atmosphere_of,
+    needed_signal,
+    rain,
+    snow,
+    transmission,
+)
+from advpipe.pipeline.sensors.lidar.lidar import Lidar
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
-from advpipe.stages.simulate.sensors.lidar import Lidar
-from advpipe.stages.simulate.sensors.lidar.weather import Fog, air_of, needed_signal, rain, snow, transmission
+from advpipe.pipeline.sensors.weather import Weather
+from advpipe.pipeline.sensors.world import Hits
 from advpipe.stages.simulate.world.raycast.materials import MATERIALS
 from advpipe.stages.simulate.world.raycast.mesh import box, merge, surface
-from advpipe.stages.simulate.world.raycast.world import Hits, Scene
+from advpipe.stages.simulate.world.raycast.scene import Scene
 
 MakeHits = Callable[..., Hits]
 
@@ -82,7 +90,7 @@ def test_echoes_are_those_of_drawing_every_particle(
 ) -> None:
     """LISA as published: all particles in the cone of each beam, of which the strongest counts."""
     sensor, rng, rays = SENSOR.model_copy(update={"range": 20.0}), np.random.default_rng(1), 100_000
-    air = air_of(weather(kind, rate), sensor)
+    air = atmosphere_of(weather(kind, rate), sensor)
     assert air is not None
     cone_m3 = np.pi / 3 * 20.0 * (0.0015 * 20.0) ** 2
     count = rng.poisson(rays * density / slope_per_mm * cone_m3)
@@ -221,4 +229,4 @@ def test_bad_weather_is_refused(keys: dict[str, object], message: str) -> None:
 
 
 def test_air_is_none_where_it_is_clear() -> None:
-    assert air_of(Weather(), SENSOR) is None
+    assert atmosphere_of(Weather(), SENSOR) is None
