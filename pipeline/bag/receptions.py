@@ -42,7 +42,9 @@ def receiving_vehicles(reader: BagReader) -> list[str]:
     return sorted(name.removesuffix(_RECEIVED) for name in names if name.count("/") == _RECEIVED.count("/"))
 
 
-def read_receptions(reader: BagReader, vehicle: str, last_ns: int | None = None) -> list[RecordedReception]:
+def recorded_receptions(
+    reader: BagReader, vehicle: str, last_ns: int | None = None
+) -> list[RecordedReception]:
     """What a vehicle received, by arrival; of log times up to `last_ns`, included.
 
     Reads `v2x/rx/raw` and, where they are, `v2x/rx/info` and `ground_truth/receptions`, which belong

@@ -62,15 +62,16 @@ def stations_message(stamp_ns: int, stations: Sequence[RadioPlace], frame_id: st
 
 def stations_of_message(message: Any) -> tuple[RadioPlace, ...]:
     """The radios that a recorded message tells of; their places to the bit."""
+    poses = build.se3_from_poses([station.pose for station in message.stations])
     return tuple(
         RadioPlace(
             station.station_id,
             station.vehicle,
-            build.se3_from_pose(station.pose),
+            map_SE3_base,
             (station.size.x, station.size.y, station.size.z),
             np.array([station.velocity.x, station.velocity.y, station.velocity.z]),
         )
-        for station in message.stations
+        for station, map_SE3_base in zip(message.stations, poses, strict=True)
     )
 
 

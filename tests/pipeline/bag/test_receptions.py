@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.receptions import RecordedReception, read_receptions, receiving_vehicles
+from advpipe.pipeline.bag.receptions import RecordedReception, receiving_vehicles, recorded_receptions
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.messages import build
@@ -49,16 +49,16 @@ def test_of_two_at_once_the_first_belongs_to_the_first(tmp_path: Path) -> None:
     ]
     for name, messages in (("step", [m for one in at_once for m in one]), ("topic", by_topic)):
         reader = bag_of(tmp_path / name, messages)
-        assert read_receptions(reader, "ego") == expected
-        assert read_receptions(reader, "ego", last_ns=249) == expected[:2]
-        assert read_receptions(reader, "bus") == []
+        assert recorded_receptions(reader, "ego") == expected
+        assert recorded_receptions(reader, "ego", last_ns=249) == expected[:2]
+        assert recorded_receptions(reader, "bus") == []
 
 
 def test_what_a_bag_does_not_tell_is_not_known(tmp_path: Path) -> None:
     """As of a real vehicle, whose driver writes the packets alone, by its own clock."""
     packet = serialise(udp_packet(100, b"cam"), UDP_TYPE)
     reader = bag_of(tmp_path / "bag", [(EGO.received_raw, packet, 100 + 30_000)])
-    (one,) = read_receptions(reader, "ego")
+    (one,) = recorded_receptions(reader, "ego")
     assert (one.arrival_ns, one.payload, one.number, one.station_id) == (100, b"cam", None, None)
     assert math.isnan(one.power_dbm)
     assert math.isnan(one.sinr_db)
@@ -69,7 +69,7 @@ def test_packets_that_are_not_for_cams(tmp_path: Path, data: bytes) -> None:
     message = udp_packet(100, b"")
     message.data = np.frombuffer(data, np.uint8)
     reader = bag_of(tmp_path / "bag", [(EGO.received_raw, serialise(message, UDP_TYPE), 100)])
-    assert [one.payload for one in read_receptions(reader, "ego")] == [None]
+    assert [one.payload for one in recorded_receptions(reader, "ego")] == [None]
 
 
 @pytest.mark.parametrize("place", [1, 2])
@@ -77,7 +77,7 @@ def test_a_message_beside_that_belongs_to_none(tmp_path: Path, place: int) -> No
     messages = [*received(1, 100), received(2, 250)[place]]
     reader = bag_of(tmp_path / "bag", messages)
     with pytest.raises(AdvpipeError, match=r"at 250 ns belongs to no message of /ego/v2x/rx/raw"):
-        read_receptions(reader, "ego")
+        recorded_receptions(reader, "ego")
 
 
 @pytest.mark.parametrize("topic", [EGO.received_raw, EGO.reception_info, EGO.true_receptions])
@@ -87,7 +87,7 @@ def test_topics_of_another_type(tmp_path: Path, topic: object) -> None:
     other = replace(topic, type="std_msgs/msg/String")  # type: ignore[type-var]
     reader = bag_of(tmp_path / "bag", [*messages, (other, text, 100)])
     with pytest.raises(AdvpipeError, match=r"holds std_msgs/msg/String, not \w+_msgs/msg/"):
-        read_receptions(reader, "ego")
+        recorded_receptions(reader, "ego")
 
 
 def test_who_receives(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.receptions import RecordedReception, read_receptions
+from advpipe.pipeline.bag.receptions import RecordedReception, recorded_receptions
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.ldm import ldm_snapshot_cdr
 from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATISTICS, VehicleTopics
@@ -71,7 +71,7 @@ def test_the_same_receptions_maps_and_statistics(drive: Record, settings: tuple[
     listeners = V2xDrive(reader).listeners.values()
     for listener in listeners:
         topics = VehicleTopics(listener)
-        assert read_receptions(reader, listener) == by_listener[listener]
+        assert recorded_receptions(reader, listener) == by_listener[listener]
         recorded = list(reader.raw_messages([topics.ldm.name]))
         assert recorded
         assert all(maps[listener, raw.log_time_ns] == raw.cdr for raw in recorded)
