@@ -19,7 +19,7 @@ from advpipe.pipeline.misbehaviour.catch import CatchParameters
 from advpipe.pipeline.misbehaviour.config import DetectorConfig
 from advpipe.pipeline.misbehaviour.roads import RoadMap
 from advpipe.stages.evaluate.v2x.collision import Warnings, known_of_radio, warnings
-from advpipe.stages.evaluate.v2x.detection import Detection, attack_parameters, detect
+from advpipe.stages.evaluate.v2x.detection import Detection, detect, published_f1
 from advpipe.stages.evaluate.v2x.labels import MessageLabel, read_labels
 from advpipe.stages.evaluate.v2x.ldm_error import Known, LdmError, Moment, ldm_error, moments
 from advpipe.stages.evaluate.v2x.radio import Heard, RadioRow, radio_row
@@ -98,7 +98,7 @@ def read_drive(
     found = {one: list(moments(reader, one, recording.expiry_s, window)) for one in listeners}
     return Drive(
         name,
-        detect(receptions, labels, config, parameters, attack_parameters(reader.provenance), window),
+        detect(receptions, labels, config, parameters, published_f1(reader.provenance), window),
         found,
         {one: ldm_error(found[one]) for one in listeners},
         {one: warnings(found[one], _believed(reader, one, found[one], window.last_ns)) for one in listeners},

@@ -11,13 +11,15 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.partial import FolderKind, staged_folder
+from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.misbehaviour.claim import Claim, claims_of_cams
@@ -29,41 +31,14 @@ from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam
 from advpipe.stages.evaluate.v2x.all_receivers import StationReception, receptions_of_all
 from advpipe.stages.evaluate.v2x.labels import NOT_SENT, MessageLabel, read_labels
 
-ATTACKER_TYPES: Mapping[str, Mapping[str, int]] = {
-    "extension": {
-        "cam-position-constant": 1,
-        "cam-position-offset": 2,
-        "cam-position-random": 3,
-        "cam-position-random-offset": 4,
-        "cam-speed-constant": 5,
-        "cam-speed-offset": 6,
-        "cam-speed-random": 7,
-        "cam-speed-random-offset": 8,
-        "cam-eventual-stop": 9,
-        "cam-disruptive-replay": 10,
-        "cam-replay": 11,
-        "cam-stale": 12,
-        "cam-dos": 13,
-        "cam-dos-random": 14,
-        "cam-dos-disruptive": 15,
-        "cam-sybil-grid": 16,
-        "cam-sybil-replay": 17,
-        "cam-dos-random-sybil": 18,
-        "cam-dos-disruptive-sybil": 19,
-    },
-    "2018": {
-        "cam-position-constant": 1,
-        "cam-position-offset": 2,
-        "cam-position-random": 4,
-        "cam-position-random-offset": 8,
-        "cam-eventual-stop": 16,
-        "cam-speed-constant": 32,
-        "cam-speed-random-offset": 64,
-    },
+FORMS: Mapping[str, Callable[[Published], int | None]] = {
+    "extension": lambda published: published.veremi_extension,
+    "2018": lambda published: published.veremi_2018,
 }
-"""The data sets' numbers for our attacks. 0 is honest."""
+"""The data sets' numbers of an attack. 0 is honest."""
 FIRST_OF_OURS = 1000
-"""From here on, attacks that a data set does not know, by name; `attacks.json` lists all."""
+"""From here on, attacks that a data set does not know, and those of older bags, which do not tell, by name;
+`attacks.json` lists all."""
 ATTACKS_FILE, TRACE = "attacks.json", "trace"
 _KIND = FolderKind("VeReMi export", (ATTACKS_FILE, TRACE), (ATTACKS_FILE,))
 _DAY_NS = 86_400_000_000_000
@@ -96,12 +71,12 @@ def export_veremi(bag: Path, out: Path, *, form: str = "extension", overwrite: b
     Raises AdvpipeError for a bag without V2X or one that does not tell who truly sent what was received, an
     unknown form and an `out` that exists.
     """
-    if form not in ATTACKER_TYPES:
-        raise UsageError(f"no form of VeReMi is named {form}; known: {', '.join(ATTACKER_TYPES)}")
+    if form not in FORMS:
+        raise UsageError(f"no form of VeReMi is named {form}; known: {', '.join(FORMS)}")
     reader = BagReader(bag)
     drive = V2xDrive(reader)
     labels = [label for label in read_labels(bag) if label.action != NOT_SENT]
-    numbers = attack_numbers(sorted({label.word for label in labels}), form)
+    numbers = attack_numbers(sorted({label.word for label in labels}), reader.provenance, form)
     with staged_folder(out, overwrite, _KIND) as folder:
         (folder / TRACE).mkdir()
         trace = _Trace(drive, labels, numbers, form, folder / TRACE)
@@ -110,11 +85,15 @@ def export_veremi(bag: Path, out: Path, *, form: str = "extension", overwrite: b
     return written
 
 
-def attack_numbers(attacks: Sequence[str], form: str) -> dict[str, int]:
-    """The number of each attack in a data set's form."""
-    known = ATTACKER_TYPES[form]
-    others = [attack for attack in attacks if attack not in known]
-    return {a: known[a] if a in known else FIRST_OF_OURS + others.index(a) for a in attacks}
+def attack_numbers(attacks: Sequence[str], provenance: Provenance, form: str) -> dict[str, int]:
+    """The number of each attack of a bag, by its name, in a data set's form."""
+    known: dict[str, int | None] = {}
+    for one in provenance.said.attacks:
+        if one.declared is not None:
+            known |= {part.name: FORMS[form](part.published) for part in one.declared.parts}
+            known[one.type] = FORMS[form](one.declared.published)
+    others = [attack for attack in attacks if known.get(attack) is None]
+    return {a: known.get(a) or FIRST_OF_OURS + others.index(a) for a in attacks}
 
 
 class _Trace:

@@ -1,11 +1,13 @@
 """What changes messages before they reach the radio: the protocol of editors, and how attacks are built.
 
 An attack on messages is a `V2xAttack`: a class whose constructor takes its context first and its
-parameters keyword-only, with defaults and units in their names. `edit` is called once a step, in time
-order, with all messages of all stations in that step, as the editors before it left them; it returns all
-that are to be sent instead:
+parameters keyword-only, with defaults and units in their names. It declares its `traits`. `edit` is called
+once a step, in time order, with all messages of all stations in that step, as the editors before it left
+them; it returns all that are to be sent instead:
 
 >>> class Zero(V2xAttack):
+...     traits = V2xTraits(untrue=("speed",))
+...
 ...     def edit(self, step, sent):
 ...         return [self._zero(one) if self.context.acts(one) else one for one in sent]
 
@@ -23,29 +25,33 @@ that are to be sent instead:
 Labels are none of an attack's business: the engine compares what goes in with what comes out, by number.
 A message in another form is "changed", one that is missing "dropped" (or "delayed", if it comes later), a new
 one "added"; attacker is the one whose radio sends it. True values are those of the recorded message;
-whether the lie mattered is judged from both (`pipeline/v2x/facilities/effect.py`), unless
-all of the attack's do.
+whether the lie mattered is judged from both (`pipeline/v2x/facilities/effect.py`), unless all of the attack's
+do (`V2xTraits.every_message_matters`).
 """
 
 from __future__ import annotations
 
 import zlib
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from abc import abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import count
-from typing import ClassVar, Protocol
+from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 
+from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.seeding import named_generator
+from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.labels.declaration import Part, Published
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.section import V2x
+from advpipe.stages.attack.base import Attack, Traits
 from advpipe.stages.attack.v2x.cams import Cams
 
 
@@ -128,21 +134,64 @@ class AttackContext:
         return station_id
 
 
-class V2xAttack(ABC):
-    """An attack on messages; see above for its rules.
+Claim = Literal["position", "speed", "heading", "acceleration", "dimensions", "station id"]
+ALL_CLAIMS: tuple[Claim, ...] = get_args(Claim)
+"""What a CAM claims of its sender."""
 
-    needs_traffic: it changes what its attackers send anyway, so that a roadside unit, which sends nothing of
-    its own, cannot be one.
+
+@dataclass(frozen=True, kw_only=True)
+class V2xTraits(Traits):
+    """What is known of an attack on messages whatever its parameters.
+
+    untrue: what it makes untrue in its attackers' own messages; two that share any of it cannot act on the
+    same messages at the same time. One that only adds, delays or drops messages makes nothing untrue.
+    every_message_matters: whatever they say, all that its attackers send by it are lies: of stations that do
+    not exist, or are others, or one too many; else each is judged by what it says
+    (`pipeline/v2x/facilities/effect.py`). needs_traffic: it changes what its attackers send anyway, so that a
+    roadside unit, which sends nothing of its own, cannot be one. published: see there; its F1 is that of an
+    attack with the parameters `published_of`.
     """
 
-    needs_traffic: ClassVar[bool] = True
+    untrue: tuple[Claim, ...] = ()
+    every_message_matters: bool = False
+    needs_traffic: bool = True
+    published: Published = field(default_factory=Published)
+    published_of: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if strange := [claim for claim in self.untrue if claim not in ALL_CLAIMS]:
+            raise UsageError(f"a CAM claims no {shown(strange[0])}; known: {', '.join(ALL_CLAIMS)}")
+
+    def published_with(self, parameters: Mapping[str, Any]) -> Published:
+        """What is published of the attack with these parameters."""
+        if all(parameters.get(name) == value for name, value in self.published_of.items()):
+            return self.published
+        return self.published.model_copy(update={"catch_f1": None})
+
+
+class V2xAttack(Attack):
+    """An attack on messages; see above for its rules."""
+
+    family = "v2x"
+    own_keys = ("attackers", "dcc_reacts")
+    traits_type = V2xTraits
 
     def __init__(self, context: AttackContext) -> None:
         self.context = context
 
     @property
+    @abstractmethod
+    def traits(self) -> V2xTraits: ...
+
+    @property
     def name(self) -> str:
         return self.context.name
+
+    @classmethod
+    def parts(cls, name: str, parameters: Mapping[str, Any]) -> tuple[Part, ...]:
+        """The attacks that attackers of a mix of this name draw from, by `acting.drawn_parts`; none of
+        others. Raises AdvpipeError for what is no attack to mix."""
+        return ()
 
     def part(self, attacker: int) -> V2xAttack:
         """The attack that this attacker carries out: itself, but for a mix of attacks."""
@@ -151,3 +200,9 @@ class V2xAttack(ABC):
     @abstractmethod
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         """The messages of this step that are to be sent instead of `sent`."""
+
+
+def v2x_traits(kind: type[V2xAttack]) -> V2xTraits:
+    """The traits of a class."""
+    found: V2xTraits = vars(kind)["traits"]
+    return found

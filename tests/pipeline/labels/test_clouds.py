@@ -6,10 +6,10 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from advpipe.pipeline.labels import clouds
+from advpipe.pipeline.labels.clouds import Frame, PointTables
+from advpipe.pipeline.labels.points import PointLabels
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, StampedCloud
-from advpipe.stages.attack import tables
-from advpipe.stages.attack.lidar.base import LidarResult, PointLabels
-from advpipe.stages.attack.tables import AttackTables
 
 CLEAN = np.zeros(9, POINT_DTYPE)
 
@@ -24,11 +24,11 @@ def moved(frame):
 
 @pytest.mark.parametrize(("group_rows", "groups"), [(1, [2, 3, 4, 5]), (5, [5, 9]), (1000, [14])])
 def test_rows_come_back_from_their_groups(tmp_path, monkeypatch, group_rows, groups):
-    monkeypatch.setattr(tables, "GROUP_ROWS", group_rows)
-    with AttackTables(tmp_path) as written:
+    monkeypatch.setattr(clouds, "GROUP_ROWS", group_rows)
+    with PointTables(tmp_path) as written:
         for frame in range(5):
             topic, clean = f"/lidar_{frame % 2}", StampedCloud(frame * 100, "lidar", CLEAN)
-            written.add(topic, frame, "mine", clean, LidarResult(CLEAN, moved(frame)))
+            written.add(Frame(topic, frame, "mine", clean, 9), moved(frame))
     file = pq.ParquetFile(tmp_path / "labels.parquet")
     assert [file.metadata.row_group(n).num_rows for n in range(file.num_row_groups)] == groups
     rows = file.read().to_pylist()
@@ -40,6 +40,6 @@ def test_rows_come_back_from_their_groups(tmp_path, monkeypatch, group_rows, gro
 
 
 def test_nothing_touched_is_a_table_too(tmp_path):
-    with AttackTables(tmp_path) as written:
-        written.add("/lidar", 0, "mine", StampedCloud(0, "lidar", CLEAN), LidarResult(CLEAN, moved(0)))
+    with PointTables(tmp_path) as written:
+        written.add(Frame("/lidar", 0, "mine", StampedCloud(0, "lidar", CLEAN), 9), moved(0))
     assert pq.read_table(tmp_path / "labels.parquet").num_rows == 0
