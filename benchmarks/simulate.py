@@ -16,6 +16,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ from advpipe.stages.simulate import run
 from advpipe.stages.simulate.recorder import Recorder
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 from advpipe.stages.simulate.traffic.sumo.traffic import Traffic
+from advpipe.stages.simulate.world.raycast.body_meshes import body_mesh
 from advpipe.stages.simulate.world.raycast.mesh import Mesh, merge
 from advpipe.stages.simulate.world.raycast.scene import Scene
 from advpipe.stages.simulate.world.raycast.world import RaycastWorld
@@ -96,14 +98,17 @@ class BareCasting:
         start = time.perf_counter()
         if self._static is None:
             assert self._ground is not None
-            parked = [car.variant.mesh.transformed(car.map_SE3_base) for car in world.parked]
+            parked = [_mesh(car.variant).transformed(car.map_SE3_base) for car in world.parked]
             self._static = _scene(merge([self._ground, *parked]))
             self.seconds -= time.perf_counter() - start  # made once
-        moving = _scene(merge(user.variant.mesh.transformed(user.map_SE3_base) for user in users))
+        moving = _scene(merge(_mesh(user.variant).transformed(user.map_SE3_base) for user in users))
         tensor = o3d.core.Tensor.from_numpy(rays)
         for scene in (self._static, moving):
             scene.cast_rays(tensor)["t_hit"].numpy()
         self.users.append(len(users))
+
+
+_mesh = cache(body_mesh)
 
 
 def _scene(mesh: Mesh) -> o3d.t.geometry.RaycastingScene:

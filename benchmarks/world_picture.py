@@ -19,10 +19,10 @@ from matplotlib.colors import ListedColormap
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.sensors.lidar.lidar import Lidar
+from advpipe.stages.simulate.bodies import draw_variants
 from advpipe.stages.simulate.road_network.network import load_network
 from advpipe.stages.simulate.traffic.sumo.traffic import Traffic
 from advpipe.stages.simulate.traffic.walkers import draw_walkers
-from advpipe.stages.simulate.world.raycast.bodies import draw_variants
 from advpipe.stages.simulate.world.raycast.materials import SEMANTIC, SEMANTIC_CLASSES
 from advpipe.stages.simulate.world.raycast.world import RaycastWorld, within
 

@@ -117,6 +117,18 @@ class VehicleTopics:
         return Topic(f"/{self.vehicle}/v2x/rx/cam", "etsi_its_cam_msgs/msg/CAM", keep_last(100))
 
     @property
+    def reception_info(self) -> Topic:
+        """How it receives each of these: what its radio may know."""
+        return Topic(f"/{self.vehicle}/v2x/rx/info", "advpipe_msgs/msg/V2xReceptionInfo", keep_last(100))
+
+    @property
+    def true_receptions(self) -> Topic:
+        """Which sent message each of these truly is: no vehicle knows."""
+        return Topic(
+            f"/{self.vehicle}/ground_truth/receptions", "advpipe_msgs/msg/V2xReception", keep_last(100)
+        )
+
+    @property
     def ldm(self) -> Topic:
         return Topic(f"/{self.vehicle}/ldm", "advpipe_msgs/msg/LdmSnapshot")
 

@@ -112,8 +112,6 @@ class Scenario(Section):
                 raise ValueError(f"attacks.{name} has the name of another folder of a data set; rename it")
             for spec in specs:
                 place = f"attacks.{name}: {spec.type}"
-                if spec.family == "cam" and not self.v2x.enabled:
-                    raise ValueError(f"{place} attacks V2X, but v2x.enabled is false")
                 if spec.victim is not None and spec.victim not in self.vehicles:
                     known = ", ".join(sorted(self.vehicles))
                     raise ValueError(f"{place} has the victim {spec.victim!r}; vehicles are {known}")

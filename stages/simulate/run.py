@@ -17,6 +17,7 @@ from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.scenario import Scenario, dump_scenario
 from advpipe.pipeline.v2x.statistics import Statistics
+from advpipe.stages.simulate.bodies import Variant, draw_variants
 from advpipe.stages.simulate.instrumented import Instrumented, Snapshot
 from advpipe.stages.simulate.network.registry import open_network
 from advpipe.stages.simulate.recorder import Recorder
@@ -24,7 +25,6 @@ from advpipe.stages.simulate.road_network.network import RoadNetwork, load_netwo
 from advpipe.stages.simulate.traffic.sumo.traffic import Traffic
 from advpipe.stages.simulate.traffic.walkers import draw_walkers
 from advpipe.stages.simulate.world.protocol import World
-from advpipe.stages.simulate.world.raycast.bodies import Variant, draw_variants
 from advpipe.stages.simulate.world.registry import build_world
 
 DATA_SET = FolderKind("data set", ("scenario.yaml", "clean"), ("scenario.yaml", "clean/metadata.yaml"))

@@ -9,7 +9,7 @@ import numpy as np
 
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
 from advpipe.pipeline.geometry.transforms import Float64, yaw_of
-from advpipe.stages.simulate.world.raycast.bodies import Variant
+from advpipe.stages.simulate.bodies import Variant
 
 
 @dataclass(frozen=True)

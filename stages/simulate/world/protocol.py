@@ -9,10 +9,10 @@ import shapely
 
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.sensors.world import Offer, Surroundings
+from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.road_network.network import RoadNetwork
+from advpipe.stages.simulate.road_network.roads import Roads
 from advpipe.stages.simulate.traffic.road_users import RoadUser
-from advpipe.stages.simulate.world.raycast.bodies import Variant
-from advpipe.stages.simulate.world.raycast.roads import Roads
 
 
 @runtime_checkable

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.implementation import find_implementation
 from advpipe.pipeline.scenario.models import Scenario
+from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.road_network.network import RoadNetwork
 from advpipe.stages.simulate.world.protocol import NewWorld, World
-from advpipe.stages.simulate.world.raycast.bodies import Variant
 
 
 def _raycast(scenario: Scenario, network: RoadNetwork, variants: dict[str, Variant]) -> World:

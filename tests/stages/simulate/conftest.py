@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.scenario import Scenario
+from advpipe.stages.simulate.bodies import Variant, draw_variants
 from advpipe.stages.simulate.road_network.file import sumo_program
 from advpipe.stages.simulate.road_network.network import load_network
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 from advpipe.stages.simulate.traffic.sumo.traffic import Traffic
-from advpipe.stages.simulate.world.raycast.bodies import Variant, draw_variants
 
 Drive = list[dict[str, RoadUser]]
 

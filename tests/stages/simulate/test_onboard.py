@@ -9,9 +9,9 @@ from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.localisation.onboard import OnBoard
 from advpipe.pipeline.localisation.rotations import rotation_vector
 from advpipe.pipeline.scenario import load_scenario
+from advpipe.stages.simulate.bodies import draw_variants
 from advpipe.stages.simulate.road_network.network import load_network
 from advpipe.stages.simulate.traffic.sumo.traffic import Traffic
-from advpipe.stages.simulate.world.raycast.bodies import draw_variants
 
 STEPS = 250
 

@@ -10,10 +10,9 @@ import numpy as np
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.scenario.models import Scenario
+from advpipe.stages.simulate.bodies import Variant, variants_of
 from advpipe.stages.simulate.road_network.network import Edge, RoadNetwork
 from advpipe.stages.simulate.traffic.sumo.routes import Routes
-from advpipe.stages.simulate.traffic.sumo.vehicle_types import variants_of
-from advpipe.stages.simulate.world.raycast.bodies import Variant
 
 SPAWN_DISTANCE_M = 150.0
 """Vehicles that fill up the traffic appear at least this far from every instrumented vehicle."""

@@ -11,6 +11,7 @@ from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.scenario.models import Scenario
+from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.road_network.network import RoadNetwork
 from advpipe.stages.simulate.traffic.controllers import Controllers
 from advpipe.stages.simulate.traffic.road_users import RoadUser
@@ -22,7 +23,6 @@ from advpipe.stages.simulate.traffic.sumo.routes import Routes
 from advpipe.stages.simulate.traffic.sumo.vehicle_types import vehicle_types_xml
 from advpipe.stages.simulate.traffic.sumo.vehicles import SumoVehicles
 from advpipe.stages.simulate.traffic.trajectories.trajectories import Trajectories
-from advpipe.stages.simulate.world.raycast.bodies import Variant
 
 __all__ = ["SPAWN_DISTANCE_M", "Traffic"]
 

@@ -7,7 +7,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from advpipe.stages.simulate.world.raycast.bodies import Variant
+from advpipe.stages.simulate.bodies import Variant, variants_of
 
 CARS = ("sedan", "hatchback", "estate", "suv", "pickup")
 BODIES_OF_CLASS: dict[str, tuple[str, ...]] = {
@@ -38,11 +38,6 @@ BODIES_OF_CLASS: dict[str, tuple[str, ...]] = {
 
 CHOICE = 3
 """A vehicle of the user's gets one of this many variants nearest to its length, drawn by the seed."""
-
-
-def variants_of(variants: Mapping[str, Variant], body: str) -> list[str]:
-    """Names of the variants of a body, in order."""
-    return [name for name in variants if name.rpartition(".")[0] == body]
 
 
 def stand_in(

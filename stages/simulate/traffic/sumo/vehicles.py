@@ -8,11 +8,11 @@ import numpy as np
 
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.road_network.network import RoadNetwork
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 from advpipe.stages.simulate.traffic.sumo.pose import base_poses
 from advpipe.stages.simulate.traffic.sumo.vehicle_types import stand_in
-from advpipe.stages.simulate.world.raycast.bodies import Variant
 
 
 class SumoVehicles:

@@ -80,8 +80,6 @@ _MATERIALS = {
 MATERIALS = {name: material.reflectivity for name, material in _MATERIALS.items()}
 """Material to reflectivity; common values of published reflectance tables, rounded."""
 
-PAINTS = tuple(name for name in MATERIALS if name.startswith("paint_"))
-
 MATERIAL_ID = {name: index for index, name in enumerate(MATERIALS)}
 
 REFLECTIVITY = np.array(list(MATERIALS.values()), dtype=np.float32)

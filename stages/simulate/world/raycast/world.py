@@ -13,18 +13,19 @@ from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.sensors.world import Hits, Offer
+from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.road_network.network import RoadNetwork
+from advpipe.stages.simulate.road_network.roads import Roads, lay_out_roads
 from advpipe.stages.simulate.traffic.road_users import RoadUser, boxes_of
 from advpipe.stages.simulate.world.raycast.barriers import build_barriers
-from advpipe.stages.simulate.world.raycast.bodies import Variant
+from advpipe.stages.simulate.world.raycast.body_meshes import body_meshes
 from advpipe.stages.simulate.world.raycast.ground import build_ground
+from advpipe.stages.simulate.world.raycast.instanced_bodies import Contacts, InstancedBodies
 from advpipe.stages.simulate.world.raycast.markings import build_markings
 from advpipe.stages.simulate.world.raycast.mesh import merge
 from advpipe.stages.simulate.world.raycast.occupied import Occupied
-from advpipe.stages.simulate.world.raycast.roads import Roads, lay_out_roads
 from advpipe.stages.simulate.world.raycast.scene import Float32, MaterialHits, Returns, Scene
 from advpipe.stages.simulate.world.raycast.scenery import build_scenery, park_cars
-from advpipe.stages.simulate.world.raycast.showroom import Contacts, Showroom
 
 NEAR_M = 10.0
 """A parked car counts as near a little beyond the range: it is longer than a point."""
@@ -55,7 +56,7 @@ class RaycastWorld:
             *build_barriers(scenario.environment.barriers, self.roads, occupied, chance("barriers")),
         ]
         self._static = Scene(merge(static))
-        self._showroom = Showroom(variants)
+        self._bodies = InstancedBodies(variants, body_meshes(variants, scenario.bodies))
         self._parked_m = np.array([car.position_m for car in self.parked]).reshape(-1, 3)
 
     def around(self, carrier: RoadUser, users: Sequence[RoadUser]) -> SurroundingsOf:
@@ -73,7 +74,7 @@ class RaycastWorld:
         ids = np.concatenate([np.arange(len(users)), -2 - near]).astype(np.int32)
         everyone = [*users, *(self.parked[index] for index in near)]
         occlusion = np.zeros(len(users) + len(self.parked), np.float32)
-        contacts = self._showroom.contacts(rays, everyone)
+        contacts = self._bodies.contacts(rays, everyone)
         hits = _merged(static, contacts, ids, occlusion)
         met = np.isfinite(contacts.returns.range_m)
         alone = np.bincount(contacts.users[met], minlength=len(everyone))

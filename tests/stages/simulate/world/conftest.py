@@ -12,10 +12,10 @@ import pytest
 
 from advpipe.pipeline.geometry.transforms import se3_from_yaw
 from advpipe.pipeline.scenario import Scenario, load_scenario
+from advpipe.stages.simulate.bodies import Variant, draw_variants
 from advpipe.stages.simulate.road_network.file import sumo_program
 from advpipe.stages.simulate.road_network.network import RoadNetwork, load_network
 from advpipe.stages.simulate.traffic.road_users import RoadUser
-from advpipe.stages.simulate.world.raycast.bodies import Variant, draw_variants
 from advpipe.stages.simulate.world.raycast.world import RaycastWorld
 
 NODES = """<nodes>

@@ -13,9 +13,10 @@ import pytest
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.open3d_library import o3d
 from advpipe.pipeline.scenario.traffic import UserBody
-from advpipe.stages.simulate.world.raycast.bodies import BODIES, VARIANTS, draw_variants
+from advpipe.stages.simulate.bodies import BODIES, VARIANTS, draw_variants
+from advpipe.stages.simulate.mesh_file import FORMATS
 from advpipe.stages.simulate.world.raycast.materials import MATERIAL_ID
-from advpipe.stages.simulate.world.raycast.user_mesh import FORMATS, load_mesh
+from advpipe.stages.simulate.world.raycast.user_mesh import load_mesh
 
 
 def write_glb(path: Path, vertices: np.ndarray, triangles: np.ndarray) -> None:

@@ -12,6 +12,7 @@ import pytest
 from advpipe.pipeline.core.open3d_library import o3d
 from advpipe.pipeline.geometry.transforms import transform_points
 from advpipe.stages.simulate.traffic.road_users import RoadUser
+from advpipe.stages.simulate.world.raycast.body_meshes import body_mesh
 from advpipe.stages.simulate.world.raycast.materials import TRANSMITTANCE
 from advpipe.stages.simulate.world.raycast.mesh import Mesh
 from advpipe.stages.simulate.world.raycast.scene import MAX_PANES, SPECULAR_COS
@@ -60,9 +61,9 @@ def cast(boulevard: Any, sweep: Any, users: Any, middle_m: np.ndarray) -> Any:
 def test_each_user_alone_is_met_as_open3d_lists_it(boulevard: Any, cast: Any) -> None:
     """Range, light left, and which rays: for every body, in a pose of its own."""
     rays, everyone, _ = cast
-    contacts = boulevard.world._showroom.contacts(rays, everyone)
+    contacts = boulevard.world._bodies.contacts(rays, everyone)
     for index, user in enumerate(everyone):
-        expected, _ = first_returns(user.variant.mesh.transformed(user.map_SE3_base), rays)
+        expected, _ = first_returns(body_mesh(user.variant).transformed(user.map_SE3_base), rays)
         of = contacts.users == index
         found = np.full(len(rays), np.inf)
         found[contacts.rays[of]] = contacts.returns.range_m[of]
@@ -77,7 +78,7 @@ def test_the_nearest_return_wins_and_occlusion_follows(boulevard: Any, cast: Any
     parked = boulevard.world.parked
     alone = np.stack(
         [
-            first_returns(user.variant.mesh.transformed(user.map_SE3_base), rays)[0]
+            first_returns(body_mesh(user.variant).transformed(user.map_SE3_base), rays)[0]
             for user in (*everyone, *parked)
         ]
     )
