@@ -22,8 +22,6 @@ from advpipe.stages.verify.subject import Bag
 
 MESSAGE_LABELS, FIX_LABELS = "v2x_labels.parquet", "gnss_labels.parquet"
 
-_CLOUD_TYPE = VehicleTopics().lidar_points.type
-
 
 class Attacked:
     """An attack and its parent. Raises AdvpipeError or ValueError where what the bag says cannot be read."""

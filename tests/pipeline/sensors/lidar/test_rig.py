@@ -104,3 +104,18 @@ def test_messages_lie_in_the_order_of_their_log_times(bag: Path) -> None:
     assert log_times == sorted(log_times)
     imu = [m.header.stamp.nanosec for _, m in reader.messages("/ego/imu")]
     assert np.diff(imu).tolist() == [10_000_000] * 49
+
+
+def test_every_sensor_has_recorded_the_topics_that_it_declares(bag: Path) -> None:
+    recorded = BagReader(bag).topics
+    declared: set[str] = set()
+    for vehicle in ("ego", "truck_1"):
+        for kind, sections in load_scenario("smoke").sensors.carried_by("ego"):
+            names = (
+                {"ego": ("lidar", "front"), "truck_1": ("roof",)}[vehicle] if "" not in sections else ("",)
+            )
+            topics = [topic for name in names for topic in kind.topics(vehicle, name)]
+            for topic in (*topics, *kind.truth(vehicle)):
+                assert (recorded[topic.name].type, recorded[topic.name].qos) == (topic.type, topic.qos)
+                declared.add(topic.name)
+    assert len(declared) == 3 + 2 * 2 + 2 * 3  # LiDARs, their truth, and GNSS, IMU and wheels
