@@ -10,6 +10,7 @@ from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import wrong_use
 from advpipe.pipeline.core.garbage import settled
 from advpipe.pipeline.core.partial import FolderKind, staged_folder
+from advpipe.pipeline.core.plugins import mistakes_told, own_words
 from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.core.seeding import named_generator
@@ -20,7 +21,7 @@ from advpipe.stages.simulate.instrumented import Instrumented, Snapshot
 from advpipe.stages.simulate.network.embedded.communication import Communication
 from advpipe.stages.simulate.recorder import Recorder
 from advpipe.stages.simulate.road_network.network import load_network
-from advpipe.stages.simulate.traffic.sumo.traffic import Traffic
+from advpipe.stages.simulate.traffic.registry import open_traffic
 from advpipe.stages.simulate.traffic.walkers import draw_walkers
 from advpipe.stages.simulate.world.raycast.world import World
 
@@ -51,13 +52,17 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
     """
     clock, text = scenario.simulation, dump_scenario(scenario)
     clouds, points, seen = 0, 0, set[str]()
-    with staged_folder(out, overwrite, DATA_SET) as folder, scratch_folder() as scratch:
+    with (
+        staged_folder(out, overwrite, DATA_SET) as folder,
+        scratch_folder() as scratch,
+        mistakes_told(own_words([scenario.traffic.source])),
+    ):
         (folder / "scenario.yaml").write_text(text, encoding="utf-8")
         with wrong_use():  # nothing but what the scenario names has been read so far
             network = load_network(scenario.map, scratch, clock.seed)
             variants = draw_variants(named_generator(clock.seed, "bodies"), scenario.bodies)
             world = World(scenario, network, variants)
-            prepared = Traffic(scenario, network, variants, scratch)
+            prepared = open_traffic(scenario, network, variants, scratch)
         vehicles = [Instrumented(scenario, name) for name in sorted(scenario.vehicles)]
         provenance = clean_provenance(scenario.name, text, clock.seed, network.map_sha256)
         with (

@@ -20,8 +20,8 @@ from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.network.embedded.station import Station, station_type, update_states
+from advpipe.stages.simulate.traffic.protocol import TrafficSource
 from advpipe.stages.simulate.traffic.road_users import RoadUser
-from advpipe.stages.simulate.traffic.sumo.traffic import Traffic
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Communication:
     """
 
     def __init__(
-        self, scenario: Scenario, traffic: Traffic, footprints: Sequence[shapely.Polygon] | None = None
+        self, scenario: Scenario, traffic: TrafficSource, footprints: Sequence[shapely.Polygon] | None = None
     ) -> None:
         self._clock, self._v2x = scenario.simulation, scenario.v2x
         self._traffic = traffic
