@@ -12,7 +12,7 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.geometry.transforms import se3_from_yaw
 from advpipe.pipeline.messages import topics
 from advpipe.pipeline.scenario import Scenario, load_scenario
-from advpipe.stages.simulate.bodies import draw_variants
+from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.road_network.network import load_network
 from advpipe.stages.simulate.run import simulate
 from advpipe.stages.simulate.traffic.registry import open_traffic
@@ -39,11 +39,8 @@ def test_the_drive_is_that_of_sumo_without_traffic(tmp_path: Path) -> None:
     assert len(bags[0]) > 50
 
 
-def test_who_is_pushed_is_there_for_one_step(tmp_path: Path) -> None:
-    scenario, variants = (
-        played(tmp_path, "traffic.source=trajectories"),
-        draw_variants(np.random.default_rng(0)),
-    )
+def test_who_is_pushed_is_there_for_one_step(tmp_path: Path, variants: dict[str, Variant]) -> None:
+    scenario = played(tmp_path, "traffic.source=trajectories")
     guest = RoadUser("guest", variants["suv.0"], se3_from_yaw([1, 2, 0], 0), np.zeros(3))
     network = load_network(scenario.map, tmp_path)
     seen = []
