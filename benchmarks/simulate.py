@@ -26,15 +26,16 @@ from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.open3d_library import o3d
 from advpipe.pipeline.localisation.onboard import OnBoard
 from advpipe.pipeline.scenario import load_scenario
+from advpipe.pipeline.sensors.lidar import rig
+from advpipe.pipeline.sensors.lidar.lidar import Lidar
 from advpipe.stages.simulate import run
 from advpipe.stages.simulate.recorder import Recorder
-from advpipe.stages.simulate.sensors.lidar import Lidar, rig
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 from advpipe.stages.simulate.traffic.sumo.traffic import SumoTraffic
 from advpipe.stages.simulate.world.raycast.body_meshes import body_mesh
 from advpipe.stages.simulate.world.raycast.mesh import Mesh, merge
 from advpipe.stages.simulate.world.raycast.scene import Scene
-from advpipe.stages.simulate.world.raycast.world import World
+from advpipe.stages.simulate.world.raycast.world import RaycastWorld
 
 REACH = 1.6
 
@@ -70,12 +71,12 @@ class BareCasting:
         self._static: o3d.t.geometry.RaycastingScene | None = None
         self.seconds = 0.0
         self.users: list[int] = []
-        self._stage_cast = World.cast
+        self._stage_cast = RaycastWorld.cast
 
     def install(self) -> None:
         bare = self
 
-        def cast(world: World, rays: Any, users: Sequence[RoadUser], *args: Any, **kwargs: Any) -> Any:
+        def cast(world: RaycastWorld, rays: Any, users: Sequence[RoadUser], *args: Any, **kwargs: Any) -> Any:
             start = time.perf_counter()
             bare.cast(world, rays, users)
             middle = time.perf_counter()
@@ -84,7 +85,7 @@ class BareCasting:
             bare._watch.add("cast", time.perf_counter() - middle)
             return hits
 
-        World.cast = cast  # type: ignore[method-assign]
+        RaycastWorld.cast = cast  # type: ignore[method-assign]
         original = Scene.__init__
 
         def remember(scene: Scene, mesh: Mesh, *args: Any) -> None:
@@ -93,7 +94,7 @@ class BareCasting:
 
         Scene.__init__ = remember  # type: ignore[method-assign]
 
-    def cast(self, world: World, rays: Any, users: Sequence[RoadUser]) -> None:
+    def cast(self, world: RaycastWorld, rays: Any, users: Sequence[RoadUser]) -> None:
         start = time.perf_counter()
         if self._static is None:
             assert self._ground is not None

@@ -40,7 +40,7 @@ from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.radio.stations import Stations
 from advpipe.pipeline.v2x.section import V2x
 from advpipe.stages.simulate import recorder, run
-from advpipe.stages.simulate.network.embedded.communication import Communication
+from advpipe.stages.simulate.network.embedded.network import EmbeddedNetwork
 from advpipe.stages.simulate.recorder import Recorder
 from advpipe.stages.simulate.traffic.sumo.traffic import SumoTraffic
 
@@ -64,9 +64,9 @@ CODEC = (
 
 
 V2X = (
-    (Communication, "simulate_until"),
-    (Communication, "update"),
-    (Communication, "local_dynamic_maps"),
+    (EmbeddedNetwork, "simulate_until"),
+    (EmbeddedNetwork, "update"),
+    (EmbeddedNetwork, "local_dynamic_maps"),
     (Recorder, "_record_exchange"),
     (Recorder, "_record_radios"),
     (Recorder, "_record_maps"),

@@ -3,12 +3,19 @@
 import numpy as np
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.stages.attack.lidar.base import LidarResult, PointLabels, unchanged
+from advpipe.pipeline.labels.points import PointLabels
+from advpipe.stages.attack.lidar.base import Budget, LidarAttack, LidarResult, LidarTraits, unchanged
 from advpipe.stages.attack.lidar.targets import detection_loss, find_targets
 
 
-class Dazzle:
+class Dazzle(LidarAttack):
     """The nearest object that the detector could find drowns: no echo from `width_deg` around its centre."""
+
+    traits = LidarTraits(budget=Budget(title="Dazzled sector in °", parameter="width_deg", unit="°"))
+
+    @property
+    def bounds(self):  # least and most of each cloud, which `verify` measures again: see labels/quantities.py
+        return {"points_moved": (0, 0), "points_added": (0, 0)}
 
     def __init__(self, *, width_deg: float) -> None:  # by keyword: the parameters of --set, and their types
         if not 0 < width_deg < 360:

@@ -9,6 +9,7 @@ from pydantic import ConfigDict, Field
 
 from advpipe.pipeline.core.document import LONGEST_TEXT, Count, Document, Text, Word, read_json, validated
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.labels.declaration import Declaration, Family
 
 MOST_LOOKS = 10_000
 """At more tries no attack looks; an evaluation draws as many random ones."""
@@ -21,7 +22,10 @@ Line = Annotated[str, Field(max_length=10_000)]
 
 
 class AttackRecord(Document):
-    """One attack of a bag, with every default filled in. `values` has the keys that are not here too."""
+    """One attack of a bag, with every default filled in. `values` has the keys that are not here too.
+
+    declared: what it says of itself; None in a bag of a version before there were declarations.
+    """
 
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
 
@@ -32,6 +36,17 @@ class AttackRecord(Document):
     detector: Line | None = None
     attackers: dict[Word, Any] | None = None
     schedule: dict[Word, Any] | None = None
+    declared: Declaration | None = None
+
+    @property
+    def family(self) -> Family:
+        """What it attacks. In an older bag, the keys that a family has of its own tell."""
+        if self.declared is not None:
+            return self.declared.family
+        given = self.model_fields_set | set(self.model_extra or {})
+        if given & {"detector", "detector_sha256", "recipe", "frames"}:
+            return "lidar"
+        return "v2x" if given & {"attackers", "dcc_reacts"} else "gnss"
 
     @property
     def values(self) -> dict[str, Any]:

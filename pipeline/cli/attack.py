@@ -13,13 +13,6 @@ from advpipe.pipeline.cli.shared import Answer, DetectorName, Device, LidarTopic
 if TYPE_CHECKING:
     from advpipe.stages.attack.run import AttackSummary
 
-USUAL_BUDGETS: dict[str, dict[str, float]] = {
-    "detach": {"ratio": 0.01},
-    "perturb": {"eps_cm": 10.0},
-    "attach": {"eps_m": 0.5},
-}
-"""Of the paper's Table I: what an attack gets where the user names no budget."""
-
 
 def attack(
     bag: Annotated[
@@ -90,6 +83,7 @@ def attack(
     from advpipe.pipeline.core.verbosity import detail
     from advpipe.pipeline.process.folder import here, refuse_undecodable
     from advpipe.pipeline.scenario.attacks import attack_spec
+    from advpipe.stages.attack.registry import usual_budget
     from advpipe.stages.attack.run import AttackRequest, attack_id
     from advpipe.stages.attack.run import attack as run
 
@@ -102,7 +96,7 @@ def attack(
             {
                 "type": kind,
                 "recipe": recipe,
-                "parameters": {**USUAL_BUDGETS.get(kind, {}), **_parameters(given, settings or [])},
+                "parameters": {**usual_budget(kind), **_parameters(given, settings or [])},
                 "schedule": {"from_s": from_s, "to_s": to_s},
                 "attackers": _attackers(attacker or []),
                 "victim": victim,

@@ -47,8 +47,9 @@ def run(
             name: AttackRequest(attacks, loaded.simulation.seed, device)
             for name, attacks in loaded.attacks.items()
         }
-        for request in requests.values():
-            request.check()  # rather now than after the simulation
+        for name, request in requests.items():  # rather now than after the simulation
+            request.check()
+            request.refuse_without_v2x(name, loaded)
     folder = out or here("datasets") / loaded.name
     refuse_undecodable(folder)
     if _has_drive(folder, loaded, overwrite):

@@ -162,7 +162,7 @@ class _Bench:
         from advpipe.pipeline.campaigns.sweep.budgets import AXES
         from advpipe.pipeline.campaigns.sweep.variants import HIDE, split_recipe, steps_factor
         from advpipe.pipeline.scenario.attacks import attack_spec
-        from advpipe.stages.attack.parameters import build_lidar_attack
+        from advpipe.stages.attack.lidar.build import build_lidar_attack
         from advpipe.stages.attack.run import AttackRequest
 
         base, variants = split_recipe(recipe)

@@ -1,11 +1,7 @@
-"""Code of a user's own (attacks, detectors, sources of traffic): a mistake in it is told in a line, with its
-place."""
+"""Attacks and detectors of a user's own: a mistake in one is told in a line, with its place."""
 
 from __future__ import annotations
 
-import importlib
-import os
-import sys
 import sysconfig
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -13,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from advpipe.pipeline.core.code import PACKAGE
-from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.core.errors import AdvpipeError
 
 Work = Callable[[int], None]
 
@@ -27,23 +23,6 @@ _OF_OTHERS = (
 def own_words(words: Iterable[str]) -> tuple[str, ...]:
     """Those of the attacks and detectors that are named `module:Class`."""
     return tuple(dict.fromkeys(word for word in words if ":" in word))
-
-
-def users_class(word: str, what: str) -> object:
-    """What `module:Class` names, looked for in the working folder too; `what` it is to be, for the error.
-
-    Raises UsageError where it cannot be had.
-    """
-    module, _, attribute = word.partition(":")
-    # A program that was installed does not look into the working directory, where the user's file lies.
-    if os.getcwd() not in sys.path:
-        sys.path.insert(0, os.getcwd())
-    try:
-        found: object = getattr(importlib.import_module(module), attribute)
-    except (Exception, SystemExit) as error:  # a user's module may do anything
-        reason = " ".join(str(error).split())
-        raise UsageError(f"cannot load {what} {word}: {type(error).__name__}: {reason}") from None
-    return found
 
 
 def class_of_users(of_use: object) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -24,19 +24,6 @@ from advpipe.pipeline.core.section import NotNegative, Section, Switch, Word
 from advpipe.pipeline.core.shown import cut, shown
 
 NS_PER_S = 1_000_000_000
-Family = Literal["gnss", "cam", "lidar"]
-FAMILIES: tuple[Family, ...] = ("gnss", "cam", "lidar")
-"""In the order in which they are applied: a spoofed position is told by CAMs, clouds come last."""
-
-OWN_KEYS: dict[Family, tuple[str, ...]] = {
-    "cam": ("attackers", "dcc_reacts"),
-    "lidar": ("recipe", "lidar", "frames", "detector"),
-}
-"""Keys of an attack that one family alone knows."""
-
-PAPER_NAMES = {"rba": "gnss-bias", "paa": "gnss-relocate"}
-"""What the paper calls attacks, in lower case, and what they are here."""
-
 BagName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)]
 """A folder beside the clean bag."""
 
@@ -120,9 +107,9 @@ class Attackers(Section):
 
 
 class AttackSpec(Section):
-    """One attack: its word, how it is carried out, when, by whom and on whom.
+    """One attack: its name, how it is carried out, when, by whom and on whom.
 
-    `cam-...` lie in V2X messages, `gnss-...` in GPS; any other word attacks clouds.
+    What the name means, and which keys its family has no use for, stage attack knows.
     """
 
     type: str = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_.:-]*$", max_length=200)
@@ -145,13 +132,6 @@ class AttackSpec(Section):
         "small", max_length=4096, description="that a LiDAR attack fools, as after --detector"
     )
 
-    @field_validator("type", mode="before")
-    @classmethod
-    def _paper_name(cls, word: Any) -> Any:
-        if not isinstance(word, str):
-            return word
-        return PAPER_NAMES.get(word.lower().removeprefix("gnss-"), word)
-
     @field_validator("parameters")
     @classmethod
     def _plain(cls, parameters: dict[str, Value]) -> dict[str, Value]:
@@ -173,18 +153,8 @@ class AttackSpec(Section):
             raise ValueError(str(error)) from None
         return text
 
-    @property
-    def family(self) -> Family:
-        """What it attacks, by its word."""
-        return next((family for family in FAMILIES if self.type.startswith(f"{family}-")), "lidar")
-
     @model_validator(mode="after")
-    def _fits_family(self) -> AttackSpec:
-        given = [key for key, field in type(self).model_fields.items() if getattr(self, key) != field.default]
-        for family, keys in OWN_KEYS.items():
-            strange = [key for key in keys if key in given]
-            if self.family != family and strange:
-                raise ValueError(f"{self.type} has no use for {strange[0]}; leave it out")
+    def _nobody_attacks_himself(self) -> AttackSpec:
         if self.attackers is not None and self.victim in self.attackers.vehicles:
             raise ValueError(f"{self.victim} is both attacker and victim of {self.type}; name another")
         return self
@@ -241,10 +211,3 @@ def attack_spec(keys: Mapping[str, Any]) -> AttackSpec:
         message = cut(first["msg"].removeprefix("Value error, "), 1000)
         given = "" if isinstance(first["input"], dict) else f", not {shown(first['input'])}"
         raise AdvpipeError(f"attack: {f'{place}: ' if place else ''}{message}{given}") from None
-
-
-def in_order(specs: Sequence[AttackSpec]) -> Iterator[tuple[Family, tuple[AttackSpec, ...]]]:
-    """The attacks by family, in the order in which they are applied."""
-    for family in FAMILIES:
-        if of_family := tuple(spec for spec in specs if spec.family == family):
-            yield family, of_family

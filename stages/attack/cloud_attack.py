@@ -19,8 +19,10 @@ from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.clouds import AttackedCloud
 from advpipe.stages.attack.job import Job
 from advpipe.stages.attack.lidar.base import LidarAttack, LidarResult
-from advpipe.stages.attack.lidar.refusal import refuse_wrong
-from advpipe.stages.attack.parameters import build_lidar_attack, resolved_recipe
+from advpipe.stages.attack.lidar.build import build_lidar_attack
+from advpipe.stages.attack.lidar.refusal import refuse_beyond, refuse_wrong
+from advpipe.stages.attack.lidar.registry import LIDAR_ATTACKS
+from advpipe.stages.attack.parameters import resolved_recipe
 
 Group = tuple[int, ...]
 """Clouds that are attacked at once, by their places in the plan."""
@@ -72,9 +74,11 @@ def cloud_attacker(
         only = FrameSlice(cloud.frame, cloud.frame + 1)
         (frame,) = read_frames(clean, only, lidar_topic=cloud.topic)
         named = filter(None, [spec.victim, spec.lidar, spec.seed_name])  # two LiDARs draw apart
-        rng = named_generator(seed, "attack", spec.type, resolved_recipe(spec), cloud.frame, *named)
+        recipe = resolved_recipe(spec, LIDAR_ATTACKS.find(spec.type))
+        rng = named_generator(seed, "attack", spec.type, recipe, cloud.frame, *named)
         result = attack(frame.cloud, frame.boxes, detector, rng)
         refuse_wrong(spec.type, frame.cloud, result)
+        refuse_beyond(spec.type, attack.bounds, frame.cloud, result)
         return result
 
     def attack_group(number: int) -> None:

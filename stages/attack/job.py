@@ -15,7 +15,8 @@ import numpy as np
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.lock import LOCK_NAME, lock_of_dead, one_at_a_time, remove_folder, take_lock
-from advpipe.stages.attack.lidar.base import LidarResult, PointLabels
+from advpipe.pipeline.labels.points import PointLabels
+from advpipe.stages.attack.lidar.base import LidarResult
 
 _HASH_LENGTH = 12
 _PARTIAL = ".partial"

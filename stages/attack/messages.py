@@ -11,17 +11,17 @@ from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.change import Change
 
 if TYPE_CHECKING:
-    from advpipe.stages.attack.v2x.editor import MessageEditor
+    from advpipe.stages.attack.v2x.base import MessageEditor
 
 
-def change_messages(reader: BagReader, attacks: Sequence[AttackSpec], seed: int) -> list[Change]:
+def change_messages(
+    reader: BagReader, gnss: Sequence[AttackSpec], v2x: Sequence[AttackSpec], seed: int
+) -> list[Change]:
     """What the attacks of both families make of a bag's messages; no topic belongs to two changes.
 
     Raises AdvpipeError for a bag without what they attack.
     """
     changes: list[Change] = []
-    gnss = [spec for spec in attacks if spec.family == "gnss"]
-    cam = [spec for spec in attacks if spec.family == "cam"]
     editors: tuple[MessageEditor, ...] = ()
     if gnss:
         from advpipe.stages.attack.gnss.change import spoof
@@ -30,8 +30,8 @@ def change_messages(reader: BagReader, attacks: Sequence[AttackSpec], seed: int)
         changes.append(spoofed)
         editors = spoofed.editors()
     has_v2x = {V2X_STATIONS.name, V2X_SENT.name} <= set(reader.topics)
-    if cam or (editors and has_v2x):
+    if v2x or (editors and has_v2x):
         from advpipe.stages.attack.v2x.change import forge
 
-        changes.append(forge(reader, cam, seed, editors, dcc_reacts=any(spec.dcc_reacts for spec in cam)))
+        changes.append(forge(reader, v2x, seed, editors, dcc_reacts=any(spec.dcc_reacts for spec in v2x)))
     return changes

@@ -9,12 +9,10 @@ from typing import Any, get_type_hints
 from pydantic import TypeAdapter, ValidationError
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.plugins import mistakes_told, own_words
 from advpipe.pipeline.core.section import leaves, written_number
 from advpipe.pipeline.core.shown import shown
 from advpipe.pipeline.scenario.attacks import AttackSpec, Value
-from advpipe.stages.attack.lidar.base import LidarAttack
-from advpipe.stages.attack.registry import find_attack
+from advpipe.stages.attack.base import Attack
 
 REQUIRED = inspect.Parameter.empty
 
@@ -34,17 +32,17 @@ MOST_WITHOUT_UNIT = 1e6
 """Of counts, shares, factors and weights: a million rounds for each cloud would take days."""
 
 
-def known_parameters(word: str) -> dict[str, Any]:
+def known_parameters(kind: type[Attack]) -> dict[str, Any]:
     """The parameters of an attack but for its recipe, in their order, with their defaults or `REQUIRED`."""
-    return {name: one.default for name, one in _keywords(word).items() if name != "recipe"}
+    return {name: one.default for name, one in _keywords(kind).items() if name != "recipe"}
 
 
-def resolved_parameters(spec: AttackSpec) -> dict[str, Any]:
-    """All parameters in the constructor's order, those not given at their defaults.
+def resolved_parameters(spec: AttackSpec, kind: type[Attack]) -> dict[str, Any]:
+    """All parameters of an attack, of this class, in the constructor's order, with defaults if not given.
 
     Raises AdvpipeError for one that is unknown, missing or of another type; bounds are the constructor's.
     """
-    known = known_parameters(spec.type)
+    known = known_parameters(kind)
     for name in spec.parameters:
         if name not in known:
             choice = f"known: {', '.join(known)}" if known else "it has none"
@@ -52,14 +50,14 @@ def resolved_parameters(spec: AttackSpec) -> dict[str, Any]:
     for name, default in known.items():
         if default is REQUIRED and name not in spec.parameters:
             raise UsageError(f"{spec.type}: {name} is missing; pass --set {name}=VALUE")
-    types = _types(spec.type)
+    types = _types(kind)
     given = {name: _checked(spec.type, name, value, types) for name, value in spec.parameters.items()}
     return {name: given.get(name, default) for name, default in known.items()}
 
 
-def resolved_recipe(spec: AttackSpec) -> str:
+def resolved_recipe(spec: AttackSpec, kind: type[Attack]) -> str:
     """The attack's recipe: its best one if none is named, "" for an attack that has none."""
-    recipe = _keywords(spec.type).get("recipe")
+    recipe = _keywords(kind).get("recipe")
     if recipe is None and spec.recipe is not None:
         raise UsageError(f"{spec.type} has no recipes; leave out {shown(spec.recipe)}")
     if spec.recipe == "":
@@ -69,50 +67,18 @@ def resolved_recipe(spec: AttackSpec) -> str:
     return str(recipe.default) if spec.recipe is None else spec.recipe
 
 
-def build_lidar_attack(spec: AttackSpec) -> LidarAttack:
-    """The attack, its parameters checked; raises `AdvpipeError` for a bad one."""
-    recipe, keywords = resolved_recipe(spec), dict(resolved_parameters(spec))
-    if recipe:
-        _refuse_idle(spec, recipe, keywords)
-        keywords["recipe"] = recipe
-    with mistakes_told(own_words([spec.type])):
-        made: LidarAttack = find_attack(spec.type)(**keywords)
-    if not callable(made):
-        raise UsageError(f"{spec.type} is no attack: its instances cannot be called with a cloud")
-    return made
-
-
-def looks_of(attack: LidarAttack) -> int | None:
-    """To how many tries the attack looks to keep the best, as its `looks` says; None if it does not say."""
-    looks = getattr(attack, "looks", None)
-    if looks is not None and not (isinstance(looks, int) and looks >= 1):
-        raise UsageError(f"{type(attack).__name__}: looks is {looks!r}, but must be a whole number from 1 up")
-    return looks
-
-
-def _refuse_idle(spec: AttackSpec, recipe: str, parameters: Mapping[str, Any]) -> None:
-    """Raises AdvpipeError for a parameter that its recipe would pass over in silence."""
-    usual = known_parameters(spec.type)
-    for name, recipes in getattr(find_attack(spec.type), "only_for", {}).items():
-        if name in usual and parameters[name] != usual[name] and recipe not in recipes:
-            raise UsageError(
-                f"{spec.type}: recipe {recipe} does not look at {name}; leave it out, or take one that does: "
-                f"{', '.join(recipes)}"
-            )
-
-
-def _keywords(word: str) -> Mapping[str, inspect.Parameter]:
+def _keywords(kind: type[Attack]) -> Mapping[str, inspect.Parameter]:
     keywords: dict[str, inspect.Parameter] = {}
-    for made_by in _constructors(find_attack(word)):
+    for made_by in _constructors(kind):
         for name, one in inspect.signature(made_by).parameters.items():
             if one.kind is one.KEYWORD_ONLY:
                 keywords.setdefault(name, one)
     return keywords
 
 
-def _types(word: str) -> dict[str, Any]:
+def _types(kind: type[Attack]) -> dict[str, Any]:
     types: dict[str, Any] = {}
-    for made_by in _constructors(find_attack(word)):
+    for made_by in _constructors(kind):
         try:
             types = {**get_type_hints(made_by.__init__ if inspect.isclass(made_by) else made_by), **types}
         except (NameError, TypeError):  # a user's attack need not tell
@@ -120,10 +86,10 @@ def _types(word: str) -> dict[str, Any]:
     return types
 
 
-def _constructors(found: Callable[..., Any]) -> Iterator[Callable[..., Any]]:
+def _constructors(kind: type[Attack]) -> Iterator[Callable[..., Any]]:
     """The attack's class, and the `__init__` of its parents, as long as each hands on `**others`."""
-    parents = found.__mro__[1:-1] if inspect.isclass(found) else ()
-    for made_by in (found, *(vars(parent)["__init__"] for parent in parents if "__init__" in vars(parent))):
+    parents = kind.__mro__[1:-1]
+    for made_by in (kind, *(vars(parent)["__init__"] for parent in parents if "__init__" in vars(parent))):
         try:
             parameters = inspect.signature(made_by).parameters.values()
         except ValueError:  # a class of another language

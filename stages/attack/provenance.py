@@ -12,16 +12,19 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core import plain_json
 from advpipe.pipeline.core.code import CLOUDS, code_sha256
 from advpipe.stages.attack.clouds import topic_of
-from advpipe.stages.attack.parameters import build_lidar_attack, looks_of
+from advpipe.stages.attack.lidar.build import build_lidar_attack, looks_of
 from advpipe.stages.attack.request import AttackRequest
 
 _WHEN = ("pipeline/scenario/attacks.py", "stages/attack/clouds.py", "stages/attack/recording.py")
 
-LIDAR = (*CLOUDS, *_WHEN, "stages/attack/lidar", "stages/attack/cloud_attack.py")
+_LABELS = ("pipeline/labels/points.py", "pipeline/labels/quantities.py")
+
+LIDAR = (*CLOUDS, *_WHEN, *_LABELS, "stages/attack/lidar", "stages/attack/cloud_attack.py")
 """The code that decides what becomes of which clouds."""
 
 MESSAGES = (
     "pipeline/bag",
+    "pipeline/labels",
     "pipeline/messages",
     "pipeline/replay",
     "pipeline/geometry",

@@ -13,14 +13,14 @@ from advpipe.pipeline.core import plain_json
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.detector.device import CPU, device_record, frames_at_once, open_device
 from advpipe.pipeline.detector.registry import detector_sha256
-from advpipe.pipeline.scenario.attacks import OWN_KEYS, AttackSpec
-from advpipe.stages.attack.parameters import (
-    build_lidar_attack,
-    known_parameters,
-    resolved_parameters,
-    resolved_recipe,
-)
-from advpipe.stages.attack.registry import source_sha256
+from advpipe.pipeline.labels.declaration import Family
+from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.pipeline.scenario.models import Scenario
+from advpipe.stages.attack.declared import declaration_of
+from advpipe.stages.attack.lidar.base import LidarAttack
+from advpipe.stages.attack.own import source_sha256
+from advpipe.stages.attack.parameters import known_parameters, resolved_parameters, resolved_recipe
+from advpipe.stages.attack.registry import BASES, find_attack, named, refuse_foreign_keys
 
 
 @dataclass(frozen=True)
@@ -34,10 +34,17 @@ class AttackRequest:
     seed: int = 0
     device: str = CPU
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "attacks", tuple(map(named, self.attacks)))
+
+    def of(self, family: Family) -> tuple[AttackSpec, ...]:
+        """Those of its attacks that belong to a family. Raises AdvpipeError for one that belongs to none."""
+        return tuple(spec for spec in self.attacks if find_attack(spec.type).family == family)
+
     @property
     def lidar(self) -> tuple[AttackSpec, ...]:
         """Those of its attacks that change clouds."""
-        return tuple(spec for spec in self.attacks if spec.family == "lidar")
+        return self.of("lidar")
 
     @property
     def has_messages(self) -> bool:
@@ -61,10 +68,13 @@ class AttackRequest:
         if chosen.stop is not None and chosen.stop <= chosen.start:
             raise UsageError(f"frames {chosen} choose none: the stop, excluded, is not after the start")
         for spec in self.attacks:
-            if spec.family == "lidar":
-                build_lidar_attack(spec)
-            else:
-                resolved_parameters(spec)
+            refuse_foreign_keys(spec)
+            declaration_of(spec)
+
+    def refuse_without_v2x(self, name: str, scenario: Scenario) -> None:
+        """Raises AdvpipeError where the attacks of this name need what a scenario does not record."""
+        for spec in self.of("v2x") if not scenario.v2x.enabled else ():
+            raise UsageError(f"attacks.{name}: {spec.type} attacks V2X, but v2x.enabled is false")
 
     def resolved(self) -> list[dict[str, Any]]:
         """The attacks with every default filled in, and the checksums of what they work with."""
@@ -74,10 +84,11 @@ class AttackRequest:
         """Attack, recipe and parameters in short: of several attacks, the figures of the one on clouds."""
         leading = (self.lidar or self.attacks)[0]
         alone = len(self.lidar or self.attacks) == 1
+        kind = find_attack(leading.type)
         return {
             "attack": "+".join(spec.type for spec in self.attacks),
-            "recipe": resolved_recipe(leading) if alone else "",
-            "parameters": resolved_parameters(leading) if alone else {},
+            "recipe": resolved_recipe(leading, kind) if alone else "",
+            "parameters": resolved_parameters(leading, kind) if alone else {},
         }
 
 
@@ -89,11 +100,12 @@ def attack_id(request: AttackRequest) -> str:
 
 
 def _one_id(spec: AttackSpec) -> str:
-    known = known_parameters(spec.type)
+    kind = find_attack(spec.type)
+    known = known_parameters(kind)
     first = next(iter(known), None)
-    words = [spec.type, *([recipe] if (recipe := resolved_recipe(spec)) else [])]
-    for name, value in resolved_parameters(spec).items():
-        if name == first and spec.family == "lidar":
+    words = [spec.type, *([recipe] if (recipe := resolved_recipe(spec, kind)) else [])]
+    for name, value in resolved_parameters(spec, kind).items():
+        if name == first and issubclass(kind, LidarAttack):
             words.append(_short(value))
         elif value != known[name]:
             words.append(name if value is True else f"{name}{_short(value)}")
@@ -105,20 +117,20 @@ def _short(value: object) -> str:
 
 
 def _resolved(spec: AttackSpec, device: str) -> dict[str, Any]:
-    foreign = {key for family, keys in OWN_KEYS.items() if family != spec.family for key in keys}
+    kind = find_attack(spec.type)
+    foreign = {key for base in BASES if base.family != kind.family for key in base.own_keys}
     plain = spec.model_dump(mode="json", exclude=foreign)
+    plain["declared"] = declaration_of(spec).plain()
+    plain["attack_sha256"] = source_sha256(kind)
     try:
-        plain["parameters"] = plain_json.load(json.dumps(resolved_parameters(spec)))
+        plain["parameters"] = plain_json.load(json.dumps(resolved_parameters(spec, kind)))
     except (TypeError, ValueError) as error:  # of a user's own attack
         raise AdvpipeError(f"{spec.type}: parameters cannot be written down as JSON: {error}") from None
-    if spec.family != "lidar":
+    if kind.family != "lidar":
         return plain
-    plain["recipe"] = resolved_recipe(spec)
+    plain["recipe"] = resolved_recipe(spec, kind)
     plain["detector"] = Path(spec.detector).name
-    checksums = {
-        "detector_sha256": detector_sha256(spec.detector),
-        "attack_sha256": source_sha256(spec.type),
-    }
+    plain["detector_sha256"] = detector_sha256(spec.detector)
     count = frames_at_once(device)
     batch = {"frames_at_once": str(count)} if count > 1 else {}
-    return {**plain, **checksums, **device_record(device), **batch}
+    return {**plain, **device_record(device), **batch}

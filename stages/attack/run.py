@@ -15,6 +15,7 @@ from advpipe.pipeline.core.jobs import run_jobs
 from advpipe.pipeline.core.plugins import own_words, told
 from advpipe.pipeline.detector.device import frames_at_once
 from advpipe.pipeline.detector.registry import load_detector
+from advpipe.pipeline.labels.clouds import Frame, PointTables
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.cloud import StampedCloud, cloud_to_cdr
 from advpipe.stages.attack.change import Change, changed_messages
@@ -29,7 +30,6 @@ from advpipe.stages.attack.recording import recording_of
 from advpipe.stages.attack.request import AttackRequest, attack_id
 from advpipe.stages.attack.selected import messages_of_frames
 from advpipe.stages.attack.summary import AttackSummary
-from advpipe.stages.attack.tables import AttackTables
 
 __all__ = ["AttackRequest", "AttackSummary", "attack", "attack_id"]
 
@@ -47,9 +47,9 @@ def attack(
     Every message that is not attacked is copied byte for byte. Frames that are not chosen are left out, or
     their clouds alone where messages are attacked too. Beside the bag in the folder `out` lie attack.yaml
     (the resolved request) and Parquet files that say what was done: labels.parquet and frames.parquet of
-    clouds (see `tables`), and what each change of messages tells. A run that was interrupted goes on where
-    it stopped. The bytes are the same for any number of worker processes (default: one for each core, or one
-    where a GPU takes several clouds at once), and whether it ran in one go or in pieces.
+    clouds (see `labels.clouds`), and what each change of messages tells. A run that was interrupted goes on
+    where it stopped. The bytes are the same for any number of worker processes (default: one for each core,
+    or one where a GPU takes several clouds at once), and whether it ran in one go or in pieces.
 
     Raises AdvpipeError for an unknown attack, a bad parameter, a bag that is none or lacks what is attacked,
     frames or times that it does not have, attacks that contradict each other, an output that exists, and
@@ -67,7 +67,8 @@ def attack(
     writer = BagWriter(out, provenance=provenance, overwrite=overwrite)  # refuses a bad output at once
     resolved = resolved_text(provenance)
     summary = AttackSummary(out)
-    changes = change_messages(reader, request.attacks, request.seed)
+    gnss, v2x = request.of("gnss"), request.of("v2x")
+    changes = change_messages(reader, gnss, v2x, request.seed)
     with open_job(out, resolved) as job:
         if plan is not None:
             _attack_clouds(reader.path, plan, request, job, workers)
@@ -107,7 +108,7 @@ def _plan(reader: BagReader, request: AttackRequest) -> CloudPlan | None:
     recording = recording_of(reader)
     for spec in request.attacks:
         recording.refuse_outside(spec)
-    refuse_contradictions(reader, request.attacks, request.seed)
+    refuse_contradictions(reader, request.of("v2x"), request.seed)
     if not request.lidar:
         return None
     return plan_clouds(reader, request.lidar, request.frames, recording, request.seed)
@@ -125,7 +126,7 @@ def _write_with_clouds(
     """The messages of the chosen frames, adversarial clouds among them, with their labels."""
     place_of = {(cloud.topic, cloud.frame): place for place, cloud in enumerate(plan.attacked)}
     messages = changed_messages(reader, changes)
-    with AttackTables(bag.folder) as tables:
+    with PointTables(bag.folder) as tables:
         for frame, message in messages_of_frames(reader, messages, plan, clouds_only=request.has_messages):
             if frame is None:
                 bag.copy(message)
@@ -136,7 +137,11 @@ def _write_with_clouds(
             else:
                 result, name = job.require(place), request.lidar[plan.attacked[place].attack].type
             bag.copy(_with_result(message, stamped, result))
-            tables.add(message.topic.name, frame, name, stamped, result)
+            row = Frame(
+                *(message.topic.name, frame, name, stamped, len(result.cloud)),
+                *(result.loss_before, result.loss_after, result.note),
+            )
+            tables.add(row, result.labels)
             summary.add(len(stamped.cloud), result)
 
 

@@ -22,6 +22,7 @@ SCORING = (*CLOUDS, "pipeline/defences", "stages/evaluate/detection")
 REPORTING = (
     *SCORING,
     "pipeline/bag",
+    "pipeline/labels",
     "pipeline/messages",
     "pipeline/replay",
     "pipeline/localisation",

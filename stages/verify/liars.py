@@ -6,21 +6,29 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.labels.declaration import Declaration, Family
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.replay.recorded_filter import usual_victim, vehicles_with_filter
 from advpipe.pipeline.replay.v2x_attackers import Cast
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
-from advpipe.pipeline.scenario import mixes
-from advpipe.pipeline.scenario.acting import Acting, acting_on_messages
+from advpipe.pipeline.scenario.acting import Acting, acting_on_messages, drawn_parts
 from advpipe.pipeline.scenario.attacks import NS_PER_S, AttackSpec
+
+
+class MessageAttack(NamedTuple):
+    """An attack on messages or fixes that a bag names; declared: None in one of an older version."""
+
+    spec: AttackSpec
+    family: Family
+    declared: Declaration | None
 
 
 class Liar(NamedTuple):
     """An attack that touches messages, as labels name it.
 
     senders: station ids of the radios whose messages it touches. is_sender: whether it is the sender who
-    lies. parts: of a mix, the word that each sender carries out. acts: whether it may touch a message of that
-    time.
+    lies. parts: of a mix, the attack that each sender carries out. acts: whether it may touch a message of
+    that time. declared: None in a bag of an older version.
     """
 
     name: str
@@ -28,30 +36,45 @@ class Liar(NamedTuple):
     is_sender: bool
     parts: Mapping[int, str]
     acts: Acting
+    declared: Declaration | None = None
+
+    @property
+    def is_undeclared(self) -> bool:
+        """Whether the bag is of a version in which attacks did not declare themselves."""
+        return self.is_sender and self.declared is None
 
 
 class Liars:
     """In the order in which they touch messages: GPS first, then V2X as configured.
 
-    names: of all radios by station id. attackers: station ids of all senders who lie.
+    names: of all radios by station id. attackers: station ids of all senders who lie. undeclared: attacks of
+    which the bag does not tell whether all that they send matters, nor what a mix is made of.
     """
 
-    def __init__(self, clean: BagReader, specs: Sequence[AttackSpec], start_ns: int, seed: int) -> None:
+    def __init__(self, clean: BagReader, attacks: Sequence[MessageAttack], start_ns: int, seed: int) -> None:
         drive = V2xDrive(clean)
         cast = Cast(drive, str(clean.path), seed)
         origin = drive.origin
         self.geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
         self.expiry_s = drive.v2x.ldm.expiry_s
-        cam = [spec for spec in specs if spec.family == "cam"]
         self._all = [
-            *_spoofed(clean, specs, drive, start_ns),
-            *(_liar(one, cast, start_ns, seed) for one in cam),
+            *_spoofed(clean, attacks, drive, start_ns),
+            *(_liar(one, cast, start_ns, seed) for one in attacks if one.family == "v2x"),
         ]
+        self.undeclared = tuple(dict.fromkeys(one.name for one in self._all if one.is_undeclared))
         self.names = cast.names
         self.attackers = frozenset(number for one in self._all if one.is_sender for number in one.senders)
 
     def named(self, name: str) -> list[Liar]:
         return [one for one in self._all if one.name == name]
+
+    def every_message_matters(self, name: str, sender: int, part: str) -> bool | None:
+        """Whether all that a sender sends by an attack, or a part of it, matters; None where the bag does not
+        tell."""
+        liars = [one for one in self.named(name) if sender in one.senders]
+        if any(one.is_undeclared for one in liars):
+            return None
+        return any(_all_matter(one.declared, part) for one in liars)
 
     def place(self, name: str, sender: int) -> int:
         """Of the one who touches a sender's messages under this name; after all others if there is none."""
@@ -59,27 +82,39 @@ class Liars:
         return next(found, len(self._all))
 
 
-def victims(clean: BagReader, specs: Sequence[AttackSpec]) -> dict[str, list[AttackSpec]]:
+def _all_matter(declared: Declaration | None, part: str) -> bool:
+    if declared is None:  # a spoofed receiver: what it tells is judged
+        return False
+    found = declared.part(part) if part else declared
+    return found is not None and found.every_message_matters
+
+
+def victims(clean: BagReader, attacks: Sequence[MessageAttack]) -> dict[str, list[AttackSpec]]:
     """The attacks on GPS by the vehicle that they strike, in the order in which it was named first."""
     usual, found = usual_victim(vehicles_with_filter(clean)), dict[str, list[AttackSpec]]()
-    for spec in specs:
-        if spec.family == "gnss":
+    for spec, family, _ in attacks:
+        if family == "gnss":
             found.setdefault(spec.victim or usual or "", []).append(spec)
     return found
 
 
-def _liar(spec: AttackSpec, cast: Cast, start_ns: int, seed: int) -> Liar:
+def _liar(attack: MessageAttack, cast: Cast, start_ns: int, seed: int) -> Liar:
+    spec, declared = attack.spec, attack.declared
     senders = cast.attackers(spec)
     parts: Mapping[int, str] = {}
-    if spec.type == mixes.WORD:
-        parts = mixes.drawn(spec.parameters["attacks"], senders, seed, spec.seed_name)
-    return Liar(spec.type, frozenset(senders), True, parts, acting_on_messages(spec, start_ns, seed))
+    if declared is not None and declared.parts:
+        names = [part.name for part in declared.parts]
+        parts = drawn_parts(names, senders, seed, spec.type, spec.seed_name)
+    acts = acting_on_messages(spec, start_ns, seed)
+    return Liar(spec.type, frozenset(senders), True, parts, acts, declared)
 
 
-def _spoofed(clean: BagReader, specs: Sequence[AttackSpec], drive: V2xDrive, start_ns: int) -> list[Liar]:
+def _spoofed(
+    clean: BagReader, attacks: Sequence[MessageAttack], drive: V2xDrive, start_ns: int
+) -> list[Liar]:
     """Victims with a filter first, which believe the lie for good; of other stations, only CAMs are known."""
     with_filter = vehicles_with_filter(clean)
-    by_victim = sorted(victims(clean, specs).items(), key=lambda item: item[0] not in with_filter)
+    by_victim = sorted(victims(clean, attacks).items(), key=lambda item: item[0] not in with_filter)
     liars = []
     for victim, struck in by_victim:
         name = "+".join(dict.fromkeys(spec.type for spec in struck))

@@ -15,7 +15,7 @@ from advpipe.pipeline.v2x.facilities.cam_values import (
     places_m,
     values_of_payload,
 )
-from advpipe.pipeline.v2x.facilities.effect import WHATEVER_THEY_SAY, matters
+from advpipe.pipeline.v2x.facilities.effect import matters
 from advpipe.stages.verify.ledger import Ledger, Message, Row, Story
 from advpipe.stages.verify.liars import Liars
 
@@ -106,7 +106,9 @@ class MessageLabels:
         if row["attacker"] not in {sender if one.is_sender else "" for one in liars}:
             yield f"is not by {row['attacker'] or 'nobody'}, as its attacker says"
         liars = [
-            one for one in liars if row.get("part", "") == one.parts.get(number, "") or "part" not in row
+            one
+            for one in liars
+            if "part" not in row or one.is_undeclared or row["part"] == one.parts.get(number, "")
         ]
         if not liars:
             yield f"is not by part {row['part']!r} of {name}"
@@ -156,10 +158,13 @@ class MessageLabels:
             fields = changed_fields(said, false)
         if row.get("fields", fields) != fields:
             yield f"has its {fields or 'nothing'} changed, not {row['fields'] or 'nothing'}"
-        mattered = row["action"] == "dropped" or (row.get("part") or row["attack"]) in WHATEVER_THEY_SAY
+        always = self.liars.every_message_matters(row["attack"], row["station_id"], row.get("part", ""))
+        mattered = row["action"] == "dropped" or bool(always)
         if not mattered:
             moved_m = math.hypot(*(_number(row[f"true_{a}"]) - _number(row[f"false_{a}"]) for a in _AXES))
             mattered = matters(true, false, moved_m, self.liars.expiry_s)
+        if always is None and not mattered:
+            return
         if row["mattered"] is not (mattered and row["action"] != "corrupt"):
             yield f"mattered: {row['mattered']} is told, the rule says {not row['mattered']}"
 

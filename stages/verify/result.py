@@ -13,6 +13,8 @@ from advpipe.pipeline.core.errors import one_line
 FAULTS_A_PLACE = 5
 """Of faults of one check at one place, so many are told one by one; the others are counted."""
 
+NOT_DECLARED = "not checked: the bag is of a version in which attacks did not declare themselves"
+
 
 class Fault(NamedTuple):
     """Something is not as it is claimed to be. where: a relative path, perhaps with more behind it."""

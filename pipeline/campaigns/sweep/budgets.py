@@ -6,34 +6,18 @@ arXiv 2509.05332: SECOND on 3,000 frames of CARLA's Town06. Its Table II has all
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.stages.attack.lidar.base import Budget as Axis
+from advpipe.stages.attack.lidar.base import lidar_traits
+from advpipe.stages.attack.lidar.registry import LIDAR_ATTACKS
 
-
-@dataclass(frozen=True)
-class Axis:
-    """What a budget bounds.
-
-    parameter: of the attack. steps: its parameter that says how often it looks. unit: as the paper prints it.
-    scale: the paper's number times this is the parameter. others: parameters that all budgets of the attack
-    share.
-    """
-
-    title: str
-    parameter: str
-    steps: str
-    unit: str
-    scale: float = 1.0
-    others: tuple[tuple[str, int], ...] = ()
-
-
-AXES: dict[str, Axis] = {
-    "perturb": Axis("Perturbation, ε in cm", "eps_cm", "steps", "cm"),
-    "detach": Axis("Detachment, share removed in %", "ratio", "rounds", "%", scale=0.01),
-    "attach": Axis("Attachment, ε in m", "eps_m", "rounds", "m", others=(("points", 300),)),
+AXES: Mapping[str, Axis] = {
+    name: budget for name, kind in LIDAR_ATTACKS.items() if (budget := lidar_traits(kind).budget).published
 }
+"""By attack, what a budget of the paper's tables bounds; in the order of its Table II."""
 
 
 @dataclass(frozen=True)
@@ -63,31 +47,20 @@ class Budget:
 
 
 TABLES: dict[str, tuple[Budget, ...]] = {
-    "paper": (
-        Budget("perturb", 0.5, 99.85, 0.00010),
-        Budget("perturb", 1.0, 98.77, 0.00025),
-        Budget("perturb", 3.0, 93.28, 0.00182),
-        Budget("perturb", 5.0, 89.07, 0.00466),
-        Budget("perturb", 7.0, 82.79, 0.00842),
-        Budget("perturb", 10.0, 73.20, 0.01533),
-        Budget("detach", 0.05, 99.88, 0.00023),
-        Budget("detach", 0.1, 97.44, 0.00117),
-        Budget("detach", 0.3, 96.71, 0.00921),
-        Budget("detach", 0.5, 95.28, 0.02177),
-        Budget("detach", 1.0, 91.77, 0.07035),
-        Budget("detach", 1.5, 88.75, 0.13397),
-        Budget("attach", 0.05, 98.82, 0.00005),
-        Budget("attach", 0.1, 95.19, 0.00011),
-        Budget("attach", 0.3, 87.72, 0.00054),
-        Budget("attach", 0.5, 78.46, 0.00126),
-        Budget("attach", 0.7, 77.24, 0.00226),
-        Budget("attach", 1.0, 77.09, 0.00429),
+    "paper": tuple(
+        Budget(attack, figure.printed, figure.map_ratio_percent, figure.chamfer_distance_m2)
+        for attack, axis in AXES.items()
+        for figure in axis.published
     )
 }
 """Table II, in its order: mAP ratio in percent, Chamfer distance in m²."""
 
-TABLE_ONE = ("perturb-10", "detach-1", "attach-0.5")
-"""The budgets of Table I, in its order."""
+TABLE_ONE = tuple(
+    budget.name
+    for budget in TABLES["paper"]
+    if budget.parameters[AXES[budget.attack].parameter] == AXES[budget.attack].usual
+)
+"""The budgets of Table I, in its order: what an attack gets where the user names none."""
 
 
 def choose_budgets(table: str, names: Sequence[str] = ()) -> tuple[Budget, ...]:

@@ -71,9 +71,8 @@ def _held_still(cells: Sequence[Cell]) -> list[str]:
     told = []
     for cell in cells:
         weight, moved_m = _parameter(cell, "weight"), cell.row.get("rms_displacement_m")
-        is_paper = (_recipe(cell), cell.row.get("attack")) == ("paper", "perturb")
         allowed_cm = _parameter(cell, "eps_cm")
-        if is_paper and weight and isinstance(moved_m, float) and allowed_cm is not None:
+        if _recipe(cell) == "paper" and weight and isinstance(moved_m, float) and allowed_cm is not None:
             told.append(
                 f"{cell.name}: the weight λ = {weight:g} of the Chamfer distance, beside steps of equal "
                 f"length for each point, holds the points to {1000 * moved_m:.1f} mm (RMS) of the "

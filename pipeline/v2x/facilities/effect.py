@@ -26,14 +26,6 @@ THRESHOLDS: dict[str, float] = {
 """A difference above it matters, as one above `POSITION_M` on the ground does."""
 ALWAYS = ("station_id", "station_type", "acceleration_control")
 """Any difference matters."""
-WHATEVER_THEY_SAY = frozenset(
-    {
-        *("cam-masquerade", "cam-dos", "cam-dos-random", "cam-dos-disruptive", "cam-dos-random-sybil"),
-        *("cam-dos-disruptive-sybil", "cam-sybil-grid", "cam-sybil-replay", "cam-sybil-congestion"),
-        *("cam-ghost-stop", "cam-ghost-brake"),
-    }
-)
-"""Attacks whose messages all matter: of a station that does not exist or is another one, or one too many."""
 _PLACE = ("latitude_deg", "longitude_deg")
 
 

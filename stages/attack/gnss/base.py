@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.estimate import Innovation
+from advpipe.stages.attack.base import Attack, Traits
 
 
 class Genuine(NamedTuple):
@@ -52,11 +54,49 @@ Spoofer = Callable[[Sight], Float64 | None]
 """Gives the false fix (3,) in the map, None for no fix at all; called for each attacked fix in order."""
 
 
-class GnssAttack(Protocol):
-    """An attack with its parameters, checked and frozen."""
+@dataclass(frozen=True, kw_only=True)
+class GnssTraits(Traits):
+    """What is known of a GPS attack whatever its parameters.
 
+    needs_filter: it asks for `Sight.innovation`, so that a station of which the bag holds CAMs alone cannot
+    be its victim.
+    """
+
+    needs_filter: bool = False
+
+
+class GnssAttack(Attack):
+    """A GPS attack with its parameters, which its constructor takes keyword-only, with defaults and units in
+    their names, and checks. It declares its `traits`:
+
+    >>> class North(GnssAttack):
+    ...     traits = GnssTraits()
+    ...
+    ...     def __init__(self, *, offset_m: float = 10.0) -> None:
+    ...         self.offset_m = offset_m
+    ...
+    ...     def begin(self, rng):
+    ...         return lambda sight: sight.position_m + [0.0, self.offset_m, 0.0]
+
+    Several on one vehicle cannot act at the same time: a receiver reports one place.
+    """
+
+    family = "gnss"
+    traits_type = GnssTraits
+
+    @property
+    @abstractmethod
+    def traits(self) -> GnssTraits: ...
+
+    @abstractmethod
     def begin(self, rng: np.random.Generator) -> Spoofer:
         """The attack on one victim; all its draws come from `rng`."""
+
+
+def gnss_traits(kind: type[GnssAttack]) -> GnssTraits:
+    """The traits of a class."""
+    found: GnssTraits = vars(kind)["traits"]
+    return found
 
 
 def level(angle_rad: float) -> Float64:

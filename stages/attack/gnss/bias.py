@@ -8,11 +8,11 @@ import numpy as np
 
 from advpipe.pipeline.localisation.gnss import HEIGHT_FACTOR
 from advpipe.stages.attack.bounds import number
-from advpipe.stages.attack.gnss.base import Sight, Spoofer
+from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Sight, Spoofer
 
 
 @dataclass(frozen=True, kw_only=True)
-class Bias:
+class Bias(GnssAttack):
     """x_adv = x + delta with delta_i uniform in [-Delta_i, Delta_i], drawn once for a victim (the paper,
     section on communication attacks: "a random constant error").
 
@@ -20,6 +20,8 @@ class Bias:
     wandering, 0.3 m white), "the maximum plausible GPS error". bound_up_m: Delta of the height, by default
     as much larger as heights err more. A fix holds no heading, so none is biased.
     """
+
+    traits = GnssTraits(also_known_as=("rba", "gnss-rba"))
 
     bound_m: float = 3.0
     bound_up_m: float = 3.0 * HEIGHT_FACTOR

@@ -8,24 +8,26 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from advpipe.pipeline.bag.localisation import MAP_FRAME, estimate_message
+from advpipe.pipeline.bag.localisation import estimate_message
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages import build
-from advpipe.pipeline.messages.topics import TF, V2X_STATIONS, VehicleTopics
+from advpipe.pipeline.messages.topics import MAP_FRAME, TF, V2X_STATIONS, VehicleTopics
 from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.messages.v2x import stations_of_message
 from advpipe.pipeline.replay.recorded_filter import GNSS_FIX, read_filter, usual_victim, vehicles_with_filter
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.stages.attack.gnss.base import gnss_traits
 from advpipe.stages.attack.gnss.estimated_cams import EstimatedCams
 from advpipe.stages.attack.gnss.labels import FILE_NAME, write_labels
+from advpipe.stages.attack.gnss.registry import GNSS_ATTACKS
 from advpipe.stages.attack.gnss.reported_cams import ReportedCams
 from advpipe.stages.attack.gnss.strikes import Strikes
 from advpipe.stages.attack.gnss.victim import SpoofedVehicle, spoof_vehicle
 from advpipe.stages.attack.recording import recording_of
-from advpipe.stages.attack.v2x.editor import MessageEditor
+from advpipe.stages.attack.v2x.base import MessageEditor
 
 __all__ = ["GnssChange", "spoof"]
 
@@ -169,8 +171,8 @@ def _stations(reader: BagReader) -> set[str]:
 
 def _refuse_filterless(specs: Sequence[AttackSpec], victim: str) -> None:
     for spec in specs:
-        if spec.type == "gnss-drift-aware":
+        if gnss_traits(GNSS_ATTACKS.find(spec.type)).needs_filter:
             raise UsageError(
-                f"{spec.type}: {victim} has no filter in the bag to be aware of; use gnss-drift, or strike "
-                "an instrumented vehicle"
+                f"{spec.type}: {victim} has no filter in the bag to be aware of; strike an instrumented "
+                "vehicle, or take an attack that needs none"
             )

@@ -8,17 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.stages.attack.bounds import number
-from advpipe.stages.attack.gnss.base import Sight, Spoofer, level
+from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Sight, Spoofer, level
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drift:
+class Drift(GnssAttack):
     """offset(t) = min(rate_mps * t, most_m) in one direction, t from the begin of a span.
 
     rate_mps: the 0.2 m/s of TDRobertson's GRADUAL_DRIFT for CARLA. angle_deg: the direction, anticlockwise
     from where the victim heads at the begin of a span; 90 is to its left, out of its lane, which is what
     Shen et al. aim for ("Drift with Devil", USENIX Security 2020).
     """
+
+    traits = GnssTraits()
 
     rate_mps: float = 0.2
     angle_deg: float = 90.0

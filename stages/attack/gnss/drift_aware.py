@@ -10,11 +10,11 @@ import numpy as np
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.estimate import Innovation
 from advpipe.stages.attack.bounds import number
-from advpipe.stages.attack.gnss.base import Sight, Spoofer, level
+from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Sight, Spoofer, level
 
 
 @dataclass(frozen=True, kw_only=True)
-class DriftAware:
+class DriftAware(GnssAttack):
     """A drift, throttled so that no fix fails the test nis <= gate of the victim's filter.
 
     The offset grows by rate_mps, unless the normalised innovation squared would exceed share times the
@@ -24,6 +24,8 @@ class DriftAware:
     share is that, on the test of `evaluate`. The spoofer knows the filter and all that it measures: the
     worst case. angle_deg: as in `drift`.
     """
+
+    traits = GnssTraits(needs_filter=True)
 
     rate_mps: float = 1.0
     angle_deg: float = 90.0

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from advpipe.stages.attack.gnss.base import Sight, Spoofer
+from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Sight, Spoofer
 
 
 @dataclass(frozen=True, kw_only=True)
-class Freeze:
+class Freeze(GnssAttack):
     """The genuine fix at the begin of a span, over and over (Simutack's "No Update" on its GNSS sensor)."""
+
+    traits = GnssTraits()
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
         """Draws nothing."""

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from advpipe.stages.attack.gnss.base import Sight, Spoofer
+from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Sight, Spoofer
 
 
 @dataclass(frozen=True, kw_only=True)
-class Jam:
+class Jam(GnssAttack):
     """The receiver finds no satellites: STATUS_NO_FIX and no place (sensor_msgs/NavSatStatus)."""
+
+    traits = GnssTraits()
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
         """Draws nothing."""

@@ -7,18 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.stages.attack.bounds import number, one_of
-from advpipe.stages.attack.gnss.base import Sight, Spoofer, any_direction
+from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Sight, Spoofer, any_direction
 
 MODES = ("glitch", "step")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Jump:
+class Jump(GnssAttack):
     """Each attacked fix jumps with a probability by distance_m, in a direction uniform in the plane.
 
     mode `glitch`: this fix alone is off. mode `step`: it and all after it are, until a span ends; jumps add
     up. The defaults are those of TDRobertson's SUDDEN_JUMP for CARLA: 5 m, probability 0.02 for each fix.
     """
+
+    traits = GnssTraits()
 
     mode: str = "glitch"
     distance_m: float = 5.0

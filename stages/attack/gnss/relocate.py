@@ -8,13 +8,13 @@ import numpy as np
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.stages.attack.bounds import number, one_of
-from advpipe.stages.attack.gnss.base import Sight, Spoofer, any_direction
+from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Sight, Spoofer, any_direction
 
 MODES = ("offset", "place")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Relocate:
+class Relocate(GnssAttack):
     """The paper's PAA: "a fictitious location far from its true position", "beyond normal error bounds".
 
     Both ways that it names: mode `offset` injects "a large bias", which moves along with the vehicle;
@@ -23,6 +23,8 @@ class Relocate:
     the plane; both are drawn once for a victim. The height stays. The paper gives no figures: the defaults
     are ours, and least_m is at least 10 m, which no fix of the default receiver errs by.
     """
+
+    traits = GnssTraits(also_known_as=("paa", "gnss-paa"))
 
     mode: str = "offset"
     least_m: float = 50.0

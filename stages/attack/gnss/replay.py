@@ -8,18 +8,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.stages.attack.bounds import number
-from advpipe.stages.attack.gnss.base import Sight, Spoofer
+from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Sight, Spoofer
 
 NS_PER_S = 1e9
 
 
 @dataclass(frozen=True, kw_only=True)
-class Replay:
+class Replay(GnssAttack):
     """The place of the latest genuine fix that is at least delay_s old, or of the first one of all.
 
     delay_s: the 2 s of TDRobertson's REPLAY for CARLA. The message keeps its own stamp: the receiver does
     not know.
     """
+
+    traits = GnssTraits()
 
     delay_s: float = 2.0
 

@@ -24,7 +24,7 @@ class ReportedCams:
     Each CAM counts as a fix, the reference point as the receiver's place. Heading, speed, accelerations,
     confidences and times of sending stay as they were said: nothing in the bag tells how the station fuses
     them. The path history, which is relative, moves along. Without a fix, position, altitude and ellipse are
-    unavailable. `gnss-drift-aware` needs a filter and is refused for such a station.
+    unavailable. Attacks that need a filter (`GnssTraits`) are refused for such a station.
 
     Calls of `edit` go through the drive's steps in order, once.
     """

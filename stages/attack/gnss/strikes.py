@@ -13,10 +13,10 @@ from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.estimate import Innovation
 from advpipe.pipeline.scenario.acting import Acting, acting_on_fixes
 from advpipe.pipeline.scenario.attacks import AttackSpec
-from advpipe.stages.attack.gnss.base import Genuine, GnssAttack, Sight, Spoofer
+from advpipe.stages.attack.gnss.base import Genuine, Sight, Spoofer
+from advpipe.stages.attack.gnss.registry import GNSS_ATTACKS
 from advpipe.stages.attack.parameters import resolved_parameters
 from advpipe.stages.attack.recording import Recording
-from advpipe.stages.attack.registry import find_attack
 
 
 class Lie(NamedTuple):
@@ -58,8 +58,8 @@ class Strikes:
         for spec in specs:
             recording.refuse_outside(spec)
             names = ("attack", spec.type, spec.seed_name, victim)
-            attack: GnssAttack = find_attack(spec.type)(**resolved_parameters(spec))
-            spoofer = attack.begin(named_generator(seed, *names))
+            kind = GNSS_ATTACKS.find(spec.type)
+            spoofer = kind(**resolved_parameters(spec, kind)).begin(named_generator(seed, *names))
             self._strikes.append(
                 _Strike(spec, spoofer, acting_on_fixes(spec, victim, recording.start_ns, seed))
             )

@@ -8,17 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.stages.attack.bounds import number
-from advpipe.stages.attack.gnss.base import Sight, Spoofer
+from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Sight, Spoofer
 
 
 @dataclass(frozen=True, kw_only=True)
-class Walk:
+class Walk(GnssAttack):
     """The horizontal offset is a Brownian motion from zero at the begin of a span.
 
     From one attacked fix to the next, t later, each axis moves by a normal draw of standard deviation
     stddev_m * sqrt(t / 1 s). Where it would leave the circle of most_m about zero, it goes to the circle's
     edge. stddev_m: the 2 m of TDRobertson's RANDOM_WALK for CARLA, taken for one second.
     """
+
+    traits = GnssTraits()
 
     stddev_m: float = 2.0
     most_m: float = 50.0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -14,11 +13,22 @@ from scipy.spatial import cKDTree
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
 from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.labels.points import ADDED, PointLabels
+from advpipe.pipeline.labels.quantities import ADDED_DISTANCE, POINTS_ADDED, POINTS_MOVED, POINTS_REMOVED
 from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
 from advpipe.stages.attack.lidar.attach_game import AttachGame
 from advpipe.stages.attack.lidar.attach_paper import salient_copies
 from advpipe.stages.attack.lidar.attach_places import Places, ball_places, joined, voxel_places
-from advpipe.stages.attack.lidar.base import NO_GRADIENT, LidarResult, PointLabels, told, unchanged
+from advpipe.stages.attack.lidar.base import (
+    NO_GRADIENT,
+    Budget,
+    LidarAttack,
+    LidarResult,
+    LidarTraits,
+    PublishedFigure,
+    told,
+    unchanged,
+)
 from advpipe.stages.attack.lidar.climb import climb, looks
 from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
 from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners
@@ -30,9 +40,6 @@ from advpipe.stages.attack.lidar.targets import detection_loss
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
-
-ADDED = "added"
-"""The action on a point that the clean cloud does not hold."""
 
 RECIPES = ("best", "robust", "paper", "random", "random-near", "random-best")
 
@@ -60,7 +67,7 @@ BALL_PLACES = 200
 """Places a chosen point, in all, for detectors that show no voxels, and for the baseline `random-best`."""
 
 
-class Attach:
+class Attach(LidarAttack):
     """Add exactly `points` points to a cloud, each within `eps_m` of one of its own, in float64 as stored.
 
     The attacker knows the detector, the true boxes and the rule that matches detections to them (`goal`).
@@ -81,13 +88,31 @@ class Attach:
         `constraints.Constraints`.
     """
 
-    only_for: ClassVar = {
-        "rounds": CLIMBING,
-        "goal": CLIMBING,
-        "weight": ("paper",),
-        "decay_m": ("best", "robust"),
-        "intensity": CLIMBING,
-    }
+    traits = LidarTraits(
+        budget=Budget(
+            title="Attachment, ε in m",
+            parameter="eps_m",
+            unit="m",
+            usual=0.5,
+            steps="rounds",
+            others={"points": 300},
+            published=(
+                PublishedFigure(printed=0.05, map_ratio_percent=98.82, chamfer_distance_m2=0.00005),
+                PublishedFigure(printed=0.1, map_ratio_percent=95.19, chamfer_distance_m2=0.00011),
+                PublishedFigure(printed=0.3, map_ratio_percent=87.72, chamfer_distance_m2=0.00054),
+                PublishedFigure(printed=0.5, map_ratio_percent=78.46, chamfer_distance_m2=0.00126),
+                PublishedFigure(printed=0.7, map_ratio_percent=77.24, chamfer_distance_m2=0.00226),
+                PublishedFigure(printed=1.0, map_ratio_percent=77.09, chamfer_distance_m2=0.00429),
+            ),
+        ),
+        only_for={
+            "rounds": CLIMBING,
+            "goal": CLIMBING,
+            "weight": ("paper",),
+            "decay_m": ("best", "robust"),
+            "intensity": CLIMBING,
+        },
+    )
 
     def __init__(
         self,
@@ -132,6 +157,15 @@ class Attach:
                 "intensity": intensity,
             }
         )
+
+    @property
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        return {
+            ADDED_DISTANCE.name: (0.0, self.eps_m),
+            POINTS_ADDED.name: (self.points, self.points),
+            POINTS_MOVED.name: (0, 0),
+            POINTS_REMOVED.name: (0, 0),
+        }
 
     @property
     def looks(self) -> int:

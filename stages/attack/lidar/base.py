@@ -2,44 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.labels.points import PointLabels
 from advpipe.pipeline.messages.cloud import Cloud
-
-REMOVED = "removed"
-"""The action on a point that the adversarial cloud no longer holds."""
-
+from advpipe.stages.attack.base import Attack, Traits
 
 NO_GRADIENT = "no gradient: the detector's loss depends on no point"
 """The note on a frame where there is nothing to follow."""
-
-
-@dataclass(frozen=True)
-class PointLabels:
-    """What was done to the K touched points of one cloud.
-
-    point: (K,) int64, index in the clean cloud, ascending.
-    action: (K,) str, what was done to it.
-    displacement_m: (K,) float64, how far it was moved; NaN for a removed point.
-    """
-
-    point: npt.NDArray[np.int64]
-    action: npt.NDArray[np.str_]
-    displacement_m: npt.NDArray[np.float64]
-
-    def __len__(self) -> int:
-        return len(self.point)
-
-    @staticmethod
-    def removed(points: npt.NDArray[np.int64]) -> PointLabels:
-        """Labels of points (K,) that were taken away."""
-        return PointLabels(np.sort(points), np.full(len(points), REMOVED), np.full(len(points), np.nan))
 
 
 @dataclass(frozen=True)
@@ -68,15 +44,86 @@ def told(*notes: str) -> str:
     return "; ".join(filter(None, notes))
 
 
-class LidarAttack(Protocol):
-    """An attack on clouds. Its constructor takes the hyper-parameters, keyword-only, and checks them.
+@dataclass(frozen=True, kw_only=True)
+class PublishedFigure:
+    """What the paper reports of an attack at one budget, as it prints it: mAP ratio and Chamfer distance."""
 
-    Its instances may have a whole number `looks`: to how many tries it looks at what the detector finds in
-    them, to keep the best. The random baselines then get as many. Its class may have `only_for`: parameters
-    that some recipes alone look at, by name, with these recipes; set for another one they are refused.
+    printed: float
+    map_ratio_percent: float
+    chamfer_distance_m2: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Budget:
+    """What bounds an attack on a cloud.
+
+    parameter: the one that says how much it may do, in `unit` over `scale`. title, unit: as tables print
+    them; a number that is printed times `scale` is the parameter. usual: what the parameter is where the user
+    names none; None where one has to be named. steps: the parameter that says how often the attack looks, if
+    any. others: parameters that all budgets of the attack share. published: figures of the paper (arXiv
+    2509.05332, Table II).
     """
 
+    title: str
+    parameter: str
+    unit: str
+    scale: float = 1.0
+    usual: float | None = None
+    steps: str = ""
+    others: Mapping[str, float | int] = field(default_factory=dict)
+    published: tuple[PublishedFigure, ...] = ()
+
+    @property
+    def usual_parameters(self) -> dict[str, float]:
+        """The parameter at its usual value, where it has one."""
+        return {} if self.usual is None else {self.parameter: self.usual}
+
+
+@dataclass(frozen=True, kw_only=True)
+class LidarTraits(Traits):
+    """What is known of an attack on clouds whatever its parameters. only_for: parameters that some recipes
+    alone look at, by name, with these recipes; set for another one they are refused."""
+
+    budget: Budget
+    only_for: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+class LidarAttack(Attack):
+    """An attack on clouds. Its constructor takes the hyper-parameters, keyword-only, and checks them.
+
+    It declares its `traits`, and what it keeps to in numbers, its `bounds`: a cloud beyond them is refused,
+    and `verify` measures them again. `examples/my_attack.py` is a whole one. Two attacks on one cloud cannot
+    act at the same time.
+    """
+
+    family = "lidar"
+    own_keys = ("recipe", "lidar", "frames", "detector")
+    traits_type = LidarTraits
+
+    @property
+    @abstractmethod
+    def traits(self) -> LidarTraits: ...
+
+    @property
+    @abstractmethod
+    def bounds(self) -> Mapping[str, tuple[float, float]]:
+        """Least and most of each quantity that the attack bounds, with its parameters, in every cloud that it
+        changes; by names of `advpipe.pipeline.labels.quantities`."""
+
+    @property
+    def looks(self) -> int | None:
+        """To how many tries it looks at what the detector finds in them, to keep the best: the random
+        baselines then get as many. None where it does not say."""
+        return None
+
+    @abstractmethod
     def __call__(
         self, cloud: Cloud, boxes: Boxes, detector: Detector, rng: np.random.Generator
     ) -> LidarResult:
         """Attack one cloud (N,) with its ground truth `boxes` in the cloud's frame."""
+
+
+def lidar_traits(kind: type[LidarAttack]) -> LidarTraits:
+    """The traits of a class."""
+    found: LidarTraits = vars(kind)["traits"]
+    return found

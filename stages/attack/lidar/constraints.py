@@ -20,24 +20,6 @@ Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 
-_OF_POINTS_THAT_STAY = (
-    "along_ray",
-    "keep_occlusion_order",
-    "near_objects_m",
-    "goal",
-    "objects",
-    "ghost",
-    "intensity",
-)
-
-APPLIES: Mapping[str, tuple[str, ...]] = {
-    "perturb": (*_OF_POINTS_THAT_STAY, "max_points"),
-    "detach": ("near_objects_m", "goal", "objects", "max_points"),
-    "attach": _OF_POINTS_THAT_STAY,
-}
-"""The options that mean something for each attack. A removed point goes nowhere and has no intensity, nor
-does a hole make a ghost; how many points `attach` adds is its budget already."""
-
 GOALS = ("break", "hide")
 
 OBJECT_MARGIN_M = 1.0
@@ -102,13 +84,6 @@ class Constraints:
             names = values["objects"]
             values["objects"] = tuple(map(str, names.split(",") if isinstance(names, str) else names))
         return Constraints(**values)
-
-    def check(self, attack: str) -> None:
-        """Raises AdvpipeError where an option is set that means nothing for this attack."""
-        for option in fields(self):
-            if getattr(self, option.name) != option.default and option.name not in APPLIES[attack]:
-                takes = ", ".join(APPLIES[attack])
-                raise UsageError(f"{attack}: {option.name} means nothing here; it takes {takes}")
 
     def attacked(self, boxes: Boxes, points: Float32) -> Boxes:
         """The boxes that the attack is about: all, those of `objects`, or the ghost in the cloud (N, 3).

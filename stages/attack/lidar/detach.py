@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar
 
 import numpy as np
 
@@ -11,8 +10,19 @@ from advpipe.pipeline.baselines import remove_random_points
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
 from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.labels.points import PointLabels
+from advpipe.pipeline.labels.quantities import POINTS_ADDED, POINTS_MOVED, POINTS_TOUCHED, SHARE_REMOVED
 from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
-from advpipe.stages.attack.lidar.base import NO_GRADIENT, LidarResult, PointLabels, told, unchanged
+from advpipe.stages.attack.lidar.base import (
+    NO_GRADIENT,
+    Budget,
+    LidarAttack,
+    LidarResult,
+    LidarTraits,
+    PublishedFigure,
+    told,
+    unchanged,
+)
 from advpipe.stages.attack.lidar.climb import climb, looks
 from advpipe.stages.attack.lidar.constraints import GOALS, Constraints
 from advpipe.stages.attack.lidar.detach_game import DetachGame
@@ -33,7 +43,7 @@ JITTER_M = 0.01
 """What the recipe `robust` is judged under."""
 
 
-class Detach:
+class Detach(LidarAttack):
     """Remove exactly round(ratio * N) of a cloud's N points.
 
     The attacker knows the detector, the true boxes and the rule that matches detections to them (`goal`).
@@ -50,7 +60,25 @@ class Detach:
     near_objects_m, goal, objects, max_points: see `constraints.Constraints`.
     """
 
-    only_for: ClassVar = {"rounds": (*CLIMBING, "paper"), "goal": CLIMBING}
+    traits = LidarTraits(
+        budget=Budget(
+            title="Detachment, share removed in %",
+            parameter="ratio",
+            unit="%",
+            scale=0.01,
+            usual=0.01,
+            steps="rounds",
+            published=(
+                PublishedFigure(printed=0.05, map_ratio_percent=99.88, chamfer_distance_m2=0.00023),
+                PublishedFigure(printed=0.1, map_ratio_percent=97.44, chamfer_distance_m2=0.00117),
+                PublishedFigure(printed=0.3, map_ratio_percent=96.71, chamfer_distance_m2=0.00921),
+                PublishedFigure(printed=0.5, map_ratio_percent=95.28, chamfer_distance_m2=0.02177),
+                PublishedFigure(printed=1.0, map_ratio_percent=91.77, chamfer_distance_m2=0.07035),
+                PublishedFigure(printed=1.5, map_ratio_percent=88.75, chamfer_distance_m2=0.13397),
+            ),
+        ),
+        only_for={"rounds": (*CLIMBING, "paper"), "goal": CLIMBING},
+    )
 
     def __init__(
         self,
@@ -73,6 +101,16 @@ class Detach:
         self.constraints = Constraints(
             near_objects_m=near_objects_m, goal=goal, objects=objects, max_points=max_points
         )
+
+    @property
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        most = self.constraints.max_points
+        return {
+            SHARE_REMOVED.name: (0.0, self.ratio),
+            POINTS_MOVED.name: (0, 0),
+            POINTS_ADDED.name: (0, 0),
+            **({POINTS_TOUCHED.name: (0, most)} if most is not None else {}),
+        }
 
     @property
     def looks(self) -> int:

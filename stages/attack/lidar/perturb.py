@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -11,8 +10,19 @@ import numpy.typing as npt
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
 from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.labels.points import MOVED, PointLabels
+from advpipe.pipeline.labels.quantities import MAX_DISPLACEMENT, POINTS_ADDED, POINTS_REMOVED, POINTS_TOUCHED
 from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
-from advpipe.stages.attack.lidar.base import NO_GRADIENT, LidarResult, PointLabels, told, unchanged
+from advpipe.stages.attack.lidar.base import (
+    NO_GRADIENT,
+    Budget,
+    LidarAttack,
+    LidarResult,
+    LidarTraits,
+    PublishedFigure,
+    told,
+    unchanged,
+)
 from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
 from advpipe.stages.attack.lidar.crossing import Crossing, Tactics
 from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners, with_decoys
@@ -23,9 +33,6 @@ from advpipe.stages.attack.lidar.targets import detection_loss
 
 Float32 = npt.NDArray[np.float32]
 Bool = npt.NDArray[np.bool_]
-
-MOVED = "moved"
-"""The action on a point that stands elsewhere, or only reflects otherwise, in the adversarial cloud."""
 
 MAX_EPS_CM = 500.0
 
@@ -42,7 +49,7 @@ TACTICS = {
 }
 
 
-class Perturb:
+class Perturb(LidarAttack):
     """Move points by at most `eps_cm` centimetres each, in the Euclidean norm, as stored in float32.
 
     The attacker knows the detector, the true boxes and the rule that matches detections to them (`goal`).
@@ -62,12 +69,29 @@ class Perturb:
         `constraints.Constraints`. Points that are not finite stay as they are.
     """
 
-    only_for: ClassVar = {
-        "steps": (*KEEPING, "paper"),
-        "goal": KEEPING,
-        "weight": ("paper",),
-        "intensity": tuple(recipe for recipe in RECIPES if recipe != "paper"),
-    }
+    traits = LidarTraits(
+        budget=Budget(
+            title="Perturbation, ε in cm",
+            parameter="eps_cm",
+            unit="cm",
+            usual=10.0,
+            steps="steps",
+            published=(
+                PublishedFigure(printed=0.5, map_ratio_percent=99.85, chamfer_distance_m2=0.00010),
+                PublishedFigure(printed=1.0, map_ratio_percent=98.77, chamfer_distance_m2=0.00025),
+                PublishedFigure(printed=3.0, map_ratio_percent=93.28, chamfer_distance_m2=0.00182),
+                PublishedFigure(printed=5.0, map_ratio_percent=89.07, chamfer_distance_m2=0.00466),
+                PublishedFigure(printed=7.0, map_ratio_percent=82.79, chamfer_distance_m2=0.00842),
+                PublishedFigure(printed=10.0, map_ratio_percent=73.20, chamfer_distance_m2=0.01533),
+            ),
+        ),
+        only_for={
+            "steps": (*KEEPING, "paper"),
+            "goal": KEEPING,
+            "weight": ("paper",),
+            "intensity": tuple(recipe for recipe in RECIPES if recipe != "paper"),
+        },
+    )
 
     def __init__(
         self,
@@ -107,7 +131,16 @@ class Perturb:
             "intensity": intensity,
         }
         self.constraints = Constraints.of(options)
-        self.constraints.check("perturb")
+
+    @property
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        most = self.constraints.max_points
+        return {
+            MAX_DISPLACEMENT.name: (0.0, self.eps_m),
+            POINTS_REMOVED.name: (0, 0),
+            POINTS_ADDED.name: (0, 0),
+            **({POINTS_TOUCHED.name: (0, most)} if most is not None else {}),
+        }
 
     @property
     def looks(self) -> int:

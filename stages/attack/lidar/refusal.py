@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.labels.points import ACTIONS, ADDED, MOVED, REMOVED, PointLabels
+from advpipe.pipeline.labels.quantities import CloudChange, excesses
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud
-from advpipe.stages.attack.lidar.base import LidarResult, PointLabels
-
-ACTIONS = ("removed", "moved", "added")
+from advpipe.stages.attack.lidar.base import LidarResult
 
 _KINDS = {"point": "iu", "action": "U", "displacement_m": "f"}
 """The arrays of `PointLabels`, by the kinds of their numbers as numpy calls them."""
@@ -26,7 +27,7 @@ def refuse_wrong(attack: str, clean: Cloud, result: Any) -> None:
         raise AdvpipeError(f"{attack} returned {_shape(cloud)} as its cloud, no points (N,) of {fields}")
     _refuse_labels(attack, result.labels, len(clean))
     actions = result.labels.action
-    removed, added = int((actions == "removed").sum()), int((actions == "added").sum())
+    removed, added = int((actions == REMOVED).sum()), int((actions == ADDED).sum())
     if len(cloud) != len(clean) - removed + added:
         raise AdvpipeError(
             f"{attack} made {len(clean)} points {len(cloud)}, but labels {removed} as removed and "
@@ -44,11 +45,20 @@ def refuse_wrong(attack: str, clean: Cloud, result: Any) -> None:
         raise AdvpipeError(f"{attack} returned {result.note!r} as its note, no text")
 
 
+def refuse_beyond(
+    attack: str, bounds: Mapping[str, tuple[float, float]], clean: Cloud, result: LidarResult
+) -> None:
+    """Raises AdvpipeError where an attack went beyond the bounds that it declares."""
+    if len(result.labels):
+        for excess in excesses(CloudChange(clean, result.cloud, result.labels), bounds):
+            raise AdvpipeError(f"{attack} went beyond its bounds: {excess}")
+
+
 def _untold_changes(clean: Cloud, cloud: Cloud, labels: PointLabels) -> bool:
     """Whether a point is neither what it was nor labelled; bytes are compared, so a NaN is itself."""
     kept, told = np.ones(len(clean), bool), np.zeros(len(clean), bool)
-    kept[labels.point[labels.action == "removed"]] = False
-    told[labels.point[labels.action == "moved"]] = True
+    kept[labels.point[labels.action == REMOVED]] = False
+    told[labels.point[labels.action == MOVED]] = True
     before, after = (
         np.ascontiguousarray(points).view(np.uint8).reshape(-1, POINT_DTYPE.itemsize)
         for points in (clean[kept], cloud[: kept.sum()])
@@ -69,7 +79,7 @@ def _refuse_labels(attack: str, labels: Any, points: int) -> None:
         raise AdvpipeError(f"{attack} returned labels of several lengths: {lengths}")
     if strange := sorted(set(labels.action.tolist()) - set(ACTIONS)):
         raise AdvpipeError(f"{attack} labels points as {strange[0]!r}; known: {', '.join(ACTIONS)}")
-    is_new = labels.action == "added"
+    is_new = labels.action == ADDED
     if ((labels.point[~is_new] < 0) | (labels.point[~is_new] >= points)).any() or (
         labels.point[is_new] != -1
     ).any():

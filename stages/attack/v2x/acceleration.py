@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.v2x.codec.codes import AccelerationControl
 from advpipe.stages.attack.bounds import number, span
+from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
 from advpipe.stages.attack.v2x.draws import Draws
-from advpipe.stages.attack.v2x.editor import AttackContext
 from advpipe.stages.attack.v2x.falsification import Falsification, Told
 
 _FIELD = "longitudinal_acceleration_mps2"
@@ -16,6 +17,8 @@ _FIELD = "longitudinal_acceleration_mps2"
 
 class Acceleration(Falsification):
     """The acceleration times a factor, which each attacker draws: NextGen's multiplication by 2 to 4."""
+
+    traits = V2xTraits(untrue=("acceleration",), published=Published(nextgen=10, catch_f1=0.05))
 
     def __init__(self, context: AttackContext, *, factor_min: float = 2.0, factor_max: float = 4.0) -> None:
         super().__init__(context)
@@ -29,6 +32,8 @@ class Acceleration(Falsification):
 class FeignedBraking(Falsification):
     """Braking, foot on the pedal, while it does not: minus the acceleration's size times a factor that each
     attacker draws (NextGen's), and at least least_mps2, which NextGen's cars at constant speed lack."""
+
+    traits = V2xTraits(untrue=("acceleration",), published=Published(nextgen=9, catch_f1=0.027))
 
     def __init__(
         self,

@@ -12,12 +12,11 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.v2x_statistics import statistics_message
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.localisation.geodesy import Geodesy
-from advpipe.pipeline.mcap.channel import RawMessage, Topic
+from advpipe.pipeline.mcap.channel import RawMessage, StampedCdr, Topic
 from advpipe.pipeline.messages.ldm import ldm_detections_cdr, ldm_snapshot_cdr
 from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATIONS, V2X_STATISTICS, VehicleTopics
 from advpipe.pipeline.messages.types import schema_text, type_hash
 from advpipe.pipeline.messages.v2x import (
-    StampedCdr,
     own_messages,
     received_messages,
     sent_message,
@@ -30,11 +29,11 @@ from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.pipeline.v2x.air import Air, Sent
 from advpipe.stages.attack.parameters import resolved_parameters
 from advpipe.stages.attack.recording import recording_of
-from advpipe.stages.attack.registry import find_attack
+from advpipe.stages.attack.v2x.base import AttackContext, MessageEditor, Numbers, V2xAttack
 from advpipe.stages.attack.v2x.cams import Cams
 from advpipe.stages.attack.v2x.congestion import Congestion
-from advpipe.stages.attack.v2x.editor import AttackContext, MessageEditor, Numbers, V2xAttack
 from advpipe.stages.attack.v2x.labels import Labels
+from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
 
 
 def forge(
@@ -92,8 +91,13 @@ def forge(
 
 
 def _build(spec: AttackSpec, context: AttackContext) -> V2xAttack:
-    attack: V2xAttack = find_attack(spec.type)(context, **resolved_parameters(spec))
-    if attack.needs_traffic and spec.attackers is not None and spec.attackers.roadside_unit is not None:
+    kind = V2X_ATTACKS.find(spec.type)
+    attack = kind(context, **resolved_parameters(spec, kind))
+    if (
+        attack.traits.needs_traffic
+        and spec.attackers is not None
+        and spec.attackers.roadside_unit is not None
+    ):
         raise UsageError(
             f"{spec.type} changes what a vehicle sends, and a roadside unit sends nothing of its own; name "
             "vehicles as attackers"
@@ -233,8 +237,9 @@ def _by_stamp(messages: list[StampedCdr]) -> list[StampedCdr]:
 
 
 def _topics_of(topics: VehicleTopics) -> tuple[Topic, ...]:
-    sent = topics.sent_raw, topics.sent_cam
-    return *sent, topics.received_raw, topics.received_cam, topics.ldm, topics.ldm_objects
+    sent, known = (topics.sent_raw, topics.sent_cam), (topics.ldm, topics.ldm_objects)
+    received = topics.received_raw, topics.received_cam, topics.reception_info, topics.true_receptions
+    return *sent, *received, *known
 
 
 @cache

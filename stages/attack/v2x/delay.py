@@ -6,13 +6,14 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 
+from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.stages.attack.bounds import number, span, whole
+from advpipe.stages.attack.v2x.base import ALL_CLAIMS, AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import retold, told
 from advpipe.stages.attack.v2x.ears import later
-from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack
 
 
 class Delay(V2xAttack):
@@ -21,6 +22,8 @@ class Delay(V2xAttack):
     restamp: with a generation time that is as much later, so that maps take it. A message of an attacker that
     leaves the road meanwhile, or of the drive's end, is never sent.
     """
+
+    traits = V2xTraits(published=Published(nextgen=11, catch_f1=0.062))
 
     def __init__(
         self,
@@ -67,6 +70,11 @@ class Stale(V2xAttack):
     restamp: with the generation time of the message that it replaces. Until there have been so many, the
     truth is told.
     """
+
+    traits = V2xTraits(
+        untrue=tuple(claim for claim in ALL_CLAIMS if claim != "station id"),
+        published=Published(veremi_extension=12),
+    )
 
     def __init__(
         self, context: AttackContext, *, messages: int = 20, restamp: bool = True, ahead_s: float = 0.0

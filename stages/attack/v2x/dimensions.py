@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from advpipe.stages.attack.bounds import number
-from advpipe.stages.attack.v2x.editor import AttackContext
+from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
 from advpipe.stages.attack.v2x.falsification import Falsification, Told
 
 LEAST_M = 0.1
@@ -17,6 +17,8 @@ MAX_LENGTH_M, MAX_WIDTH_M = 102.1, 6.0
 class Dimensions(Falsification):
     """Longer and wider by these offsets (VASP's is 4 m), or smaller with negative ones; never below 0.1 m nor
     above what a CAM can tell. The front stays where it is, so the box grows backwards and to both sides."""
+
+    traits = V2xTraits(untrue=("dimensions",))
 
     def __init__(self, context: AttackContext, *, length_m: float = 4.0, width_m: float = 1.0) -> None:
         super().__init__(context)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from advpipe.stages.attack.v2x.editor import AttackContext
+from advpipe.stages.attack.v2x.base import AttackContext
 
 
 class Draws:

@@ -11,8 +11,8 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.stages.attack.bounds import number
+from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import told
-from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack
 
 
 class Drop(V2xAttack):
@@ -21,6 +21,8 @@ class Drop(V2xAttack):
     probability: of each message to be left out, once the others hold. near_m: only where the attacker is
     within this distance of the victim. braking_mps2: only messages that tell of braking at least so hard.
     """
+
+    traits = V2xTraits()
 
     def __init__(
         self,

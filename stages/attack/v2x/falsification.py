@@ -12,9 +12,9 @@ import numpy as np
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.pipeline.v2x.codec.codec import CamTree
+from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack
 from advpipe.stages.attack.v2x.cams import retold, told
 from advpipe.stages.attack.v2x.claimed_path import ClaimedPath
-from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack
 
 FRONT_M = "front_m"
 """Beside the fields of a CAM: x and y of the reference point in the map's frame."""

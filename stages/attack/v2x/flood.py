@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
@@ -19,9 +20,9 @@ from advpipe.pipeline.v2x.facilities.cam import Cam
 from advpipe.pipeline.v2x.facilities.cam_tree import cam_tree
 from advpipe.pipeline.v2x.facilities.ellipsoid import east_north_m
 from advpipe.stages.attack.bounds import number
+from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import retold, told
 from advpipe.stages.attack.v2x.ears import HEARING_M, Ears, later
-from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack
 from advpipe.stages.attack.v2x.gate import Gate
 
 RATE_HZ = 40.0
@@ -37,7 +38,6 @@ class Flood(V2xAttack):
     control all the same. sybil: a new station id for each message.
     """
 
-    needs_traffic = False
     sybil = False
 
     def __init__(
@@ -100,7 +100,9 @@ class Flood(V2xAttack):
 class Dos(Flood):
     """The attacker's own last CAM, moved on along its heading by its speed: true, but too often."""
 
-    needs_traffic = True
+    traits = V2xTraits(
+        every_message_matters=True, published=Published(veremi_extension=13, nextgen=12, catch_f1=0.353)
+    )
 
     def __init__(self, context: AttackContext, **others: Any) -> None:
         super().__init__(context, **others)
@@ -125,6 +127,10 @@ class DosRandom(Flood):
 
     F2MD's DoS random draws places in the whole map and speeds up to 40 m/s.
     """
+
+    traits = V2xTraits(
+        every_message_matters=True, needs_traffic=False, published=Published(veremi_extension=14)
+    )
 
     def __init__(
         self,
@@ -175,11 +181,19 @@ class DosRandom(Flood):
 class DosRandomSybil(DosRandom):
     """The same, each message from another station that does not exist."""
 
+    traits = V2xTraits(
+        every_message_matters=True, needs_traffic=False, published=Published(veremi_extension=18)
+    )
+
     sybil = True
 
 
 class DosDisruptive(Flood):
     """Any message that was heard in the last memory_s within range_m, under the attacker's id, as if new."""
+
+    traits = V2xTraits(
+        every_message_matters=True, needs_traffic=False, published=Published(veremi_extension=15)
+    )
 
     def __init__(
         self,
@@ -206,6 +220,10 @@ class DosDisruptive(Flood):
 
 class DosDisruptiveSybil(DosDisruptive):
     """The same, each message from another station that does not exist."""
+
+    traits = V2xTraits(
+        every_message_matters=True, needs_traffic=False, published=Published(veremi_extension=19)
+    )
 
     sybil = True
 

@@ -15,7 +15,7 @@ from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.stages.attack.bounds import number
-from advpipe.stages.attack.v2x.editor import AttackContext
+from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
 from advpipe.stages.attack.v2x.phantoms import Braking, Key, Motion, PhantomAttack
 
 NEAR_M = 300.0
@@ -103,6 +103,8 @@ class GhostStop(GhostsAhead):
     speed^2 / (2 deceleration_mps2).
     """
 
+    traits = V2xTraits(every_message_matters=True, needs_traffic=False)
+
     def __init__(
         self,
         context: AttackContext,
@@ -127,6 +129,8 @@ class GhostBrake(GhostsAhead):
 
     headway_s: times the speed, its distance from the target's front. cruise_s: after which it brakes.
     """
+
+    traits = V2xTraits(every_message_matters=True, needs_traffic=False)
 
     def __init__(
         self,

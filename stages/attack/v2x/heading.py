@@ -6,8 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from advpipe.pipeline.labels.declaration import Published
 from advpipe.stages.attack.bounds import number
-from advpipe.stages.attack.v2x.editor import AttackContext
+from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
 from advpipe.stages.attack.v2x.falsification import Falsification, Told
 
 
@@ -15,12 +16,16 @@ class HeadingReversed(Falsification):
     """The opposite direction, at the same reference point: receivers who place its box behind that point
     see it a length farther on."""
 
+    traits = V2xTraits(untrue=("heading",), published=Published(nextgen=8, catch_f1=0.593))
+
     def lie(self, message: Told) -> Mapping[str, Any]:
         return _turned(message, math.pi)
 
 
 class HeadingRotating(Falsification):
     """A heading that turns away from the truth, clockwise, from the attacker's first lie on."""
+
+    traits = V2xTraits(untrue=("heading",))
 
     def __init__(self, context: AttackContext, *, rate_degps: float = 45.0) -> None:
         super().__init__(context)

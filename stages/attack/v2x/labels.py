@@ -12,9 +12,9 @@ import numpy as np
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.pipeline.v2x.facilities.cam_values import FIELDS, Values, changed_fields, places_m, values
-from advpipe.pipeline.v2x.facilities.effect import WHATEVER_THEY_SAY, matters
+from advpipe.pipeline.v2x.facilities.effect import matters
+from advpipe.stages.attack.v2x.base import MessageEditor, V2xAttack
 from advpipe.stages.attack.v2x.cams import Cams, told
-from advpipe.stages.attack.v2x.editor import MessageEditor, V2xAttack
 
 FILE_NAME = "v2x_labels.parquet"
 _BLOCK = 1000
@@ -162,7 +162,7 @@ class Labels:
             "" if part is None else sender,
             sender,
             action,
-            part is not None and part.name in WHATEVER_THEY_SAY,
+            part is not None and part.traits.every_message_matters,
             said := self._values(before),
             said if true is before else self._values(true),
             self._values(one.payload if is_sent else None),

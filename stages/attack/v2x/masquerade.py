@@ -12,9 +12,9 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.stages.attack.bounds import number, one_of
+from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import retold
 from advpipe.stages.attack.v2x.ears import HEARING_M, later
-from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack
 
 IDENTITIES = ("nearest", "random", "each", "victim")
 
@@ -26,6 +26,8 @@ class Masquerade(V2xAttack):
     message; or the victim itself. ahead_s: generated so much later than it was, so that maps that keep the
     newest CAM prefer it to the true ones.
     """
+
+    traits = V2xTraits(untrue=("station id",), every_message_matters=True)
 
     def __init__(
         self,

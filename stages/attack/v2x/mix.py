@@ -2,42 +2,63 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.labels.declaration import Part, Published
 from advpipe.pipeline.replay.v2x_drive import V2xStep
-from advpipe.pipeline.scenario.mixes import MIXES, WORD, drawn, settings_of, words_of
+from advpipe.pipeline.scenario.acting import drawn_parts
 from advpipe.pipeline.v2x.air import Sent
-from advpipe.stages.attack.registry import ATTACKS, find_attack
-from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack
+from advpipe.stages.attack.v2x.base import ALL_CLAIMS, AttackContext, V2xAttack, V2xTraits, v2x_traits
+from advpipe.stages.attack.v2x.position import PositionOffset
+from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
+from advpipe.stages.attack.v2x.speed import SpeedRandomOffset
+from advpipe.stages.attack.v2x.stop import SuddenStop
+
+
+class Mixed(NamedTuple):
+    """One of the attacks to draw from, and its parameters that are not the default."""
+
+    name: str
+    parameters: Mapping[str, Any]
 
 
 class Mix(V2xAttack):
-    """Each attacker draws one of these attacks, which it carries out with the defaults (but see `SETTINGS`).
+    """Each attacker draws one of these attacks, which it carries out with the defaults (but see `nextgen`).
 
-    attacks: three, nextgen, f2md or all (see `MIXES`), a word, or several of both with commas between them.
-    Labels name the one that was drawn as the `part`.
+    attacks: three, nextgen, f2md or all (see `MIXES`), an attack, or several of both with commas between
+    them. Labels name the one that was drawn as the `part`.
     """
+
+    traits = V2xTraits(untrue=ALL_CLAIMS)
 
     def __init__(self, context: AttackContext, *, attacks: str = "three") -> None:
         super().__init__(context)
-        words, settings = words_of(attacks), settings_of(attacks)
-        for word in words:
-            if word not in ATTACKS or not word.startswith("cam-") or word == WORD:
-                known = ", ".join(one for one in ATTACKS if one.startswith("cam-") and one != WORD)
-                raise UsageError(
-                    f"{context.name}: {word!r} is no attack to mix; known: {', '.join(MIXES)}, {known}"
-                )
-        drawn_by = drawn(attacks, context.attackers, context.seed, context.seed_name)
-        by_word = {word: [one for one in context.attackers if drawn_by[one] == word] for word in words}
-        own = replace(context, seed_name=f"{WORD} {context.seed_name}")
+        mixed = _mixed(context.name, attacks)
+        parameters = {one.name: one.parameters for one in mixed if one.parameters}
+        names = [one.name for one in mixed]
+        drawn_by = drawn_parts(names, context.attackers, context.seed, context.name, context.seed_name)
+        own = replace(context, seed_name=f"{context.name} {context.seed_name}")
         self._attacks: list[V2xAttack] = [
-            find_attack(word)(replace(own, name=word, attackers=tuple(attackers)), **settings.get(word, {}))
-            for word, attackers in by_word.items()
-            if attackers
+            V2X_ATTACKS[name](replace(own, name=name, attackers=attackers), **parameters.get(name, {}))
+            for name in dict.fromkeys(names)
+            if (attackers := tuple(one for one in context.attackers if drawn_by[one] == name))
         ]
         self._parts = {one: attack for attack in self._attacks for one in attack.context.attackers}
+
+    @classmethod
+    def parts(cls, name: str, parameters: Mapping[str, Any]) -> tuple[Part, ...]:
+        return tuple(
+            Part(
+                name=one.name,
+                every_message_matters=traits.every_message_matters,
+                published=traits.published_with({}),
+            )
+            for one in _mixed(name, parameters["attacks"])
+            for traits in (v2x_traits(V2X_ATTACKS[one.name]),)
+        )
 
     def part(self, attacker: int) -> V2xAttack:
         return self._parts[attacker]
@@ -46,3 +67,54 @@ class Mix(V2xAttack):
         for attack in self._attacks:
             sent = attack.edit(step, sorted(sent, key=lambda one: (one.request_ns, one.number)))
         return sent
+
+
+def three() -> list[Mixed]:
+    """NextGen's mixThree."""
+    kinds = PositionOffset, SpeedRandomOffset, SuddenStop
+    return [Mixed(name, {}) for kind in kinds for name, known in V2X_ATTACKS.items() if known is kind]
+
+
+def nextgen() -> list[Mixed]:
+    """NextGen's mixAll, each attack as that has it: its constant speed is a zero speed report."""
+    return [Mixed(name, v2x_traits(V2X_ATTACKS[name]).published_of) for name in _by(lambda p: p.nextgen)]
+
+
+def f2md() -> list[Mixed]:
+    """The 19 of F2MD, in the order of their numbers in VeReMi's extension."""
+    return [Mixed(name, {}) for name in _by(lambda published: published.veremi_extension)]
+
+
+def both() -> list[Mixed]:
+    """Both catalogues together, each attack with its defaults."""
+    names = (one.name for one in (*f2md(), *nextgen()))
+    return [Mixed(name, {}) for name in dict.fromkeys(names)]
+
+
+MIXES: Mapping[str, Callable[[], list[Mixed]]] = {
+    "three": three,
+    "nextgen": nextgen,
+    "f2md": f2md,
+    "all": both,
+}
+
+
+def _by(place: Callable[[Published], int | None]) -> list[str]:
+    """The attacks that have a place in a catalogue, in its order."""
+    places = {name: place(v2x_traits(kind).published) for name, kind in V2X_ATTACKS.items()}
+    return sorted((name for name in places if places[name] is not None), key=lambda name: places[name] or 0)
+
+
+def _mixed(mix: str, attacks: str) -> list[Mixed]:
+    """What `attacks` names. Raises AdvpipeError for what is neither a mix nor an attack to mix."""
+    return [one for name in attacks.split(",") for one in _of(mix, name.strip())]
+
+
+def _of(mix: str, name: str) -> Iterator[Mixed]:
+    if name in MIXES:
+        yield from MIXES[name]()
+    elif name in V2X_ATTACKS and not issubclass(V2X_ATTACKS[name], Mix):
+        yield Mixed(name, {})
+    else:
+        known = ", ".join(one for one, kind in V2X_ATTACKS.items() if not issubclass(kind, Mix))
+        raise UsageError(f"{mix}: {name!r} is no attack to mix; known: {', '.join(MIXES)}, {known}")

@@ -10,8 +10,8 @@ from advpipe.pipeline.v2x.air import Sent
 from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.pipeline.v2x.facilities.cam_values import HIGH
 from advpipe.stages.attack.bounds import one_of
+from advpipe.stages.attack.v2x.base import ALL_CLAIMS, AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import with_code
-from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack
 
 _BASIC = ("cam", "camParameters", "basicContainer")
 _FAST = ("cam", "camParameters", HIGH)
@@ -41,6 +41,8 @@ class OutOfRange(V2xAttack):
     The messages stay valid UPER; a Local Dynamic Map takes one without a position, and what it makes of the
     others is its own affair.
     """
+
+    traits = V2xTraits(untrue=ALL_CLAIMS)
 
     def __init__(self, context: AttackContext, *, field: str = ALL) -> None:
         super().__init__(context)

@@ -24,7 +24,7 @@ from advpipe.pipeline.v2x.facilities.own_state import Accuracy, Identity, own_st
 from advpipe.pipeline.v2x.facilities.reference_point import ReferencePoint, reference_points
 from advpipe.pipeline.v2x.facilities.station_state import StationState
 from advpipe.stages.attack.bounds import number
-from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack
+from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack
 from advpipe.stages.attack.v2x.gate import Gate
 
 Key = tuple[int, ...]
@@ -131,8 +131,6 @@ class Phantoms:
 
 class PhantomAttack(V2xAttack):
     """An attack by phantoms, which take the last four parameters; see there."""
-
-    needs_traffic = False
 
     def __init__(
         self,

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.stages.attack.bounds import number, span
+from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
 from advpipe.stages.attack.v2x.draws import Draws
-from advpipe.stages.attack.v2x.editor import AttackContext
 from advpipe.stages.attack.v2x.falsification import FRONT_M, Misplacement, Told
 
 _FAR_M = 1e6
@@ -52,6 +53,8 @@ class PositionConstant(Misplacement):
     """One place, whatever happens: x_m and y_m in the map's frame (VeReMi 1), or a place that each attacker
     draws (F2MD 1) from the rectangle that holds all radios of the drive's first step, at least 200 m wide."""
 
+    traits = V2xTraits(untrue=("position",), published=Published(veremi_2018=1, veremi_extension=1))
+
     def __init__(
         self,
         context: AttackContext,
@@ -88,6 +91,11 @@ class PositionOffset(Misplacement):
     between min_m and max_m: NextGen's 20 to 70 m; F2MD's 70 m +- 55 % are 31.5 to 108.5 m.
     """
 
+    traits = V2xTraits(
+        untrue=("position",),
+        published=Published(veremi_2018=2, veremi_extension=2, nextgen=1, catch_f1=0.846),
+    )
+
     def __init__(
         self,
         context: AttackContext,
@@ -123,6 +131,8 @@ class PositionRandom(Misplacement):
     least 200 m wide.
     """
 
+    traits = V2xTraits(untrue=("position",), published=Published(veremi_2018=4, veremi_extension=3))
+
     def __init__(
         self,
         context: AttackContext,
@@ -149,6 +159,10 @@ class PositionRandomOffset(Misplacement):
     """The truth, moved by another offset in each message: along each axis between min_m and max_m, of either
     sign. NextGen's 20 to 70 m; VeReMi 8 has 0 to 300 m, F2MD 4 0 to 35 m."""
 
+    traits = V2xTraits(
+        untrue=("position",), published=Published(veremi_2018=8, veremi_extension=4, nextgen=2, catch_f1=0.94)
+    )
+
     def __init__(
         self,
         context: AttackContext,
@@ -169,6 +183,8 @@ class PositionRandomOffset(Misplacement):
 class PositionMirrored(Misplacement):
     """On the opposite side of the road: left_m to the left of where it heads (negative: to the right, for
     left-hand traffic). NextGen takes twice the distance to the road's edge instead."""
+
+    traits = V2xTraits(untrue=("position",), published=Published(nextgen=3, catch_f1=0.192))
 
     def __init__(self, context: AttackContext, *, left_m: float = 3.5, rebuild_path: bool = True) -> None:
         super().__init__(context, rebuild_path=rebuild_path)

@@ -8,12 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.stages.attack.bounds import number, one_of, span
+from advpipe.stages.attack.v2x.base import ALL_CLAIMS, AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import retold, told
 from advpipe.stages.attack.v2x.ears import HEARING_M, Ears, later
-from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack
 
 IDENTITIES = ("own", "theirs")
 
@@ -81,6 +82,10 @@ class Replay(_Echo):
     each; then a new one is drawn among those within range_m. See `_Echo` for the others.
     """
 
+    traits = V2xTraits(
+        untrue=ALL_CLAIMS, published=Published(veremi_extension=11, nextgen=15, catch_f1=0.273)
+    )
+
     def __init__(
         self,
         context: AttackContext,
@@ -125,6 +130,8 @@ class Replay(_Echo):
 
 class DisruptiveReplay(_Echo):
     """Any message of any station heard in the last memory_s, drawn anew for each: F2MD's disruptive."""
+
+    traits = V2xTraits(untrue=ALL_CLAIMS, published=Published(veremi_extension=10))
 
     def __init__(
         self,

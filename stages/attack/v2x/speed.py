@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from advpipe.pipeline.labels.declaration import Published
 from advpipe.stages.attack.bounds import number, span
+from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
 from advpipe.stages.attack.v2x.draws import Draws
-from advpipe.stages.attack.v2x.editor import AttackContext
 from advpipe.stages.attack.v2x.falsification import Falsification, Told
 
 MAX_MPS = 163.81
@@ -17,6 +18,12 @@ MAX_MPS = 163.81
 class SpeedConstant(Falsification):
     """One speed, whatever happens: speed_mps (0: NextGen's zero speed report), or one that each attacker
     draws between 0 and max_mps (F2MD 5)."""
+
+    traits = V2xTraits(
+        untrue=("speed",),
+        published=Published(veremi_2018=32, veremi_extension=5, nextgen=6, catch_f1=0.907),
+        published_of={"speed_mps": 0.0},
+    )
 
     def __init__(
         self, context: AttackContext, *, speed_mps: float | None = None, max_mps: float = 40.0
@@ -41,6 +48,8 @@ class SpeedOffset(Falsification):
 
     What would be below zero is told as zero.
     """
+
+    traits = V2xTraits(untrue=("speed",), published=Published(veremi_extension=6, nextgen=4, catch_f1=0.637))
 
     def __init__(
         self,
@@ -67,6 +76,8 @@ class SpeedOffset(Falsification):
 class SpeedRandom(Falsification):
     """Another speed in each message, uniform between 0 and max_mps (F2MD 7)."""
 
+    traits = V2xTraits(untrue=("speed",), published=Published(veremi_extension=7))
+
     def __init__(self, context: AttackContext, *, max_mps: float = 40.0) -> None:
         super().__init__(context)
         self._most_mps = number(context.name, "max_mps", max_mps, 0, MAX_MPS)
@@ -82,6 +93,10 @@ class SpeedRandomOffset(Falsification):
     NextGen's 1 to 7 m/s; F2MD 8 has up to 7 m/s +- 55 %. What would be below zero is told as zero.
     """
 
+    traits = V2xTraits(
+        untrue=("speed",), published=Published(veremi_2018=64, veremi_extension=8, nextgen=5, catch_f1=0.808)
+    )
+
     def __init__(self, context: AttackContext, *, min_mps: float = 1.0, max_mps: float = 7.0) -> None:
         super().__init__(context)
         self._ends_mps = span(context.name, "{}_mps", min_mps, max_mps, 0, MAX_MPS)
@@ -96,6 +111,8 @@ class SpeedFrozen(Falsification):
 
     probability: of each message to be that one.
     """
+
+    traits = V2xTraits(untrue=("speed",), published=Published(nextgen=7, catch_f1=0.284))
 
     def __init__(self, context: AttackContext, *, probability: float = 0.05) -> None:
         super().__init__(context)

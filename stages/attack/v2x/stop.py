@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.v2x.codec.codes import AccelerationControl
 from advpipe.stages.attack.bounds import number
+from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
 from advpipe.stages.attack.v2x.draws import Draws
-from advpipe.stages.attack.v2x.editor import AttackContext
 from advpipe.stages.attack.v2x.falsification import Misplacement, Told
 
 _FREEZE = ("latitude_deg", "longitude_deg", "altitude_m", "heading_rad")
@@ -28,6 +29,16 @@ class EventualStop(Misplacement):
     VeReMi 16: 0.025 more each time, and the position alone; F2MD 9: 0.05 each time. Both, unlike ours, are
     silent until they stop, or leave the speed as it is.
     """
+
+    traits = V2xTraits(
+        untrue=(
+            "position",
+            "speed",
+            "heading",
+            "acceleration",
+        ),
+        published=Published(veremi_2018=16, veremi_extension=9),
+    )
 
     def __init__(
         self,
@@ -65,6 +76,16 @@ class SuddenStop(EventualStop):
 
     probability: of each message to be the first.
     """
+
+    traits = V2xTraits(
+        untrue=(
+            "position",
+            "speed",
+            "heading",
+            "acceleration",
+        ),
+        published=Published(nextgen=14, catch_f1=0.029),
+    )
 
     def __init__(
         self, context: AttackContext, *, probability: float = 0.05, rebuild_path: bool = True

@@ -9,12 +9,13 @@ from typing import Any
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.stages.attack.bounds import number, one_of, whole
+from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import retold
 from advpipe.stages.attack.v2x.ears import HEARING_M, Ears, later
-from advpipe.stages.attack.v2x.editor import AttackContext, V2xAttack
 from advpipe.stages.attack.v2x.ghosts import GhostsAhead
 from advpipe.stages.attack.v2x.phantoms import Braking, Companion, Key, Motion, PhantomAttack
 
@@ -29,6 +30,10 @@ class SybilGrid(PhantomAttack):
     share one. The cells next to the vehicle are taken first, those ahead before those behind, left before
     right; ghosts: of each attacker; jitter_m: each stands up to so far from its cell.
     """
+
+    traits = V2xTraits(
+        every_message_matters=True, needs_traffic=False, published=Published(veremi_extension=16)
+    )
 
     def __init__(
         self,
@@ -104,6 +109,10 @@ class SybilCongestion(GhostsAhead):
     speed_spread: each crawls that share faster or slower than jam_mps, at most.
     """
 
+    traits = V2xTraits(
+        every_message_matters=True, needs_traffic=False, published=Published(nextgen=13, catch_f1=0.259)
+    )
+
     def __init__(
         self,
         context: AttackContext,
@@ -172,7 +181,9 @@ class SybilReplay(V2xAttack):
     more to replay for two seconds, the ghost is gone, and another, of another station, comes.
     """
 
-    needs_traffic = False
+    traits = V2xTraits(
+        every_message_matters=True, needs_traffic=False, published=Published(veremi_extension=17)
+    )
 
     def __init__(
         self,

@@ -75,7 +75,7 @@ def touched_points(bag: Path, vehicle: str) -> dict[int, int]:
 def _fixes(
     clean: BagReader, reader: BagReader, told: Sequence[AttackRecord], last_ns: int | None
 ) -> Iterator[Struck]:
-    spoofs = [one for one in told if one.type.startswith("gnss-")]
+    spoofs = [one for one in told if one.family == "gnss"]
     for vehicle in sorted({*vehicles_with_filter(clean)} & {*vehicles_with_filter(reader)}) if spoofs else ():
         times_ns = attacked_fixes_ns(clean, reader, vehicle, last_ns)
         if len(times_ns):
@@ -86,9 +86,11 @@ def _fixes(
 def _messages(
     reader: BagReader, bag: Path, told: Sequence[AttackRecord], until_ns: int | None
 ) -> Iterator[Struck]:
-    labels = [label for label in read_labels(bag) if label.attack.startswith("cam-")]
+    sent = [one for one in told if one.family == "v2x"]
+    names = {one.type for one in sent}
+    labels = [label for label in read_labels(bag) if label.attack in names] if sent else []
     for vehicle in V2xDrive(reader, until_ns).listeners.values() if labels else ():
-        words = {one.type for one in told if one.type.startswith("cam-") and one.victim in (None, vehicle)}
+        words = {one.type for one in sent if one.victim in (None, vehicle)}
         own = [label for label in labels if label.attack in words and label.attacker != vehicle]
         if own:
             met = tuple(sorted({label.attack for label in own}))

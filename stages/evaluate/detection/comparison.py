@@ -107,9 +107,9 @@ class Comparison:
 
 
 def touches_clouds(provenance: Provenance) -> bool:
-    """Whether an attack changed clouds, and not only messages (`cam-...`) or GPS (`gnss-...`)."""
-    words = provenance.said.attack.split("+")
-    return not all(word.startswith(("cam-", "gnss-")) for word in words)
+    """Whether an attack changed clouds, and not only messages or GPS."""
+    attacks = provenance.said.attacks
+    return not attacks or any(one.family == "lidar" for one in attacks)
 
 
 def bag_name(bag: Path) -> str:

@@ -132,7 +132,7 @@ def _attacked_vehicles(
     """
     told = adversarial.provenance.said.attacks if last_ns is not None else ()
     known = sorted({*vehicles_with_filter(clean)} & {*vehicles_with_filter(adversarial)})
-    victims = {one.victim or usual_victim(known) for one in told if one.type.startswith("gnss-")}
+    victims = {one.victim or usual_victim(known) for one in told if one.family == "gnss"}
     for vehicle in known:
         attacked_ns = attacked_fixes_ns(clean, adversarial, vehicle, last_ns)
         if len(attacked_ns) or vehicle in victims:

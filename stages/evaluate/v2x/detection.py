@@ -24,26 +24,6 @@ from advpipe.pipeline.misbehaviour.scores import Bools, Scores, scores
 from advpipe.stages.evaluate.v2x.labels import MessageLabel, lies
 from advpipe.stages.evaluate.v2x.receptions import Receptions
 
-PUBLISHED_CATCH_F1 = {
-    "cam-position-random-offset": 0.940,
-    "cam-speed-constant": 0.907,  # zero speed only, see `published_f1`
-    "cam-position-offset": 0.846,
-    "cam-speed-random-offset": 0.808,
-    "cam-speed-offset": 0.637,
-    "cam-heading-reversed": 0.593,
-    "cam-dos": 0.353,
-    "cam-speed-frozen": 0.284,
-    "cam-replay": 0.273,
-    "cam-sybil-congestion": 0.259,
-    "cam-position-mirrored": 0.192,
-    "cam-delay": 0.062,
-    "cam-acceleration": 0.050,
-    "cam-sudden-stop": 0.029,
-    "cam-feigned-braking": 0.027,
-}
-"""CaTCH in the documentation of VeReMi NextGen: urban traffic, low density. Other data than ours: for
-orientation, not for comparison."""
-
 
 @dataclass(frozen=True)
 class Part:
@@ -63,9 +43,9 @@ class Part:
 class Detection:
     """What two detectors made of the messages that all listeners of a bag received.
 
-    attack: empty for a clean bag. messages, lies: received. undecoded: messages that are no CAM and nobody's
-    lie; decoders drop them, and they count neither for nor against a detector. parts: by attack.
-    objections: flagged lies by the check that objects, most first.
+    attack: empty for a clean bag. messages, lies: received, where the bag tells what they truly were.
+    undecoded: messages that are no CAM and nobody's lie; decoders drop them, and they count neither for nor
+    against a detector. parts: by attack. objections: flagged lies by the check that objects, most first.
     """
 
     attack: str
@@ -82,7 +62,7 @@ class Detection:
 class _Heard:
     """Of M messages that count, (M,) each."""
 
-    numbers: list[int]
+    numbers: list[int | None]
     ours: Bools
     baseline: Bools
     liars: np.ndarray[Any, np.dtype[np.int64]]
@@ -102,13 +82,14 @@ def detect(
     labels: Sequence[MessageLabel] = (),
     config: DetectorConfig | None = None,
     parameters: CatchParameters | None = None,
-    told: Mapping[str, Mapping[str, object]] | None = None,
+    published: Mapping[str, float] | None = None,
     window: Window = WHOLE_DRIVE,
 ) -> Detection:
     """Runs both detectors, as tuned if left out, over what each listener received; compares with the labels.
 
-    told: the parameters of each attack in the bag, as `attack_parameters` reads them. window: what arrives in
-    it counts; detectors remember what was before.
+    published: of each attack in the bag, as `published_f1` reads it. window: what arrives in it counts;
+    detectors remember what was before. Without labels nobody lies; with them, a message counts where the bag
+    tells which one it truly was.
     """
     config, parameters = config or DetectorConfig(), parameters or TUNED_CATCH
     ours, theirs, liars, times_s, numbers, decoded = [], [], [], [], [], []
@@ -116,13 +97,15 @@ def detect(
     for place, each in enumerate(receptions):
         judged = judge_all(each.claims, each.receivers, config)
         inside = window.holds([one.arrival_ns for one in each.received])
+        if labels:
+            inside &= np.array([number is not None for number in each.numbers], bool)
         received = [one for one, is_inside in zip(each.received, inside, strict=True) if is_inside]
         ours.append(judged.flagged[inside])
         theirs.append(catch_flags(catch_messages(each.claims, each.receivers), parameters)[inside])
-        liars.append([place * 2**32 + one.sent.station_id for one in received])
+        liars.append([place * 2**32 + (one.station_id or 0) for one in received])
         times_s.append([one.arrival_ns / 1e9 for one in received])
         decoded.append(np.array([claim.is_cam for claim in each.claims], bool)[inside])
-        numbers += [one.sent.number for one in received]
+        numbers += [one.number for one in received]
         counts = judged.because(config)[inside & lies(each.numbers, labels)].sum(axis=0).tolist()
         objections.update(dict(zip(CHECKS, counts, strict=True)))
     heard = _Heard(
@@ -140,24 +123,19 @@ def detect(
         int(is_lie.sum()),
         int((~counts_at_all).sum()),
         *heard.scores(is_lie, counts_at_all),
-        tuple(_parts(heard, labels, is_lie, counts_at_all, told or {})),
+        tuple(_parts(heard, labels, is_lie, counts_at_all, published or {})),
         {name: count for name, count in objections.most_common() if count},
     )
 
 
-def published_f1(attack: str, parameters: Mapping[str, object]) -> float:
-    """What is published of CaTCH for such an attack; NaN where nothing is.
-
-    Of constant speeds, that is of zero speed only.
-    """
-    if attack == "cam-speed-constant" and parameters.get("speed_mps") != 0:
-        return math.nan
-    return PUBLISHED_CATCH_F1.get(attack, math.nan)
-
-
-def attack_parameters(provenance: Provenance) -> dict[str, dict[str, object]]:
-    """The parameters of each attack that an adversarial bag's provenance lists, by its word."""
-    return {one.type: one.parameters for one in provenance.said.attacks}
+def published_f1(provenance: Provenance) -> dict[str, float]:
+    """What is published of CaTCH for the attacks of an adversarial bag, and for the parts of a mix, where
+    anything is: its F1 on VeReMi NextGen, urban traffic of low density. Other data than ours: for
+    orientation, not for comparison."""
+    declared = {one.type: one.declared for one in provenance.said.attacks if one.declared is not None}
+    published = {part.name: part.published for each in declared.values() for part in each.parts}
+    published |= {name: each.published for name, each in declared.items()}
+    return {name: each.catch_f1 for name, each in published.items() if each.catch_f1 is not None}
 
 
 def _parts(
@@ -165,7 +143,7 @@ def _parts(
     labels: Sequence[MessageLabel],
     is_lie: Bools,
     counts_at_all: Bools,
-    told: Mapping[str, Mapping[str, object]],
+    published: Mapping[str, float],
 ) -> list[Part]:
     by_kind: dict[str, list[MessageLabel]] = {}
     for label in labels:
@@ -175,7 +153,7 @@ def _parts(
     for kind, own in sorted(by_kind.items()):
         its_lies = lies(heard.numbers, own)
         attack = own[0].part if own[0].kind == kind and own[0].part else own[0].attack
-        figure = published_f1(attack, told.get(attack, {}))
+        figure = published.get(attack, math.nan)
         found = heard.scores(its_lies, counts_at_all & (its_lies | ~is_lie))
         parts.append(Part(kind, int(its_lies.sum()), *found, figure))
     return parts

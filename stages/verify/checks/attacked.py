@@ -13,12 +13,13 @@ import numpy.typing as npt
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.bounded_parquet import rows
 from advpipe.pipeline.core.frame_slice import FrameSlice
+from advpipe.pipeline.labels.clouds import FRAMES
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.topics import TF, V2X_SENT, V2X_STATIONS, V2X_STATISTICS, VehicleTopics
 from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.stages.verify.liars import MessageAttack
 from advpipe.stages.verify.subject import Bag
 
-POINT_LABELS, FRAMES = "labels.parquet", "frames.parquet"
 MESSAGE_LABELS, FIX_LABELS = "v2x_labels.parquet", "gnss_labels.parquet"
 
 _CLOUD_TYPE = VehicleTopics().lidar_points.type
@@ -30,19 +31,23 @@ class Attacked:
     def __init__(self, bag: Bag, parent: Bag) -> None:
         self.bag, self.clean, self.adversarial = bag, parent.reader, bag.reader
         self.attacks = bag.provenance.said.attacks
-        families = {_family(one.type) for one in self.attacks}
+        families = {one.family for one in self.attacks}
         self.has_clouds = "lidar" in families
         self.has_messages = bool(families - {"lidar"})
 
     @cached_property
-    def message_specs(self) -> tuple[AttackSpec, ...]:
+    def on_messages(self) -> tuple[MessageAttack, ...]:
         """The attacks on messages and fixes; ValueError where they are none of this version."""
         return tuple(
-            AttackSpec.model_validate(
-                {key: value for key, value in one.values.items() if key in AttackSpec.model_fields}
+            MessageAttack(
+                AttackSpec.model_validate(
+                    {key: value for key, value in one.values.items() if key in AttackSpec.model_fields}
+                ),
+                one.family,
+                one.declared,
             )
             for one in self.attacks
-            if _family(one.type) != "lidar"
+            if one.family != "lidar"
         )
 
     @property
@@ -71,7 +76,7 @@ class Attacked:
         else:
             told = rows(self.table(FRAMES), ["topic"])
             found = [topic for topic, _ in groupby(row["topic"] for row in told)]
-        first = next(one for one in self.attacks if _family(one.type) == "lidar")
+        first = next(one for one in self.attacks if one.family == "lidar")
         leading = first.lidar or VehicleTopics(first.victim or "ego").lidar_points.name
         return tuple(sorted(dict.fromkeys(found), key=lambda name: name != leading))
 
@@ -89,7 +94,8 @@ class Attacked:
             names |= {V2X_SENT.name, V2X_STATIONS.name, V2X_STATISTICS.name}
             for own in map(VehicleTopics, vehicles):
                 topics = own.sent_raw, own.sent_cam, own.received_raw, own.received_cam
-                names |= {topic.name for topic in (*topics, own.ldm, own.ldm_objects)}
+                beside = own.reception_info, own.true_receptions
+                names |= {topic.name for topic in (*topics, *beside, own.ldm, own.ldm_objects)}
         return frozenset(names)
 
     @cached_property
@@ -133,7 +139,3 @@ def latched_topics(reader: BagReader) -> frozenset[str]:
         for name, info in reader.topics.items()
         if any(qos.durability is QosDurability.TRANSIENT_LOCAL for qos in info.qos)
     )
-
-
-def _family(word: str) -> str:
-    return next((family for family in ("gnss", "cam") if word.startswith(f"{family}-")), "lidar")

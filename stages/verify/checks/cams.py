@@ -16,7 +16,7 @@ from advpipe.stages.verify.checks.base import BagCheck
 from advpipe.stages.verify.ledger import Ledger
 from advpipe.stages.verify.liars import Liars
 from advpipe.stages.verify.message_labels import NEWER, MessageLabels
-from advpipe.stages.verify.result import Fault, Gap, Result
+from advpipe.stages.verify.result import NOT_DECLARED, Fault, Gap, Result
 
 _COLUMNS = (
     *("number", "station_id", "time_ns", "sent_ns", "attack", "attacker", "sender", "action", "mattered"),
@@ -54,7 +54,7 @@ class Cams(BagCheck):
 
     def _compare(self, attacked: Attacked, path: Path, ledger: Ledger) -> Iterator[Result]:
         where, topic = self.bag.subject.place(path), f"{self.bag.place} {V2X_SENT.name}"
-        liars = Liars(attacked.clean, attacked.message_specs, attacked.start_ns, attacked.seed)
+        liars = Liars(attacked.clean, attacked.on_messages, attacked.start_ns, attacked.seed)
         for name, reader in (("clean", attacked.clean), ("forged", attacked.adversarial)):
             for _, message in reader.messages(V2X_SENT.name) if V2X_SENT.name in reader.topics else ():
                 sent = sent_of_message(message)
@@ -66,8 +66,10 @@ class Cams(BagCheck):
             yield Gap(where, f"{' and '.join(strange)}: not as this version writes them")
         for row in rows(path, (*_COLUMNS, *newer)):
             ledger.add_label(liars.place(row["attack"], row["station_id"]), row)
-        reacts = any(one.dcc_reacts for one in attacked.message_specs)
+        reacts = any(one.spec.dcc_reacts for one in attacked.on_messages)
         told = MessageLabels(ledger, liars, reacts)
+        if liars.undeclared:
+            yield Gap(where, f"parts and mattered of {', '.join(liars.undeclared)} {NOT_DECLARED}")
         for story in ledger.stories():
             if story.labels:
                 yield from (

@@ -51,7 +51,7 @@ class Fixes(BagCheck):
         yield Gap(self.bag.place, "odometry and /tf of those whose GPS is attacked are not made again")
         geodesy, strikes = (
             read_filter(attacked.clean).geodesy,
-            victims(attacked.clean, attacked.message_specs),
+            victims(attacked.clean, attacked.on_messages),
         )
         found: dict[str, _Receiver] = {}
         for row in rows(path):

@@ -12,7 +12,6 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.stages.evaluate.detection.baseline import USUAL_LOOKS, looks_of
-from advpipe.stages.evaluate.v2x.detection import attack_parameters
 
 
 def test_nothing_is_said() -> None:
@@ -20,7 +19,6 @@ def test_nothing_is_said() -> None:
     assert not nothing
     assert (nothing.parameters, nothing.said.attacks, nothing.is_attack) == ({}, (), False)
     assert looks_of(nothing) == USUAL_LOOKS
-    assert attack_parameters(nothing) == {}
 
 
 def test_what_is_said() -> None:
@@ -31,8 +29,23 @@ def test_what_is_said() -> None:
     attacks = '[{"type": "cam-dos", "parameters": {"rate_hz": 20.0}, "victim": null, "newer": 1}]'
     found = Provenance({"kind": "attack", "attacks": attacks})
     assert found.is_attack
-    assert attack_parameters(found) == {"cam-dos": {"rate_hz": 20.0}}
+    assert found.said.attacks[0].parameters == {"rate_hz": 20.0}
     assert found.said.attacks[0].values == json.loads(attacks)[0]
+
+
+@pytest.mark.parametrize(
+    ("keys", "family"),
+    [
+        ({"declared": {"family": "gnss"}, "attackers": None}, "gnss"),
+        ({"attackers": None, "dcc_reacts": False}, "v2x"),
+        ({"recipe": "", "detector": "small"}, "lidar"),
+        ({"victim": None}, "gnss"),
+    ],
+)
+def test_the_family_of_an_attack(keys: dict[str, object], family: str) -> None:
+    """Whatever its name is; in older bags by the keys of its family."""
+    attacks = json.dumps([{"type": "cam-drop", "parameters": {}, **keys}])
+    assert Provenance({"attacks": attacks}).said.attacks[0].family == family
 
 
 def test_it_is_the_record_too() -> None:
@@ -52,6 +65,8 @@ WRONG = {
         '[{"victim": "ego"}]',
         '[{"type": 1}]',
         '[{"type": "a", "victim": []}]',
+        '[{"type": "a", "declared": {}}]',
+        '[{"type": "a", "declared": {"family": "gnss", "bounds": {"m": [1]}}}]',
         DEEP,
     ),
     "lidar_topics": ("/ego/lidar/points", "[1]", "{}", '["\\u0000"]', "null"),

@@ -58,7 +58,12 @@ NO_FIGURE = {
     "pipeline/process/__init__.py",
     "pipeline/core/section.py",
     "pipeline/core/bounds.py",
+    "pipeline/labels/__init__.py",
+    "pipeline/labels/declaration.py",
+    "stages/attack/base.py",
+    "stages/attack/family_registry.py",
     "stages/attack/job.py",
+    "stages/attack/own.py",
     "stages/attack/parameters.py",
 }
 """What clouds and messages come through, but which decides nothing about them: other code of it reads the
@@ -69,6 +74,7 @@ OF_CLOUDS = {
 }
 SCENARIO = {
     *(f"pipeline/scenario/{name}.py" for name in ("map", "sensors", "simulation")),
+    *(f"pipeline/sensors/{name}.py" for name in ("registry", "sensor", "weather")),
     "pipeline/sensors/lidar/section.py",
     "pipeline/sensors/lidar/presets.py",
 }

@@ -13,7 +13,7 @@ import pytest
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import AttackSpec
-from advpipe.stages.attack.parameters import build_lidar_attack
+from advpipe.stages.attack.lidar.build import build_lidar_attack
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "my_attack.py"
 NAME = "my_attack:Dazzle"

@@ -7,50 +7,69 @@ import pytest
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.plugins import mistakes_told, own_words
 from advpipe.pipeline.scenario.attacks import AttackSpec
-from advpipe.stages.attack.parameters import build_lidar_attack
+from advpipe.stages.attack.lidar.build import build_lidar_attack
 from advpipe.stages.attack.registry import find_attack
 from advpipe.stages.attack.run import AttackRequest, attack
 
 WRONG = """\
 import numpy as np
+from advpipe.stages.attack.lidar.base import Budget, LidarAttack, LidarTraits
+
+TRAITS = LidarTraits(budget=Budget(title="", parameter="size", unit="m"))
 
 
-class Base:
+class Base(LidarAttack):
+    bounds = {}
+
     def __call__(self, cloud, boxes, detector, rng):
         return self.change(cloud)
 
 
 class Missing(Base):
+    traits = TRAITS
+
     def change(self, cloud):
         return {}["key"]
 
 
 class Deep(Base):
+    traits = TRAITS
+
     def change(self, cloud):
         np.zeros(3).reshape(2, 2)
 
 
 class ReadOnly(Base):
+    traits = TRAITS
+
     def change(self, cloud):
         cloud["x"] += 1
 
 
 class Ends(Base):
+    traits = TRAITS
+
     def change(self, cloud):
         raise SystemExit(0)
 
 
-class NoArguments:
+class NoArguments(Base):
+    traits = TRAITS
+
     def __call__(self):
         return None
 
 
 class Unmade(Base):
+    traits = TRAITS
+
     def __init__(self, *, size: int = 3):
         raise KeyError(size)
 
 
 class Positional(Base):
+    traits = TRAITS
+
     def __init__(self, size):
         pass
 """
@@ -71,10 +90,10 @@ def request(word):
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("Missing", r"KeyError: 'key' \(wrong_attack\.py, line 11\)"),
-        ("Deep", r"ValueError: cannot reshape .* \(wrong_attack\.py, line 16\)"),
-        ("ReadOnly", r"ValueError: .*read-only \(wrong_attack\.py, line 21\)"),
-        ("Ends", r"SystemExit: 0 \(wrong_attack\.py, line 26\)"),
+        ("Missing", r"KeyError: 'key' \(wrong_attack\.py, line 18\)"),
+        ("Deep", r"ValueError: cannot reshape .* \(wrong_attack\.py, line 25\)"),
+        ("ReadOnly", r"ValueError: .*read-only \(wrong_attack\.py, line 32\)"),
+        ("Ends", r"SystemExit: 0 \(wrong_attack\.py, line 39\)"),
         ("NoArguments", r"TypeError: .*__call__\(\) takes 1 positional argument"),
     ],
 )
@@ -89,7 +108,7 @@ def test_a_mistake_on_a_cloud_is_one_line(clean_bag, tmp_path, name, said):
 def test_a_mistake_in_a_worker_is_the_same_line(clean_bag, tmp_path, monkeypatch):
     monkeypatch.setattr("advpipe.pipeline.core.jobs.JOBS_WORTH_A_WORKER", 1)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    with pytest.raises(AdvpipeError, match=r"KeyError: 'key' \(wrong_attack\.py, line 11\); fix it"):
+    with pytest.raises(AdvpipeError, match=r"KeyError: 'key' \(wrong_attack\.py, line 18\); fix it"):
         attack(clean_bag, tmp_path / "out", request("wrong_attack:Missing"), workers=2)
 
 

@@ -9,18 +9,32 @@ import pytest
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import AttackSpec
-from advpipe.stages.attack import contradictions
-from advpipe.stages.attack.parameters import (
-    build_lidar_attack,
-    known_parameters,
-    looks_of,
-    resolved_parameters,
-    resolved_recipe,
-)
-from advpipe.stages.attack.registry import ATTACKS, find_attack, source_sha256
+from advpipe.stages.attack import parameters as parameters_of
+from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits
+from advpipe.stages.attack.lidar.base import Budget, LidarAttack, LidarTraits
+from advpipe.stages.attack.lidar.build import build_lidar_attack, looks_of
+from advpipe.stages.attack.own import source_sha256
+from advpipe.stages.attack.registry import ATTACKS, find_attack
+
+BUDGET = Budget(title="Size in m", parameter="size_m", unit="m")
 
 
-class Mine:
+def known_parameters(word):
+    return parameters_of.known_parameters(find_attack(word))
+
+
+def resolved_parameters(spec):
+    return parameters_of.resolved_parameters(spec, find_attack(spec.type))
+
+
+def resolved_recipe(spec):
+    return parameters_of.resolved_recipe(spec, find_attack(spec.type))
+
+
+class Mine(LidarAttack):
+    traits = LidarTraits(budget=BUDGET)
+    bounds = {}  # noqa: RUF012
+
     def __init__(self, *, size_m: float, mode: str = "soft", times: int = 3, hard: bool = False, ids=()):
         self.given = (size_m, mode, times, hard, ids)
 
@@ -31,18 +45,45 @@ class Mine:
 class Stranger(Mine):
     """It takes a recipe, and tells of a parameter that it does not have."""
 
-    only_for = {"tries": ("slow",)}  # noqa: RUF012
+    traits = LidarTraits(budget=BUDGET, only_for={"tries": ("slow",)})
 
     def __init__(self, *, size_m: float, recipe: str = "quick"):
         super().__init__(size_m=size_m)
 
 
-class NotCallable:
+class NotCallable(LidarAttack):
+    traits = LidarTraits(budget=BUDGET)
+    bounds = {}  # noqa: RUF012
+
     def __init__(self, *, size_m: float):
         pass
 
 
+class Looking(Mine):
+    traits = LidarTraits(budget=BUDGET)
+    looks = 2.5
+
+
+class NoTraits(Mine):
+    """It has those of its parent alone."""
+
+
+class OtherTraits(Mine):
+    traits = GnssTraits()
+
+
+class NoFamily:
+    def __call__(self, cloud, boxes, detector, rng):
+        raise AssertionError("nobody asks for this here")
+
+
+class NotBegun(GnssAttack):
+    traits = GnssTraits()
+
+
 class Heir(Mine):
+    traits = LidarTraits(budget=BUDGET)
+
     def __init__(self, *, size_m: float = 5.0, colour: str = "red", **others):
         super().__init__(size_m=size_m, **others)
 
@@ -50,7 +91,7 @@ class Heir(Mine):
 @pytest.fixture(autouse=True)
 def _my_module(monkeypatch):
     module = types.ModuleType("my_own")
-    for one in (Mine, NotCallable, Heir, Stranger):
+    for one in (Mine, NotCallable, NoTraits, OtherTraits, NoFamily, NotBegun, Heir, Stranger, Looking):
         setattr(module, one.__name__, one)
     module.number = 3
     monkeypatch.setitem(sys.modules, "my_own", module)
@@ -210,9 +251,8 @@ def test_how_often_an_attack_looks():
     assert looks("perturb", "paper", eps_cm=1.0) == looks("attach", "paper", eps_m=1.0) == 1
     assert looks("detach", "best", ratio=0.1) == looks("attach", "best", eps_m=1.0) == 10 + 3
     assert looks_of(build_lidar_attack(mine(size_m=2))) is None
-    wrong = build_lidar_attack(mine(size_m=2))
-    wrong.looks = 2.5
-    with pytest.raises(AdvpipeError, match=r"Mine: looks is 2\.5, but must be a whole number"):
+    wrong = build_lidar_attack(AttackSpec(type="my_own:Looking", parameters={"size_m": 1}))
+    with pytest.raises(AdvpipeError, match=r"Looking: looks is 2\.5, but must be a whole number"):
         looks_of(wrong)
 
 
@@ -231,27 +271,34 @@ def test_unknown_attacks(word, line):
     assert "\n" not in str(caught.value)
 
 
-def test_an_instance_that_cannot_be_called_is_no_attack():
-    with pytest.raises(AdvpipeError, match="cannot be called with a cloud"):
-        build_lidar_attack(AttackSpec(type="my_own:NotCallable", parameters={"size_m": 1}))
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("NotCallable", "NotCallable is no whole attack: it lacks __call__; see its base class"),
+        ("NotBegun", "NotBegun is no whole attack: it lacks begin; see its base class"),
+        ("NoTraits", "NoTraits declares no traits of its own, only its parent's; give it some"),
+        ("OtherTraits", "OtherTraits: traits are GnssTraits, no LidarTraits"),
+        ("NoFamily", "NoFamily is no attack of any family; let it inherit from LidarAttack, V2xAttack or"),
+    ],
+)
+def test_what_does_not_declare_itself_is_refused(name, line):
+    with pytest.raises(AdvpipeError, match=line) as caught:
+        find_attack(f"my_own:{name}")
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("word", ATTACKS)
 def test_every_word_leads_to_an_attack(word):
-    assert AttackSpec(type=word).type == word  # none of ours is the paper's name for another
     parameters = known_parameters(word)
     assert "context" not in parameters
-    assert source_sha256(word) == ""
-
-
-def test_contradictions_speak_of_attacks_that_there_are():
-    assert set(contradictions.SETS) <= set(ATTACKS)
+    assert source_sha256(find_attack(word)) == ""
 
 
 def test_an_attack_of_ones_own_is_told_apart_by_its_file():
-    assert len(source_sha256("my_own:Mine")) == 64
+    assert len(source_sha256(find_attack("my_own:Mine"))) == 64
 
 
 def test_stopped_vehicles_stand_in_one_direction():
     """`cam-eventual-stop` freezes the heading, so another lie about it contradicts."""
-    assert "heading" in contradictions.SETS["cam-eventual-stop"] & contradictions.SETS["cam-heading-rotating"]
+    for word in ("cam-eventual-stop", "cam-heading-rotating"):
+        assert "heading" in find_attack(word).traits.untrue

@@ -5,8 +5,14 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from advpipe.pipeline.scenario.attacks import PAPER_NAMES
-from advpipe.stages.attack.registry import ATTACKS, find_attack
+import pytest
+
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.stages.attack.family_registry import FamilyRegistry
+from advpipe.stages.attack.registry import ATTACKS, find_attack, named, refuse_foreign_keys, usual_budget
+from advpipe.stages.attack.v2x.falsification import Falsification
+from advpipe.stages.attack.v2x.stop import SuddenStop
 
 README = Path(__file__).parents[3] / "README.md"
 
@@ -16,7 +22,10 @@ def test_the_readme_tells_of_each():
     text = README.read_text(encoding="utf-8")
     told = set(re.findall(r"`((?:cam|gnss)-[a-z-]+)`", text))
     assert told == {word for word in ATTACKS if word.startswith(("cam-", "gnss-"))}
-    for short, word in PAPER_NAMES.items():
+    named_by = {word: kind.traits.also_known_as for word, kind in ATTACKS.items()}
+    papers = {names[0]: word for word, names in named_by.items() if names}
+    assert papers == {"rba": "gnss-bias", "paa": "gnss-relocate"}
+    for short, word in papers.items():
         (row,) = [line for line in text.splitlines() if line.startswith("|") and f"`{word}`" in line]
         assert f"({short.upper()})" in row.split("|")[1]
         assert f"`{short}`" in row.split("|")[2]
@@ -25,3 +34,52 @@ def test_the_readme_tells_of_each():
 def test_each_word_has_a_class():
     for word in ATTACKS:
         assert isinstance(find_attack(word), type)
+
+
+@pytest.mark.parametrize(
+    ("word", "name", "family"),
+    [
+        ("detach", "detach", "lidar"),
+        ("cam-replay", "cam-replay", "v2x"),
+        ("gnss-drift", "gnss-drift", "gnss"),
+        ("rba", "gnss-bias", "gnss"),
+        ("gnss-paa", "gnss-relocate", "gnss"),
+        ("PAA", "gnss-relocate", "gnss"),
+    ],
+)
+def test_names_and_families(word, name, family):
+    spec = named(AttackSpec(type=word))
+    assert (spec.type, find_attack(spec.type).family) == (name, family)
+
+
+@pytest.mark.parametrize(
+    ("keys", "line"),
+    [
+        ({"type": "cam-replay", "recipe": "best"}, "cam-replay has no use for recipe; leave it out"),
+        ({"type": "gnss-bias", "frames": "1:2"}, "gnss-bias has no use for frames"),
+        ({"type": "detach", "attackers": {"share": 0.1}}, "detach has no use for attackers"),
+        ({"type": "gnss-bias", "dcc_reacts": True}, "gnss-bias has no use for dcc_reacts"),
+    ],
+)
+def test_keys_of_another_family_are_refused(keys, line):
+    with pytest.raises(AdvpipeError, match=line):
+        refuse_foreign_keys(AttackSpec(**keys))
+
+
+def test_a_class_that_does_not_declare_itself_is_not_registered():
+    """Neither an abstract one, nor one with its parent's traits, which are those of another attack."""
+
+    class Slower(SuddenStop):
+        pass
+
+    abstract = "Falsification is no whole attack: it lacks lie, traits"
+    for kind, line in ((Falsification, abstract), (Slower, "no traits")):
+        registry = FamilyRegistry("v2x", lambda add, kind=kind: add("cam-mine", kind))
+        with pytest.raises(AdvpipeError, match=line):
+            len(registry)
+
+
+def test_usual_budgets():
+    assert usual_budget("detach") == {"ratio": 0.01}
+    assert usual_budget("perturb") == {"eps_cm": 10.0}
+    assert usual_budget("rba") == usual_budget("cam-dos") == {}

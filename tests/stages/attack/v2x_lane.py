@@ -21,8 +21,8 @@ from advpipe.pipeline.v2x.facilities.reference_point import reference_point
 from advpipe.pipeline.v2x.facilities.station_state import StationState
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.section import V2x
+from advpipe.stages.attack.v2x.base import AttackContext, Numbers
 from advpipe.stages.attack.v2x.cams import Cams
-from advpipe.stages.attack.v2x.editor import AttackContext, Numbers
 
 BEGIN_NS, STEP_NS, MS = 1_700_000_000_000_000_000, 100_000_000, 1_000_000
 SPEED_MPS, LENGTH_M = 10.0, 4.5

@@ -96,7 +96,7 @@ def test_several_attacks_on_one_message(data_set: Path) -> None:
     assert all(found[name] for name in ("attack", "part", "attacker", "sender", "fields", "mattered"))
 
     def other_mix(attacks: Attacks) -> None:
-        attacks[1]["parameters"]["attacks"] = "cam-dimensions"
+        attacks[1]["declared"]["parts"] = [{"name": "cam-dimensions"}]
 
     assert "is not by part 'cam-heading-reversed' of cam-mix" in " ".join(faults(bag, Cams, other_mix))
     what = " ".join(gap.what for gap in verify(bag).unchecked)

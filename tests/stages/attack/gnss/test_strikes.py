@@ -66,11 +66,6 @@ def test_a_bias_is_the_same_in_each_period():
     assert len(set(found)) == 1
 
 
-def test_the_papers_names():
-    assert offsets({"type": "rba"})[0] is not None
-    assert 9 < abs(offsets({"type": "paa", "parameters": {"least_m": 1000, "most_m": 1000}})[0]) <= 1000
-
-
 def test_refuses_two_at_once():
     with pytest.raises(AdvpipeError, match="gnss-drift and gnss-jam both spoof ego at the same time"):
         offsets({**AHEAD, "schedule": {"to_s": 5}}, {"type": "gnss-jam", "schedule": {"from_s": 4}})

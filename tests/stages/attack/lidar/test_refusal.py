@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.stages.attack.lidar.base import LidarResult, PointLabels
+from advpipe.pipeline.labels.points import PointLabels
+from advpipe.stages.attack.lidar.base import LidarResult
 from advpipe.stages.attack.lidar.refusal import refuse_wrong
 
 

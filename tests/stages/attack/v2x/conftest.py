@@ -22,8 +22,8 @@ from advpipe.pipeline.v2x.facilities.cam import Cam
 from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam
 from advpipe.pipeline.v2x.section import V2x
 from advpipe.stages.attack.registry import find_attack
+from advpipe.stages.attack.v2x.base import AttackContext, Numbers
 from advpipe.stages.attack.v2x.cams import Cams
-from advpipe.stages.attack.v2x.editor import AttackContext, Numbers
 from advpipe.stages.simulate.run import simulate
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -7,6 +7,7 @@ import pytest
 from v2x_lane import context, edited, lane, radio, said, time_s
 
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.stages.attack.v2x.base import v2x_traits
 from advpipe.stages.attack.v2x.flood import Dos, DosDisruptive, DosDisruptiveSybil, DosRandom, DosRandomSybil
 
 DRIVE = lane({1: 0.0, 2: 50.0}, 40)
@@ -79,7 +80,7 @@ def test_a_roadside_unit_that_says_nothing_of_its_own():
     unit = radio(3, 30.0, speed_mps=0.0)
     drive = [step._replace(radios=(*step.radios, unit)) for step in DRIVE]
     for kind in (DosRandom, DosDisruptive):
-        assert not kind.needs_traffic
+        assert not v2x_traits(kind).needs_traffic
         assert {one.station_id for one in added(kind(context("cam-dos", attackers=(3,))), drive)} == {3}
 
 

@@ -8,8 +8,8 @@ from one_attacker import honest
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import attack_spec
-from advpipe.pipeline.scenario.mixes import MIXES
 from advpipe.stages.attack.v2x.change import forge
+from advpipe.stages.attack.v2x.mix import MIXES
 
 README = Path(__file__).parents[4] / "README.md"
 
@@ -27,7 +27,8 @@ def test_each_attacker_draws_one(strike):
 def test_a_constant_speed_of_nextgen_is_zero(strike, monkeypatch):
     """Its zero speed report; F2MD's is drawn."""
     for name, drawn in (("nextgen", False), ("f2md", True)):
-        monkeypatch.setitem(MIXES, name, ("cam-speed-constant",))
+        alone = [one for one in MIXES[name]() if one.name == "cam-speed-constant"]
+        monkeypatch.setitem(MIXES, name, lambda alone=alone: alone)
         (told,) = strike("cam-mix", [honest(0)], attacks=name)
         assert (told.speed_mps > 0) == drawn
 
@@ -45,11 +46,15 @@ def test_mixes_are_those_of_the_catalogues():
     words = [(f2md.strip(), nextgen.strip(), word.strip(" `")) for _, f2md, nextgen, word, _ in rows]
     assert sum(bool(row[0].strip()) for row in rows) == 5
     assert len(words) > 20
-    assert set(MIXES["f2md"]) == {word for f2md, _, word in words if f2md}
-    assert len(MIXES["f2md"]) == 19
-    assert set(MIXES["nextgen"]) == {word for _, nextgen, word in words if nextgen} - {"cam-mix"}
-    assert len(MIXES["nextgen"]) == 15
-    assert set(MIXES["all"]) == {*MIXES["f2md"], *MIXES["nextgen"]}
+    names = {mix: [one.name for one in MIXES[mix]()] for mix in MIXES}
+    assert set(names["f2md"]) == {word for f2md, _, word in words if f2md}
+    assert len(names["f2md"]) == 19
+    assert set(names["nextgen"]) == {word for _, nextgen, word in words if nextgen} - {"cam-mix"}
+    assert len(names["nextgen"]) == 15
+    three = ["cam-position-offset", "cam-speed-random-offset", "cam-sudden-stop"]
+    assert names["three"] == three
+    assert (names["f2md"][8], names["nextgen"][8]) == ("cam-eventual-stop", "cam-feigned-braking")
+    assert set(names["all"]) == {*names["f2md"], *names["nextgen"]}
 
 
 def test_labels_name_the_part(recorded, tmp_path):

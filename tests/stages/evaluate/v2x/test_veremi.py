@@ -11,16 +11,17 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.cli import app
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import AttackSpec
-from advpipe.stages.attack.registry import ATTACKS
+from advpipe.stages.attack.registry import ATTACKS, find_attack
 from advpipe.stages.attack.request import AttackRequest
 from advpipe.stages.attack.run import attack
 from advpipe.stages.evaluate.v2x.labels import read_labels
 from advpipe.stages.evaluate.v2x.receptions import read_receptions
-from advpipe.stages.evaluate.v2x.veremi import ATTACKER_TYPES, FIRST_OF_OURS, attack_numbers, export_veremi
+from advpipe.stages.evaluate.v2x.veremi import FIRST_OF_OURS, attack_numbers, export_veremi
 
 VECTORS = ["pos", "pos_noise", "spd", "spd_noise", "acl", "acl_noise", "hed", "hed_noise"]
 EXTENSION = {
@@ -75,13 +76,13 @@ def test_labels(offset: Path, exported: Path) -> None:
 
 def test_receptions_and_truth(offset: Path, exported: Path) -> None:
     (ego,) = read_receptions(BagReader(offset))
-    (path,) = (exported / "trace").glob(f"traceJSON-{ego.station_id}-*")
+    (path,) = (exported / "trace").glob(f"traceJSON-{ego.receivers[0].station_id}-*")
     received = [line for line in lines(path) if line["type"] == 3]
     assert [line["messageID"] for line in received] == ego.numbers
     truth = {line["messageID"]: line for line in lines(exported / "trace" / "traceGroundTruthJSON-0.json")}
     lied = {label.number for label in read_labels(offset)}
     for line, one, claim in zip(received, ego.received, ego.claims, strict=True):
-        assert line["sender"] == one.sent.station_id
+        assert line["sender"] == one.station_id
         assert line["senderPseudo"] == claim.station_id
         assert line["sendTime"] <= line["rcvTime"]
         assert line["rcvTime"] == pytest.approx((one.arrival_ns % 86_400_000_000_000) / 1e9, abs=1e-6)
@@ -120,11 +121,16 @@ def test_form_of_2018(offset: Path, tmp_path: Path) -> None:
 
 def test_numbers() -> None:
     """All 19 of the Extension and those of 2018 are attacks of ours; others count from 1000, by name."""
-    assert sorted(ATTACKER_TYPES["extension"].values()) == list(range(1, 20))
-    assert set(ATTACKER_TYPES["extension"]) <= set(ATTACKS)
-    assert {1, 2, 4, 8, 16} <= set(ATTACKER_TYPES["2018"].values())
-    numbers = attack_numbers(["cam-dos", "cam-drop", "gnss-drift"], "extension")
+    specs = tuple(AttackSpec(type=word) for word in ATTACKS if find_attack(word).family != "lidar")
+    attacks = AttackRequest(specs).resolved()
+    bag = Provenance({"attacks": json.dumps(attacks)})
+    names = [spec.type for spec in specs]
+    for form, known in (("extension", set(range(1, 20))), ("2018", {1, 2, 4, 8, 16, 32, 64})):
+        assert {n for n in attack_numbers(names, bag, form).values() if n < FIRST_OF_OURS} == known
+    numbers = attack_numbers(["cam-dos", "cam-drop", "gnss-drift"], bag, "extension")
     assert numbers == {"cam-dos": 13, "cam-drop": FIRST_OF_OURS, "gnss-drift": FIRST_OF_OURS + 1}
+    older = Provenance({"attacks": '[{"type": "cam-dos", "attackers": null}]'})
+    assert attack_numbers(["cam-dos"], older, "extension") == {"cam-dos": FIRST_OF_OURS}
 
 
 def test_a_clean_drive_has_no_attackers(smoke: Path, tmp_path: Path) -> None:

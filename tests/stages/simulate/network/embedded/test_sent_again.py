@@ -10,10 +10,10 @@ import pytest
 from pydantic import TypeAdapter
 
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.receptions import RecordedReception, recorded_receptions
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.ldm import ldm_snapshot_cdr
 from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATISTICS, VehicleTopics
-from advpipe.pipeline.messages.v2x import udp_packet_cdr
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.v2x.air import Air, Received, Sent
 from advpipe.pipeline.v2x.statistics import Statistics
@@ -64,12 +64,14 @@ def test_the_same_receptions_maps_and_statistics(drive: Record, settings: tuple[
     received, maps, statistics = send_again(reader)
     by_listener = defaultdict(list)
     for one in received:
-        by_listener[one.listener].append((one.arrival_ns, udp_packet_cdr(one.arrival_ns, one.sent.payload)))
+        sent, how = one.sent, (one.power_dbm, one.sinr_db)
+        by_listener[one.listener].append(
+            RecordedReception(one.arrival_ns, sent.payload, *how, sent.number, sent.station_id)
+        )
     listeners = V2xDrive(reader).listeners.values()
     for listener in listeners:
         topics = VehicleTopics(listener)
-        raw = reader.raw_messages([topics.received_raw.name])
-        assert [(message.log_time_ns, message.cdr) for message in raw] == by_listener[listener]
+        assert recorded_receptions(reader, listener) == by_listener[listener]
         recorded = list(reader.raw_messages([topics.ldm.name]))
         assert recorded
         assert all(maps[listener, raw.log_time_ns] == raw.cdr for raw in recorded)

@@ -17,7 +17,7 @@ from advpipe.stages.simulate.world.raycast.materials import TRANSMITTANCE
 from advpipe.stages.simulate.world.raycast.mesh import Mesh
 from advpipe.stages.simulate.world.raycast.scene import MAX_PANES, SPECULAR_COS
 from advpipe.stages.simulate.world.raycast.windows import Windows
-from advpipe.stages.simulate.world.raycast.world import World
+from advpipe.stages.simulate.world.raycast.world import RaycastWorld
 
 COUNT = 40
 
@@ -148,13 +148,13 @@ def test_windows_hold_every_ray_that_meets_a_box_also_from_moving_origins(sweep:
 
 def test_same_seed_same_world(boulevard: Any, cast: Any) -> None:
     rays, everyone, hits = cast
-    again = World(boulevard.scenario, boulevard.network, boulevard.variants).cast(rays, everyone)
+    again = RaycastWorld(boulevard.scenario, boulevard.network, boulevard.variants).cast(rays, everyone)
     for name in ("range_m", "cos_incidence", "materials", "transmission", "objects", "occlusion"):
         assert np.array_equal(getattr(hits, name), getattr(again, name)), name
     other = boulevard.scenario.model_copy(
         update={"simulation": boulevard.scenario.simulation.model_copy(update={"seed": 77})}
     )
-    elsewhere = World(other, boulevard.network, boulevard.variants).cast(rays, everyone)
+    elsewhere = RaycastWorld(other, boulevard.network, boulevard.variants).cast(rays, everyone)
     assert not np.array_equal(hits.range_m, elsewhere.range_m)
 
 

@@ -1,0 +1,176 @@
+"""What an attack did to clouds, as Parquet beside its bag: one row a touched point, and one row a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from advpipe.pipeline.core.bounded_parquet import batches
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.labels.columns import Columns, schema
+from advpipe.pipeline.labels.points import PointLabels
+from advpipe.pipeline.messages.cloud import StampedCloud
+
+POINTS, FRAMES = "labels.parquet", "frames.parquet"
+
+POINT_COLUMNS: Columns = {
+    "topic": "words",
+    "frame": "int32",
+    "stamp_ns": "int64",
+    "point": "int32",
+    "action": "words",
+    "displacement_m": "float32",
+}
+"""Of `labels.parquet`: frame and point are counted in the clean bag's topic; see `PointLabels`."""
+
+FRAME_COLUMNS: Columns = {
+    "topic": "string",
+    "frame": "int32",
+    "stamp_ns": "int64",
+    "attack": "string",
+    "points_clean": "int32",
+    "points_adversarial": "int32",
+    "loss_before": "float64",
+    "loss_after": "float64",
+    "note": "string",
+}
+"""Of `frames.parquet`: every frame of the attacked topics, also those left as they were.
+
+attack: its name, "" where none was scheduled.
+"""
+
+GROUP_ROWS = 1 << 18
+"""Of labels at least, in a group of rows, of whole frames: whoever opens the file holds a
+kilobyte or more of each group."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One frame of an attacked topic; see `FRAME_COLUMNS`."""
+
+    topic: str
+    frame: int
+    attack: str
+    clean: StampedCloud
+    points_adversarial: int
+    loss_before: float = np.nan
+    loss_after: float = np.nan
+    note: str = ""
+
+
+class PointTables:
+    """Writes `labels.parquet` and `frames.parquet` into a folder, frame by frame."""
+
+    def __init__(self, folder: Path) -> None:
+        import pyarrow.parquet as pq
+
+        self._points, self._frames = schema(POINT_COLUMNS), schema(FRAME_COLUMNS)
+        self._points_writer = pq.ParquetWriter(str(folder / POINTS), self._points)
+        self._frames_writer = pq.ParquetWriter(str(folder / FRAMES), self._frames)
+        self._rows: list[dict[str, object]] = []
+        self._waiting: list[Any] = []
+
+    def __enter__(self) -> PointTables:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        import pyarrow as pa
+
+        self._frames_writer.write_table(pa.Table.from_pylist(self._rows, self._frames))
+        self._frames_writer.close()
+        self._write_group()
+        self._points_writer.close()
+
+    def add(self, frame: Frame, labels: PointLabels) -> None:
+        """One frame, in the order of the bag, and the labels of its touched points."""
+        import pyarrow as pa
+
+        self._rows.append(
+            {
+                "topic": frame.topic,
+                "frame": frame.frame,
+                "stamp_ns": frame.clean.stamp_ns,
+                "attack": frame.attack,
+                "points_clean": len(frame.clean.cloud),
+                "points_adversarial": frame.points_adversarial,
+                "loss_before": frame.loss_before,
+                "loss_after": frame.loss_after,
+                "note": frame.note,
+            }
+        )
+        if len(labels) == 0:
+            return
+        columns = [
+            pa.array([frame.topic] * len(labels)).dictionary_encode(),
+            pa.array(np.full(len(labels), frame.frame, np.int32)),
+            pa.array(np.full(len(labels), frame.clean.stamp_ns, np.int64)),
+            pa.array(labels.point.astype(np.int32)),
+            pa.array(labels.action.tolist()).dictionary_encode(),
+            pa.array(labels.displacement_m.astype(np.float32)),
+        ]
+        self._waiting.append(pa.Table.from_arrays(columns, schema=self._points))
+        if sum(map(len, self._waiting)) >= GROUP_ROWS:
+            self._write_group()
+
+    def _write_group(self) -> None:
+        import pyarrow as pa
+
+        if self._waiting:
+            self._points_writer.write_table(pa.concat_tables(self._waiting).unify_dictionaries())
+            self._waiting.clear()
+
+
+MOST_LABELS = 1 << 22
+"""Of one frame: twice the rays of the largest LiDAR that is simulated; real ones have a tenth."""
+
+_READ = ("topic", "frame", "point", "action", "displacement_m")
+
+
+@dataclass(frozen=True)
+class FrameLabels:
+    """The labels of the touched points of one frame."""
+
+    topic: str
+    frame: int
+    labels: PointLabels
+
+
+def read_point_labels(path: Path) -> Iterator[FrameLabels]:
+    """The labels of one frame after the other, put together where a batch ends within it.
+
+    Anybody may have written the file. Raises AdvpipeError for one that is no table of labels, or holds more
+    of one frame than any cloud has points.
+    """
+    topic, frame, held, count = "", -1, list[PointLabels](), 0
+    for batch in batches(path, _READ):
+        topics, frames, *values = (batch.column(name).to_numpy(zero_copy_only=False) for name in _READ)
+        ends = np.flatnonzero((topics[1:] != topics[:-1]) | (frames[1:] != frames[:-1])) + 1
+        for start, end in zip([0, *ends.tolist()], [*ends.tolist(), len(frames)], strict=True):
+            if start == end:
+                continue
+            if held and (topic, frame) != (str(topics[start]), int(frames[start])):
+                yield FrameLabels(topic, frame, _joined(held))
+                held, count = [], 0
+            topic, frame = str(topics[start]), int(frames[start])
+            held.append(PointLabels(*(one[start:end] for one in values)))
+            count += end - start
+            if count > MOST_LABELS:
+                raise AdvpipeError(f"{POINTS}: frame {frame} has more labels than any cloud points")
+    if held:
+        yield FrameLabels(topic, frame, _joined(held))
+
+
+def _joined(parts: Sequence[PointLabels]) -> PointLabels:
+    point, action, displacement_m = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("point", "action", "displacement_m")
+    )
+    with np.errstate(invalid="ignore"):  # a point without a number becomes one that no cloud has
+        return PointLabels(point.astype(np.int64), action, displacement_m.astype(np.float64))

@@ -1,0 +1,21 @@
+"""Columns of a table of labels, by name and type, as a schema of Parquet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+Type = Literal["int32", "int64", "uint32", "uint64", "float32", "float64", "bool", "string", "words"]
+"""As Arrow calls them; `words`: texts of which there are few different ones."""
+
+Columns = Mapping[str, Type]
+
+
+def schema(columns: Columns) -> Any:
+    """The pyarrow schema of these columns, in their order."""
+    import pyarrow as pa
+
+    words = pa.dictionary(pa.int32(), pa.string())
+    return pa.schema(
+        [(name, words if kind == "words" else pa.type_for_alias(kind)) for name, kind in columns.items()]
+    )

@@ -1,0 +1,70 @@
+"""What an attack declares of itself in the bag that it makes: `verify` and `evaluate` read it from there.
+
+The attack's class may be a user's own, and is never loaded to read a bag. A declaration is a claim like any
+other in a bag: `verify` checks it against the bag.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from advpipe.pipeline.core.document import Count, Document, Number, Word
+
+Family = Literal["gnss", "v2x", "lidar"]
+
+MOST_PARTS = 10_000
+"""Of a mix; as many as a list of names in a scenario file may make."""
+_MOST_BOUNDS = 100
+
+Bounds = Annotated[dict[Word, tuple[Number, Number]], Field(max_length=_MOST_BOUNDS)]
+"""Least and most, by the name of a quantity (`quantities.CLOUD_QUANTITIES`), of each cloud that is
+changed."""
+
+
+class Published(Document):
+    """What other data sets call an attack, and what is published of it.
+
+    veremi_2018, veremi_extension: its number in the data sets of van der Heijden et al. (SecureComm 2018) and
+    Kamel et al. (IEEE ICC 2020). nextgen: its place among the 15 attacks of VeReMi NextGen. catch_f1: F1 of
+    CaTCH in the documentation of that, urban traffic of low density.
+    """
+
+    veremi_2018: Count | None = None
+    veremi_extension: Count | None = None
+    nextgen: Count | None = None
+    catch_f1: Number | None = None
+
+
+class Part(Document):
+    """One of the attacks that attackers of a mix draw from; see `Declaration`."""
+
+    name: Word
+    every_message_matters: bool = False
+    published: Published = Published()
+
+
+class Declaration(Document):
+    """An attack with its parameters.
+
+    bounds: what it keeps to in each cloud that it changes. every_message_matters: whether all that its
+    attackers send by it are lies, whatever they say: of stations that do not exist, or are others, or one too
+    many. untrue: what it makes untrue in its attackers' own messages. parts: of a mix, what each attacker
+    draws one of, in the order of the draw.
+    """
+
+    family: Family
+    bounds: Bounds = Field(default_factory=dict)
+    every_message_matters: bool = False
+    untrue: Annotated[tuple[Word, ...], Field(max_length=_MOST_BOUNDS)] = ()
+    published: Published = Published()
+    parts: Annotated[tuple[Part, ...], Field(max_length=MOST_PARTS)] = ()
+
+    def part(self, name: str) -> Part | None:
+        """The part of this name; None where it is none of them."""
+        return next((part for part in self.parts if part.name == name), None)
+
+    def plain(self) -> dict[str, Any]:
+        """As it is written into a bag: without what has its default."""
+        return self.model_dump(mode="json", exclude_defaults=True)

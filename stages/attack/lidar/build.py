@@ -1,0 +1,45 @@
+"""Attacks on clouds with their parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.plugins import mistakes_told, own_words
+from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.stages.attack.lidar.base import LidarAttack, lidar_traits
+from advpipe.stages.attack.lidar.registry import LIDAR_ATTACKS
+from advpipe.stages.attack.parameters import known_parameters, resolved_parameters, resolved_recipe
+
+
+def build_lidar_attack(spec: AttackSpec) -> LidarAttack:
+    """The attack, its parameters checked; raises `AdvpipeError` for a bad one."""
+    kind = LIDAR_ATTACKS.find(spec.type)
+    recipe, keywords = resolved_recipe(spec, kind), dict(resolved_parameters(spec, kind))
+    if recipe:
+        _refuse_idle(spec, kind, recipe, keywords)
+        keywords["recipe"] = recipe
+    with mistakes_told(own_words([spec.type])):
+        return kind(**keywords)
+
+
+def looks_of(attack: LidarAttack) -> int | None:
+    """To how many tries the attack looks to keep the best, as its `looks` says; None if it does not say."""
+    looks = attack.looks
+    if looks is not None and not (isinstance(looks, int) and looks >= 1):
+        raise UsageError(f"{type(attack).__name__}: looks is {looks!r}, but must be a whole number from 1 up")
+    return looks
+
+
+def _refuse_idle(
+    spec: AttackSpec, kind: type[LidarAttack], recipe: str, parameters: Mapping[str, Any]
+) -> None:
+    """Raises AdvpipeError for a parameter that its recipe would pass over in silence."""
+    usual = known_parameters(kind)
+    for name, recipes in lidar_traits(kind).only_for.items():
+        if name in usual and parameters[name] != usual[name] and recipe not in recipes:
+            raise UsageError(
+                f"{spec.type}: recipe {recipe} does not look at {name}; leave it out, or take one that does: "
+                f"{', '.join(recipes)}"
+            )

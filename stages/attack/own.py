@@ -1,0 +1,46 @@
+"""Attacks of a user's own, named `module:Class`."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import inspect
+import os
+import sys
+from pathlib import Path
+
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.stages.attack.base import Attack, refuse_undeclared
+
+BASES = "LidarAttack, V2xAttack or GnssAttack (stages/attack/lidar, v2x, gnss: base.py)"
+
+
+def own_attack(word: str) -> type[Attack]:
+    """The class; raises AdvpipeError, one line, for a module that cannot be loaded, and for what is no attack
+    of any family or does not declare what its base asks for."""
+    module, _, name = word.partition(":")
+    # A program that was installed does not look into the working directory, where the user's file lies.
+    if os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())
+    try:
+        found = getattr(importlib.import_module(module), name)
+    except (Exception, SystemExit) as error:  # a user's module may do anything
+        kind = "" if isinstance(error, ImportError | AttributeError) else f"{type(error).__name__}: "
+        raise UsageError(f"cannot load attack {word}: {kind}{error}") from None
+    if not inspect.isclass(found):
+        raise UsageError(f"{word} is no class; an attack is a class that inherits from {BASES}")
+    if not issubclass(found, Attack) or not hasattr(found, "family"):
+        raise UsageError(f"{word} is no attack of any family; let it inherit from {BASES}")
+    refuse_undeclared(found)
+    return found
+
+
+def source_sha256(kind: type[Attack]) -> str:
+    """SHA-256 of the file that a user's own attack lies in; "" for ours, which their version tells apart."""
+    if kind.__module__.startswith("advpipe."):
+        return ""
+    try:
+        source = inspect.getsourcefile(kind)
+    except TypeError:  # made by a program or in another language
+        return ""
+    return hashlib.sha256(Path(source).read_bytes()).hexdigest() if source else ""

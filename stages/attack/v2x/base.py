@@ -1,0 +1,208 @@
+"""What changes messages before they reach the radio: the protocol of editors, and how attacks are built.
+
+An attack on messages is a `V2xAttack`: a class whose constructor takes its context first and its
+parameters keyword-only, with defaults and units in their names. It declares its `traits`. `edit` is called
+once a step, in time order, with all messages of all stations in that step, as the editors before it left
+them; it returns all that are to be sent instead:
+
+>>> class Zero(V2xAttack):
+...     traits = V2xTraits(untrue=("speed",))
+...
+...     def edit(self, step, sent):
+...         return [self._zero(one) if self.context.acts(one) else one for one in sent]
+
+- *Change* a message: `replace(one, payload=...)`; open CAMs with `context.cams.open(payload)` (None: corrupt,
+  hand it on as it is), make them say other things with `retold(tree, speed_mps=0.0)` of `cams.py`, and close
+  them with `context.cams.close(tree)`. Trees are shared: never change one in place.
+- *Drop* one: leave it out. *Delay* one: leave it out, and return it in a later step under its own number with
+  `replace(one, request_ns=...)`.
+- *Add* one: `context.message(sender, request_ns, payload)`. Ghosts' station ids: `context.pseudonym(...)`.
+- `request_ns` lies in `step.begin_ns <= request_ns < step.end_ns`, and the sender's radio (`Sent.station_id`,
+  whatever the payload claims) has to be on the road, that is in `step.radios`. The order does not matter.
+- The truth about every station with a radio is in `step.radios`: see `context.radio(step, station_id)`.
+- Chance comes from `context.rng("use", station_id, ...)` only.
+
+Labels are none of an attack's business: the engine compares what goes in with what comes out, by number.
+A message in another form is "changed", one that is missing "dropped" (or "delayed", if it comes later), a new
+one "added"; attacker is the one whose radio sends it. True values are those of the recorded message;
+whether the lie mattered is judged from both (`pipeline/v2x/facilities/effect.py`), unless all of the attack's
+do (`V2xTraits.every_message_matters`).
+"""
+
+from __future__ import annotations
+
+import zlib
+from abc import abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import count
+from typing import Any, Literal, Protocol, get_args
+
+import numpy as np
+
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.seeding import named_generator
+from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.labels.declaration import Part, Published
+from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.messages.v2x import RadioPlace
+from advpipe.pipeline.replay.v2x_drive import V2xStep
+from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.radio.draws import message_keys
+from advpipe.pipeline.v2x.section import V2x
+from advpipe.stages.attack.base import Attack, Traits
+from advpipe.stages.attack.v2x.cams import Cams
+
+
+class MessageEditor(Protocol):
+    """Whoever changes what is sent. name: what labels call it, such as `gnss-bias`."""
+
+    @property
+    def name(self) -> str: ...
+
+    def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
+        """The messages of this step that are to be sent instead of `sent`."""
+        ...
+
+
+@dataclass
+class Numbers:
+    """What all attacks on one drive share: numbers of new messages, and station ids that are taken."""
+
+    next_message: int
+    station_ids: set[int]
+
+
+@dataclass(frozen=True, kw_only=True)
+class AttackContext:
+    """All that an attack is told of the drive it strikes.
+
+    name: the attack's, in labels and for chance; seed_name tells several of one name apart. attackers:
+    station ids of their radios, ascending. victim: a station id; None where nobody is aimed at. active:
+    whether the schedule lets the attack act at a time in nanoseconds. start_ns: when the bag begins.
+    """
+
+    name: str
+    seed: int
+    seed_name: str = ""
+    attackers: tuple[int, ...]
+    victim: int | None
+    active: Callable[[int], bool]
+    start_ns: int
+    v2x: V2x
+    geodesy: Geodesy
+    cams: Cams
+    numbers: Numbers
+    _copies: count[int] = field(default_factory=lambda: count(1))
+
+    @cached_property
+    def attacking(self) -> frozenset[int]:
+        """The attackers again, to look one up."""
+        return frozenset(self.attackers)
+
+    def acts(self, sent: Sent) -> bool:
+        """Whether an attacker's radio sends this message at a time at which the attack acts."""
+        return sent.station_id in self.attacking and self.active(sent.request_ns)
+
+    def rng(self, *names: str | int) -> np.random.Generator:
+        """A generator of its own for each use, under the attack's name."""
+        return named_generator(self.seed, "attack", self.name, self.seed_name, *names)
+
+    def radio(self, step: V2xStep, station_id: int) -> RadioPlace | None:
+        """Where a station truly is in this step; None for one that is not on the road."""
+        return next((radio for radio in step.radios if radio.station_id == station_id), None)
+
+    def message(self, sender: int, request_ns: int, payload: bytes, power_dbm: float | None = None) -> Sent:
+        """A new message of an attacker's radio, with random draws of its own.
+
+        power_dbm: that of the scenario's radios if left out.
+        """
+        number = self.numbers.next_message
+        self.numbers.next_message += 1
+        copy = (zlib.crc32(f"{self.name} {self.seed_name}".encode()) << 24) + next(self._copies)
+        key = int(message_keys(sender, request_ns, copy))
+        power = self.v2x.radio.transmit_power_dbm if power_dbm is None else power_dbm
+        return Sent(number, key, sender, request_ns, payload, power)
+
+    def pseudonym(self, *names: str | int) -> int:
+        """A station id that no station has and none was given before; 31 bits, as stations choose theirs."""
+        rng = self.rng("pseudonym", *names)
+        while (station_id := int(rng.integers(1, 2**31))) in self.numbers.station_ids:
+            pass
+        self.numbers.station_ids.add(station_id)
+        return station_id
+
+
+Claim = Literal["position", "speed", "heading", "acceleration", "dimensions", "station id"]
+ALL_CLAIMS: tuple[Claim, ...] = get_args(Claim)
+"""What a CAM claims of its sender."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class V2xTraits(Traits):
+    """What is known of an attack on messages whatever its parameters.
+
+    untrue: what it makes untrue in its attackers' own messages; two that share any of it cannot act on the
+    same messages at the same time. One that only adds, delays or drops messages makes nothing untrue.
+    every_message_matters: whatever they say, all that its attackers send by it are lies: of stations that do
+    not exist, or are others, or one too many; else each is judged by what it says
+    (`pipeline/v2x/facilities/effect.py`). needs_traffic: it changes what its attackers send anyway, so that a
+    roadside unit, which sends nothing of its own, cannot be one. published: see there; its F1 is that of an
+    attack with the parameters `published_of`.
+    """
+
+    untrue: tuple[Claim, ...] = ()
+    every_message_matters: bool = False
+    needs_traffic: bool = True
+    published: Published = field(default_factory=Published)
+    published_of: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if strange := [claim for claim in self.untrue if claim not in ALL_CLAIMS]:
+            raise UsageError(f"a CAM claims no {shown(strange[0])}; known: {', '.join(ALL_CLAIMS)}")
+
+    def published_with(self, parameters: Mapping[str, Any]) -> Published:
+        """What is published of the attack with these parameters."""
+        if all(parameters.get(name) == value for name, value in self.published_of.items()):
+            return self.published
+        return self.published.model_copy(update={"catch_f1": None})
+
+
+class V2xAttack(Attack):
+    """An attack on messages; see above for its rules."""
+
+    family = "v2x"
+    own_keys = ("attackers", "dcc_reacts")
+    traits_type = V2xTraits
+
+    def __init__(self, context: AttackContext) -> None:
+        self.context = context
+
+    @property
+    @abstractmethod
+    def traits(self) -> V2xTraits: ...
+
+    @property
+    def name(self) -> str:
+        return self.context.name
+
+    @classmethod
+    def parts(cls, name: str, parameters: Mapping[str, Any]) -> tuple[Part, ...]:
+        """The attacks that attackers of a mix of this name draw from, by `acting.drawn_parts`; none of
+        others. Raises AdvpipeError for what is no attack to mix."""
+        return ()
+
+    def part(self, attacker: int) -> V2xAttack:
+        """The attack that this attacker carries out: itself, but for a mix of attacks."""
+        return self
+
+    @abstractmethod
+    def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
+        """The messages of this step that are to be sent instead of `sent`."""
+
+
+def v2x_traits(kind: type[V2xAttack]) -> V2xTraits:
+    """The traits of a class."""
+    found: V2xTraits = vars(kind)["traits"]
+    return found
