@@ -58,7 +58,15 @@ class V2xDrive:
         self.listeners = {number: name for number, name in self.stations.items() if name in info.vehicles}
 
     def air(self, decoder: Callable[[bytes], CamTree] | None = None) -> Air:
-        """The medium and the maps as they were when the drive began. decoder: see `Air`."""
+        """The medium and the maps as they were when the drive began. decoder: see `Air`.
+
+        Raises UsageError for a drive through another network than ours, which nobody can run again.
+        """
+        if self.v2x.network != "embedded":
+            raise UsageError(
+                f"{self._reader.path} was recorded with v2x.network {self.v2x.network}; messages can be sent "
+                "again through the embedded one only"
+            )
         geodesy = Geodesy(self.origin.latitude_deg, self.origin.longitude_deg, self.origin.altitude_m)
         return Air(self.v2x, self.seed, geodesy, self.listeners, self._buildings(), decoder)
 
