@@ -69,6 +69,7 @@ def evaluate(
     from advpipe.pipeline.core.errors import wrong_use
     from advpipe.pipeline.core.verbosity import detail
     from advpipe.pipeline.process.folder import here, refuse_undecodable
+    from advpipe.stages.evaluate.options import Options
     from advpipe.stages.evaluate.run import evaluate as run
     from advpipe.stages.evaluate.run import print_report
 
@@ -89,18 +90,20 @@ def evaluate(
         clean,
         adversarial,
         target,
-        detector=detectors,
-        seed=seed,
-        baseline=baseline,
-        baseline_tries=baseline_tries,
-        defences=defence or (),
-        frames=chosen,
+        Options(
+            detectors=tuple(detectors),
+            seed=seed,
+            baseline=baseline,
+            baseline_tries=baseline_tries,
+            defences=tuple(defence or ()),
+            frames=chosen,
+            lidar_topic=lidar,
+            detections=write_detections or with_clouds,
+            with_clouds=with_clouds,
+            device=device,
+        ),
         overwrite=overwrite,
-        lidar_topic=lidar,
         workers=workers,
-        detections=write_detections or with_clouds,
-        with_clouds=with_clouds,
-        device=device,
     )
 
     def show() -> None:

@@ -24,7 +24,7 @@ from advpipe.pipeline.cli.sweep import _commands, sweep
 from advpipe.pipeline.core.code import source_commit
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.stages.evaluate.report.wording import RANDOM_BEST
-from advpipe.stages.evaluate.run import evaluate
+from advpipe.stages.evaluate.run import Options, evaluate
 
 # 1 % of 600 points are six, so that one of the car's seven is left; 1.5 % are nine.
 DETACH = ["detach-1,detach-1.5"]
@@ -61,12 +61,12 @@ def test_one_point_decides(swept: Path) -> None:
 def test_rows_are_those_of_the_evaluation(swept: Path, clean: Path, tmp_path: Path) -> None:
     """The bag that was kept, scored by `advpipe evaluate`."""
     bag = resolve_bag(swept / "bags" / "best-detach-1.5")
-    report = evaluate(clean, [bag], tmp_path / "report", detector=DETECTOR, workers=1)
+    report = evaluate(clean, [bag], tmp_path / "report", Options(detectors=(DETECTOR,)), workers=1)
     (row,) = json.loads((tmp_path / "report" / "report.json").read_text())["rows"]
     (cell,) = [cell for cell in Store(swept).cells() if cell.budget == "detach-1.5"]
     stored = json.loads(cell.to_json())
     assert stored["row"] == row
-    assert stored["bag_sha256"] == report.provenance["compared"][0]["sha256"]  # type: ignore[index]
+    assert stored["bag_sha256"] == report.origin.compared[0].sha256
 
 
 def test_tables_hold_the_figures_of_the_cells(swept: Path) -> None:

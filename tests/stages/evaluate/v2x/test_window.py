@@ -16,8 +16,8 @@ from advpipe.pipeline.misbehaviour.config import DetectorConfig
 from advpipe.pipeline.misbehaviour.detector import judge_all
 from advpipe.pipeline.replay.v2x_drive import V2xDrive, V2xStep
 from advpipe.pipeline.v2x.air import Air, Heard, Sent
+from advpipe.stages.evaluate.families import added_sections
 from advpipe.stages.evaluate.options import Options
-from advpipe.stages.evaluate.run import added_sections
 from advpipe.stages.evaluate.v2x.collision import warnings
 from advpipe.stages.evaluate.v2x.drive import Drive, read_drive
 from advpipe.stages.evaluate.v2x.labels import lies, read_labels
