@@ -18,9 +18,10 @@ from sweep_drive import DETECTOR, write_drive
 
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.campaigns.sweep import settings
+from advpipe.pipeline.campaigns.sweep.run import commands_of
 from advpipe.pipeline.campaigns.sweep.store import Store
 from advpipe.pipeline.campaigns.sweep.tables import NOT_RUN
-from advpipe.pipeline.cli.sweep import _commands, sweep
+from advpipe.pipeline.cli.sweep import sweep
 from advpipe.pipeline.core.code import source_commit
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.stages.evaluate.report.wording import RANDOM_BEST
@@ -198,7 +199,7 @@ def test_four_panels_of_another_recipe(swept: Path, clean: Path) -> None:
 def test_the_command_names_the_clouds(swept: Path, clean: Path) -> None:
     (cell, *_) = Store(swept).cells()
     chosen = replace(cell, settings=replace(cell.settings, lidar_topic="/ego/lidar/points"))
-    assert _commands(clean, "paper", [chosen]).endswith("--baseline-tries 1 --lidar /ego/lidar/points")
+    assert commands_of(clean, "paper", [chosen]).endswith("--baseline-tries 1 --lidar /ego/lidar/points")
 
 
 @pytest.mark.parametrize(
