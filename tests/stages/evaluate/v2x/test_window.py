@@ -16,8 +16,8 @@ from advpipe.pipeline.misbehaviour.detector import judge_all
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.v2x.facilities.cam import Cam
 from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam
+from advpipe.stages.evaluate.families import added_sections
 from advpipe.stages.evaluate.options import Options
-from advpipe.stages.evaluate.run import added_sections
 from advpipe.stages.evaluate.v2x import receptions
 from advpipe.stages.evaluate.v2x.collision import warnings
 from advpipe.stages.evaluate.v2x.drive import Drive, read_drive
