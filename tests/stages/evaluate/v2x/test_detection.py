@@ -55,7 +55,8 @@ def test_all_stations_can_listen(smoke: Path) -> None:
 
 def test_offsets_are_found_out(smoke: Path, offset: Path) -> None:
     labels = read_labels(offset)
-    found = detect(read_receptions(BagReader(offset)), labels)
+    reader = BagReader(offset)
+    found = detect(read_receptions(reader), labels, published=published_f1(reader.provenance))
     assert found.attack == "cam-position-offset"
     assert 0 < found.lies < found.messages
     assert found.ours.recall > 0.7
