@@ -34,6 +34,7 @@ from common import finish, machine, scratch
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.jobs import map_jobs
+from advpipe.pipeline.labels.messages import lies, read_labels
 from advpipe.pipeline.misbehaviour.catch import TUNED_CATCH, CatchParameters
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
 from advpipe.pipeline.misbehaviour.detector import judge_all
@@ -49,7 +50,6 @@ from advpipe.stages.attack.request import AttackRequest
 from advpipe.stages.attack.run import attack
 from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
 from advpipe.stages.evaluate.v2x.detection import Detection, detect, published_f1
-from advpipe.stages.evaluate.v2x.labels import lies, read_labels
 from advpipe.stages.evaluate.v2x.receptions import read_receptions
 from advpipe.stages.simulate.run import simulate
 

@@ -18,11 +18,11 @@ from typer.testing import CliRunner
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.cli import app
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.labels.messages import read_labels
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.pipeline.scenario.load import load_scenario
 from advpipe.stages.attack.run import AttackRequest, attack
 from advpipe.stages.evaluate.v2x.detection import detect
-from advpipe.stages.evaluate.v2x.labels import read_labels
 from advpipe.stages.evaluate.v2x.receptions import read_receptions
 from advpipe.stages.simulate.run import simulate
 from advpipe.stages.verify.run import verify
