@@ -14,7 +14,7 @@ CLEAN["x"] = np.arange(100)
 
 
 def labels(points: list[int], actions: list[str]) -> PointLabels:
-    return PointLabels(np.array(points), np.array(actions), np.zeros(len(points)))
+    return PointLabels(np.array(points, np.int64), np.array(actions, np.str_), np.zeros(len(points)))
 
 
 def changed() -> CloudChange:
