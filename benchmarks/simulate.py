@@ -16,6 +16,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -25,14 +26,16 @@ from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.open3d_library import o3d
 from advpipe.pipeline.localisation.onboard import OnBoard
 from advpipe.pipeline.scenario import load_scenario
+from advpipe.pipeline.sensors.lidar import rig
+from advpipe.pipeline.sensors.lidar.lidar import Lidar
 from advpipe.stages.simulate import run
 from advpipe.stages.simulate.recorder import Recorder
-from advpipe.stages.simulate.sensors.lidar import Lidar, rig
 from advpipe.stages.simulate.traffic.road_users import RoadUser
-from advpipe.stages.simulate.traffic.sumo.traffic import Traffic
+from advpipe.stages.simulate.traffic.sumo.traffic import SumoTraffic
+from advpipe.stages.simulate.world.raycast.body_meshes import body_mesh
 from advpipe.stages.simulate.world.raycast.mesh import Mesh, merge
 from advpipe.stages.simulate.world.raycast.scene import Scene
-from advpipe.stages.simulate.world.raycast.world import World
+from advpipe.stages.simulate.world.raycast.world import RaycastWorld
 
 REACH = 1.6
 
@@ -68,12 +71,12 @@ class BareCasting:
         self._static: o3d.t.geometry.RaycastingScene | None = None
         self.seconds = 0.0
         self.users: list[int] = []
-        self._stage_cast = World.cast
+        self._stage_cast = RaycastWorld.cast
 
     def install(self) -> None:
         bare = self
 
-        def cast(world: World, rays: Any, users: Sequence[RoadUser], *args: Any, **kwargs: Any) -> Any:
+        def cast(world: RaycastWorld, rays: Any, users: Sequence[RoadUser], *args: Any, **kwargs: Any) -> Any:
             start = time.perf_counter()
             bare.cast(world, rays, users)
             middle = time.perf_counter()
@@ -82,7 +85,7 @@ class BareCasting:
             bare._watch.add("cast", time.perf_counter() - middle)
             return hits
 
-        World.cast = cast  # type: ignore[method-assign]
+        RaycastWorld.cast = cast  # type: ignore[method-assign]
         original = Scene.__init__
 
         def remember(scene: Scene, mesh: Mesh, *args: Any) -> None:
@@ -91,18 +94,21 @@ class BareCasting:
 
         Scene.__init__ = remember  # type: ignore[method-assign]
 
-    def cast(self, world: World, rays: Any, users: Sequence[RoadUser]) -> None:
+    def cast(self, world: RaycastWorld, rays: Any, users: Sequence[RoadUser]) -> None:
         start = time.perf_counter()
         if self._static is None:
             assert self._ground is not None
-            parked = [car.variant.mesh.transformed(car.map_SE3_base) for car in world.parked]
+            parked = [_mesh(car.variant).transformed(car.map_SE3_base) for car in world.parked]
             self._static = _scene(merge([self._ground, *parked]))
             self.seconds -= time.perf_counter() - start  # made once
-        moving = _scene(merge(user.variant.mesh.transformed(user.map_SE3_base) for user in users))
+        moving = _scene(merge(_mesh(user.variant).transformed(user.map_SE3_base) for user in users))
         tensor = o3d.core.Tensor.from_numpy(rays)
         for scene in (self._static, moving):
             scene.cast_rays(tensor)["t_hit"].numpy()
         self.users.append(len(users))
+
+
+_mesh = cache(body_mesh)
 
 
 def _scene(mesh: Mesh) -> o3d.t.geometry.RaycastingScene:
@@ -127,8 +133,8 @@ def main() -> int:
     bare = BareCasting(watch)
     bare.install()
     for owner, method, name in (
-        (Traffic, "step", "SUMO"),
-        (Traffic, "road_users", "road users"),
+        (SumoTraffic, "step", "SUMO"),
+        (SumoTraffic, "road_users", "road users"),
         (Lidar, "rays", "rays"),
         (Lidar, "measure", "measure"),
         (OnBoard, "step", "localisation"),

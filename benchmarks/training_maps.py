@@ -21,7 +21,7 @@ from pathlib import Path
 
 from advpipe.pipeline.core.hashing import sha256_of
 from advpipe.pipeline.core.versions import installed
-from advpipe.pipeline.detector.second.checkpoint import SHIPPED
+from advpipe.pipeline.detector.second.family import SHIPPED
 from advpipe.pipeline.detector.training_maps import list_beside
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.stages.simulate.road_network.network import load_network

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from advpipe.pipeline.bag.carried import CLOUD_TYPE, lidar_topics, sensors_by_topic
 from advpipe.pipeline.bag.ground_truth import LATENCY_NS, GroundTruth, objects_topic
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
@@ -44,18 +45,37 @@ class Frame:
 
 
 def find_lidar_topic(reader: BagReader, lidar_topic: str | None = None) -> str:
-    """The named topic of clouds; without a name, the bag's only one, or among several the ego's `lidar`."""
-    candidates = reader.topics_of_type("sensor_msgs/msg/PointCloud2")
+    """The named topic of clouds; without a name, the LiDAR's only one, or among several the ego's `lidar`.
+
+    A topic of clouds that the bag's scenario does not know may be named; one of another sensor may not.
+    """
+    if lidar_topic is not None:
+        return _named(reader, lidar_topic)
+    candidates = lidar_topics(reader)
     if not candidates:
-        raise UsageError(f"{reader.path} holds no LiDAR clouds (no sensor_msgs/msg/PointCloud2 topic)")
+        others = ", ".join(reader.topics_of_type(CLOUD_TYPE))
+        why = f"the point clouds of {others} are no LiDAR's" if others else f"no {CLOUD_TYPE} topic"
+        raise UsageError(f"{reader.path} holds no LiDAR clouds ({why})")
     default = VehicleTopics().lidar_points.name
-    if lidar_topic is None and len(candidates) > 1 and default not in candidates:
+    if len(candidates) > 1 and default not in candidates:
         raise UsageError(
             f"{reader.path} has several LiDAR topics and none is {default}; name one: {', '.join(candidates)}"
         )
-    if lidar_topic is not None and lidar_topic not in candidates:
-        raise UsageError(f"{reader.path} has no clouds on {lidar_topic}; it has {', '.join(candidates)}")
-    return lidar_topic or (default if default in candidates else candidates[0])
+    return default if default in candidates else candidates[0]
+
+
+def _named(reader: BagReader, topic: str) -> str:
+    clouds, lidars = reader.topics_of_type(CLOUD_TYPE), lidar_topics(reader)
+    if not clouds:
+        raise UsageError(f"{reader.path} holds no LiDAR clouds (no {CLOUD_TYPE} topic)")
+    if topic not in clouds:
+        raise UsageError(f"{reader.path} has no clouds on {topic}; it has {', '.join(lidars or clouds)}")
+    if topic not in lidars and topic in (known := sensors_by_topic(reader) or {}):
+        raise UsageError(
+            f"{reader.path}: the clouds of {topic} are those of sensors.{known[topic].key}, not of a LiDAR; "
+            f"it has {', '.join(lidars) or 'none'}"
+        )
+    return topic
 
 
 def count_frames(path: Path, lidar_topic: str | None = None) -> int:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from rosbags.interfaces import Qos, QosDurability
 
+from advpipe.pipeline.bag.carried import lidar_topics
 from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.reader import BagReader
@@ -20,7 +21,6 @@ from advpipe.pipeline.messages.build import NS_PER_S
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.v2x.statistics import Statistics
 
-_CLOUD_TYPE = VehicleTopics().lidar_points.type
 _OBJECTS_TYPE = VehicleTopics().objects.type
 _LONG = ("scenario", "versions")  # provenance that the table leaves out; --json has it
 
@@ -47,7 +47,7 @@ class ObjectCount:
 
 @dataclass(frozen=True)
 class BagDescription:
-    """A summary of one bag; points are counted per cloud, over all topics of clouds.
+    """A summary of one bag; points are counted per cloud, over all LiDARs.
 
     v2x: None for a bag without such statistics.
     """
@@ -114,8 +114,12 @@ def _date(stamp_ns: int) -> str:
 
 @dataclass
 class _Tally:
-    """What is counted in one pass over the bag; truth: the topics whose boxes are of road users."""
+    """What is counted in one pass over the bag.
 
+    lidars: the topics with LiDAR clouds. truth: the topics whose boxes are of road users.
+    """
+
+    lidars: frozenset[str]
     truth: frozenset[str]
     first_ns: dict[str, int] = field(default_factory=dict)
     last_ns: dict[str, int] = field(default_factory=dict)
@@ -126,7 +130,7 @@ class _Tally:
     def add(self, reader: BagReader, raw: RawMessage) -> None:
         self.first_ns.setdefault(raw.topic.name, raw.log_time_ns)
         self.last_ns[raw.topic.name] = raw.log_time_ns
-        if raw.topic.type == _CLOUD_TYPE:
+        if raw.topic.name in self.lidars:
             self.points.append(len(reader.cloud(raw).cloud))
         elif raw.topic.name in self.truth:
             for detection in reader.decode(raw).detections:
@@ -144,7 +148,7 @@ def describe(path: Path) -> BagDescription:
     reader = BagReader(resolve_bag(path))
     files = mcap_files(reader.path)
     checksums = sum((validate_checksums(file) for file in files), ChecksumCoverage())
-    tally = _Tally(_truth(reader))
+    tally = _Tally(frozenset(lidar_topics(reader)), _truth(reader))
     for raw in reader.raw_messages():
         tally.add(reader, raw)
     start_ns = min(tally.first_ns.values(), default=0)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from pydantic import Field
+
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.document import LONGEST_TEXT, Count, Document, read_json
 from advpipe.pipeline.core.errors import AdvpipeError
@@ -38,6 +40,14 @@ class V2xInfo(Document):
     map: _Map
     simulation: _Chance
     vehicles: dict[Name, object]
+
+
+class ReceiversInfo(Document):
+    """What evaluating receptions needs: of a drive that another tool recorded, the map's origin is enough."""
+
+    map: _Map
+    v2x: V2x = Field(default_factory=V2x)
+    vehicles: dict[Name, object] = Field(default_factory=dict)
 
 
 def read_scenario_info(reader: BagReader, part: Any) -> Any:

@@ -16,9 +16,8 @@ from advpipe.pipeline.localisation.onboard import OnBoardStep
 from advpipe.pipeline.localisation.section import ImuSensor
 from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.messages import build
-from advpipe.pipeline.messages.topics import VehicleTopics
-
-MAP_FRAME = "map"
+from advpipe.pipeline.messages.message_bounds import LATEST_NS
+from advpipe.pipeline.messages.topics import MAP_FRAME, VehicleTopics
 
 Stamped = tuple[Topic, Any, int]
 """A topic, a message for it, and its stamp in nanoseconds."""
@@ -111,7 +110,7 @@ def read_measurements(
 
     A message counts for the first estimate at or after its log time, the time at which it arrived; of fixes
     and wheel odometry the last one. A fix without a place is none. Raises AdvpipeError for a bag without
-    estimates.
+    estimates, for two at one time, and for one after `LATEST_NS`.
     """
     if topics.odometry.name not in reader.topics:
         raise UsageError(f"{reader.path} has no topic {topics.odometry.name}: no filter to run again")
@@ -123,6 +122,11 @@ def read_measurements(
         raise AdvpipeError(
             f"{reader.path}: {topics.odometry.name} has two messages at {stamps_ns[again[0]]} ns; record it "
             "again"
+        )
+    if stamps_ns.max(initial=0) > LATEST_NS:
+        raise AdvpipeError(
+            f"{reader.path}: {topics.odometry.name} has a message at {stamps_ns[-1]} ns, after January 2038, "
+            "where ROS time stamps end; record it again"
         )
     names = [topics.imu.name, topics.gnss_fix.name, topics.wheel_odometry.name]
     found = reader.raw_messages(names, last_ns=last_ns)

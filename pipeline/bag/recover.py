@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from advpipe.pipeline.bag.carried import CLOUD_TYPE, CarriedSensor, is_lidar, sensors_in
 from advpipe.pipeline.bag.frames import vehicle_topics
 from advpipe.pipeline.bag.locate import CLEAN_NAME
 from advpipe.pipeline.bag.provenance import RECORD_NAME, unseal
@@ -17,15 +19,16 @@ from advpipe.pipeline.bag.writer import FILES_RECORD, BagWriter
 from advpipe.pipeline.core.document import read_text, read_yaml
 from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError
 from advpipe.pipeline.core.partial import FolderKind, staged_folder
+from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.mcap.checksums import validate_checksums
 from advpipe.pipeline.mcap.salvage import Salvage
-from advpipe.pipeline.messages.topics import VehicleTopics
+from advpipe.pipeline.messages.topics import SCENARIO_INFO, VehicleTopics
+from advpipe.pipeline.messages.types import typestore
 
 DATA_SET = FolderKind("data set", (SCENARIO_NAME, CLEAN_NAME), (f"{CLEAN_NAME}/metadata.yaml",))
 RECOVERED_KEY = "recovered"
 """Where the provenance of a recovered bag says what was saved and lost, as JSON."""
 
-_CLOUD_TYPE = VehicleTopics().lidar_points.type
 _TRUTH_TYPES = (VehicleTopics().objects.type, VehicleTopics().true_odometry.type)
 
 
@@ -71,14 +74,17 @@ class _Survey:
     provenance: Provenance = field(default_factory=lambda: Provenance({}))
     clouds_ns: dict[str, set[int]] = field(default_factory=dict)
     truth_ns: dict[str, set[int]] = field(default_factory=dict)
+    sensors: Mapping[str, CarriedSensor] | None = None
 
     def lone_clouds(self) -> set[tuple[str, int]]:
-        """Topic and log time of clouds that a cut parted from their truth, which nothing can use.
+        """Topic and log time of LiDAR clouds that a cut parted from their truth, which nothing can use.
 
         In advpipe's own bags, both have one log time; other tools' clouds are all kept.
         """
         found: set[tuple[str, int]] = set()
         for name, times_ns in self.clouds_ns.items() if self.provenance else ():
+            if self.sensors is not None and not is_lidar(self.sensors.get(name)):
+                continue
             vehicle = vehicle_topics(name)
             for truth in (vehicle.objects.name, vehicle.true_odometry.name):
                 found |= {(name, time_ns) for time_ns in times_ns - self.truth_ns.get(truth, times_ns)}
@@ -127,9 +133,11 @@ def _survey(recovery: Recovery) -> _Survey:
     for salvage in map(Salvage, recovery.remains.filled_files):
         for raw in salvage.messages():
             recovery.messages += 1
-            if raw.topic.type == _CLOUD_TYPE:
+            if raw.topic.type == CLOUD_TYPE:
                 recovery.clouds += 1
                 survey.clouds_ns.setdefault(raw.topic.name, set()).add(raw.log_time_ns)
+            elif raw.topic.name == SCENARIO_INFO.name:
+                survey.sensors = _sensors(raw)
             elif raw.topic.type in _TRUTH_TYPES:
                 survey.truth_ns.setdefault(raw.topic.name, set()).add(raw.log_time_ns)
         recovery.lost_bytes += salvage.lost_bytes
@@ -143,6 +151,14 @@ def _survey(recovery: Recovery) -> _Survey:
         files = ", ".join(map(str, recovery.remains.files))
         raise AdvpipeError(f"{files}: holds no whole chunk of messages; nothing can be saved")
     return survey
+
+
+def _sensors(raw: RawMessage) -> Mapping[str, CarriedSensor] | None:
+    try:
+        message = typestore().deserialize_cdr(raw.cdr, SCENARIO_INFO.type)
+        return sensors_in(message.data, SCENARIO_INFO.name)  # type: ignore[attr-defined]
+    except Exception:  # damaged, or another tool's: every cloud may be a LiDAR's
+        return None
 
 
 def _provenance(salvage: Salvage) -> Provenance:

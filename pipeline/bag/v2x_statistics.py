@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from advpipe.pipeline.bag.latched import read_latched
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.mcap.channel import StampedCdr
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import V2X_STATISTICS
 from advpipe.pipeline.messages.types import serialise
-from advpipe.pipeline.messages.v2x import StampedCdr
 from advpipe.pipeline.v2x.statistics import Statistics
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.bag.carried import lidar_topics
 from advpipe.pipeline.bag.frames import find_lidar_topic
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import UsageError
@@ -51,7 +52,7 @@ def window_of(reader: BagReader, frames: FrameSlice, lidar_topic: str | None = N
     """
     if frames == ALL_FRAMES:
         return WHOLE_DRIVE
-    if not reader.topics_of_type("sensor_msgs/msg/PointCloud2"):
+    if not lidar_topics(reader):
         raise UsageError(
             f"{reader.path} holds no LiDAR clouds, so frames {frames} choose no time; leave out the frames"
         )

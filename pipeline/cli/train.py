@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 def train(
     bags: Annotated[list[Path], typer.Argument(help="Clean bags to learn from.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the checkpoint, log and plot.")],
-    preset: Annotated[str, typer.Option(help="Size of the SECOND detector.")] = "small",
+    family: Annotated[str, typer.Option(help="Architecture of the detector.")] = "second",
+    preset: Annotated[str, typer.Option(help="Size of the detector.")] = "small",
     steps: Annotated[int, typer.Option(min=1, help="Optimiser steps, two frames each.")] = 3000,
     start: Annotated[Path | None, typer.Option("--start", help="Go on from this checkpoint.")] = None,
     learning_rate: Annotated[float, typer.Option(help="Peak rate, after the warm-up.")] = 3e-3,
@@ -27,7 +28,7 @@ def train(
     seed: Annotated[int, typer.Option(min=0, help="Seed of weights, order and augmentation.")] = 0,
     overwrite: Overwrite = False,
 ) -> Answer:
-    """Train a SECOND detector on clean bags; goes on where an interrupted run stopped."""
+    """Train a detector on clean bags; goes on where an interrupted run stopped."""
     from advpipe.pipeline.bag.locate import resolve_bag
     from advpipe.pipeline.core.errors import UsageError, writing, wrong_use
     from advpipe.pipeline.core.verbosity import detail
@@ -46,6 +47,7 @@ def train(
         config = TrainConfig(
             bags=learned,
             out=out,
+            family=family,
             preset=preset,
             start=start,
             steps=steps,
@@ -76,18 +78,19 @@ def _trained(summary: TrainSummary) -> str:
 def import_weights(
     file: Annotated[Path, typer.Argument(help="Checkpoint (.pth) of OpenPCDet's SECOND for KITTI.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="The .safetensors file to write.")],
+    family: Annotated[str, typer.Option(help="Architecture of the detector.")] = "second",
     overwrite: Overwrite = False,
 ) -> Answer:
     """Turn a SECOND that OpenPCDet trained into a detector for --detector; runs no code from the file."""
     from advpipe.pipeline.core.errors import OutputExistsError, UsageError
-    from advpipe.pipeline.detector.second.checkpoint import save_checkpoint
-    from advpipe.pipeline.detector.second.openpcdet import import_openpcdet
+    from advpipe.pipeline.detector.checkpoint import save_checkpoint
+    from advpipe.pipeline.detector.families import family_named
 
     if out.suffix != ".safetensors":
         raise UsageError(f"--out is {out}; a detector's file is named .safetensors")
     if out.exists() and not overwrite:
         raise OutputExistsError(out)
-    net, provenance = import_openpcdet(file)
+    net, provenance = family_named(family).import_weights(file)
     save_checkpoint(net, out, provenance, half=False, overwrite=overwrite)
     parameters = sum(weight.numel() for weight in net.parameters())
     return Answer(

@@ -130,20 +130,26 @@ def _check(path: Path, table: Any, names: Sequence[str], most_rows: int | None) 
         most_rows = FREE_BATCH_ROWS + BATCH_ROWS_PER_BYTE * _size(path)
     if not 0 <= count <= most_rows or any(group.num_rows < 0 for group in groups):
         raise AdvpipeError(f"{path}: {count} rows are too many to read; at most {most_rows} in such a file")
-    _check_pages(path, groups, frozenset(names))
+    columns = [table.schema.column(index).path for index in range(metadata.num_columns)]
+    if any(group.num_columns != len(columns) for group in groups):
+        raise AdvpipeError(f"{path}: a group of rows has other columns than the table")
+    chosen = set(names)  # a dot leads into a column, or is a part of its name
+    read = {i: column for i, column in enumerate(columns) if {column, column.partition(".")[0]} & chosen}
+    _check_pages(path, groups, read)
 
 
-def _check_pages(path: Path, groups: Sequence[Any], names: frozenset[str]) -> None:
-    """What the columns of a group hold at a time: of each its dictionary and its largest page."""
+def _check_pages(path: Path, groups: Sequence[Any], columns: Mapping[int, str]) -> None:
+    """What the columns of a group hold at a time: of each its dictionary and its largest page.
+
+    columns: names by the place in a group, which is what Arrow reads by, whatever a group calls them.
+    """
     count = 0
     with path.open("rb") as file:
         for group in groups:
             held_bytes = 0
-            for chunk in map(group.column, range(group.num_columns)):
-                if chunk.path_in_schema.partition(".")[0] not in names:
-                    continue
+            for index, column in columns.items():
                 dictionary = largest = 0
-                for page in _pages(path, file, chunk):
+                for page in _pages(path, file, column, group.column(index)):
                     dictionary = max(dictionary, page.uncompressed_bytes * page.is_dictionary)
                     largest = max(largest, page.uncompressed_bytes)
                     count += 1
@@ -154,14 +160,14 @@ def _check_pages(path: Path, groups: Sequence[Any], names: frozenset[str]) -> No
                 raise AdvpipeError(f"{path}: its pages unpack to {held_bytes} bytes, too many to read")
 
 
-def _pages(path: Path, file: Any, chunk: Any) -> Iterator[Page]:
+def _pages(path: Path, file: Any, column: str, chunk: Any) -> Iterator[Page]:
     begins = [chunk.data_page_offset, chunk.dictionary_page_offset if chunk.has_dictionary_page else None]
     start = min((place for place in begins if place), default=0)  # a table without rows has no data page
     try:
         for page in pages(file, start, chunk.total_compressed_size):
             if page.encoding not in ENCODINGS:
                 raise AdvpipeError(
-                    f"{path}: {chunk.path_in_schema} has an encoding that is not read here; "
+                    f"{path}: {column} has an encoding that is not read here; "
                     "write it plain or with a dictionary"
                 )
             yield page

@@ -33,6 +33,12 @@ Word = Annotated[str, Field(max_length=200)]
 """A name that stands for something else: an id, a body, a material, a topic."""
 
 
+Implementation = Annotated[
+    str, Field(pattern=r"^([a-z][a-z0-9_-]*|[A-Za-z_][A-Za-z0-9_.]*:[A-Za-z_][A-Za-z0-9_]*)$", max_length=200)
+]
+"""What stands behind a seam of the simulation: a name of ours, or a user's own `module:Class`."""
+
+
 class IsFile:
     """Marks a key that holds a path: relative to the scenario file, or to the working folder in `--set`."""
 

@@ -15,6 +15,7 @@ from advpipe.pipeline.core.hashing import sha256_of
 from advpipe.pipeline.core.shown import shown
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.detector.device import CPU, open_device
+from advpipe.pipeline.detector.families import shipped_checkpoints
 from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.geometry.boxes import CLASSES
 
@@ -29,18 +30,19 @@ def load_detector(name_or_path: str, device: str = CPU) -> Detector:
     whatever it is. A class is called without arguments, or with `device` (a torch.device) if its constructor
     takes that; it has to implement `Detector`.
     """
-    from advpipe.pipeline.detector.second.checkpoint import SHIPPED, load_checkpoint
+    from advpipe.pipeline.detector.checkpoint import load_checkpoint
 
     place = open_device(device)
     detail(f"loading detector {name_or_path} on {device}")
-    if name_or_path in SHIPPED:
-        return load_checkpoint(SHIPPED[name_or_path], place)
+    shipped = shipped_checkpoints()
+    if name_or_path in shipped:
+        return load_checkpoint(shipped[name_or_path], place).detector()
     if name_or_path.endswith(".safetensors"):
-        return load_checkpoint(Path(name_or_path), place)
+        return load_checkpoint(Path(name_or_path), place).detector()
     module, colon, attribute = name_or_path.partition(":")
     if colon:
         return _load_class(module, attribute, place)
-    known = ", ".join(SHIPPED)
+    known = ", ".join(shipped)
     raise UsageError(
         f"unknown detector {shown(name_or_path)}; known: {known}, a path to FILE.safetensors, or module:Class"
     )
@@ -51,9 +53,7 @@ def detector_sha256(name_or_path: str) -> str:
 
     "" for a class without a source file.
     """
-    from advpipe.pipeline.detector.second.checkpoint import SHIPPED
-
-    file: Path | None = SHIPPED.get(name_or_path, Path(name_or_path))
+    file: Path | None = shipped_checkpoints().get(name_or_path, Path(name_or_path))
     if file is not None and not file.is_file():
         file = _source_file(name_or_path)
     return sha256_of(file) if file else ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Protocol, runtime_checkable
 
@@ -74,12 +74,16 @@ def list_beside(checkpoint: Path) -> Path:
     return checkpoint.with_suffix(".maps.json")
 
 
-def with_listed_maps(provenance: Mapping[str, str], checkpoint: Path, shipped: Path) -> dict[str, str]:
-    """The provenance of a checkpoint with the maps of the shipped one, if it is that or a copy of it."""
+def with_listed_maps(
+    provenance: Mapping[str, str], checkpoint: Path, shipped: Iterable[Path]
+) -> dict[str, str]:
+    """The provenance of a checkpoint with the maps of a shipped one, if it is that or a copy of it."""
     if KEY in provenance:
         return dict(provenance)
-    known = MapList.model_validate(plain_json.load(list_beside(shipped).read_bytes(), LIMIT_BYTES))
-    if sha256_of(checkpoint) != known.checkpoint_sha256:
-        return dict(provenance)
-    maps = sorted(set(known.maps_sha256.values()))
-    return {**provenance, KEY: TypeAdapter(list[str]).dump_json(maps).decode()}
+    for file in map(list_beside, shipped):
+        if file.is_file():
+            known = MapList.model_validate(plain_json.load(file.read_bytes(), LIMIT_BYTES))
+            if sha256_of(checkpoint) == known.checkpoint_sha256:
+                maps = sorted(set(known.maps_sha256.values()))
+                return {**provenance, KEY: TypeAdapter(list[str]).dump_json(maps).decode()}
+    return dict(provenance)

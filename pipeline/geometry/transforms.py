@@ -77,6 +77,12 @@ def quaternion_xyzw(a_SE3_b: Float64) -> Float64:
 
 def se3_from_quaternion(xyzw: npt.ArrayLike, translation_m: npt.ArrayLike) -> Float64:
     """The transform with a rotation given as a quaternion in ROS order x, y, z, w."""
+    return se3(rotations_from_quaternions(xyzw), translation_m)
+
+
+def rotations_from_quaternions(xyzw: npt.ArrayLike) -> Float64:
+    """The matrices (..., 3, 3) of one quaternion (4,) in ROS order x, y, z, w, or of many (N, 4)."""
     from scipy.spatial.transform import Rotation
 
-    return se3(Rotation.from_quat(np.asarray(xyzw, dtype=np.float64)).as_matrix(), translation_m)
+    matrices: Float64 = Rotation.from_quat(np.asarray(xyzw, dtype=np.float64)).as_matrix()
+    return matrices

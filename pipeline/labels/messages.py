@@ -125,7 +125,7 @@ def _path(bag: Path) -> Path:
     return (bag if bag.is_dir() else bag.parent) / FILE
 
 
-def lies(numbers: Sequence[int], labels: Iterable[MessageLabel]) -> Bools:
-    """Which messages (M,) are lies, by their numbers in /v2x/sent."""
+def lies(numbers: Sequence[int | None], labels: Iterable[MessageLabel]) -> Bools:
+    """Which messages (M,) are lies, by their numbers in /v2x/sent; None is of an unknown message, no lie."""
     lying = {label.number for label in labels if label.is_lie}
     return np.array([number in lying for number in numbers], bool)

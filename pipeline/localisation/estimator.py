@@ -27,6 +27,9 @@ START_SLIDE_MPS = 0.5
 LEAST_STDDEV_M, LEAST_STDDEV_MPS = 0.005, 0.005
 """Of a fix's and a wheel speed's noise: a filter that believes in none loses its covariance to rounding."""
 
+FARTHEST_M = 1e7
+"""From the map's origin: what believes to be farther off has lost itself."""
+
 UNSEEN = np.array([4.0, 4.0, 1.0, 0.2, 0.2, 0.5])
 """Standard deviation of a vehicle's acceleration, m/s², and turn rate, rad/s, where no sample tells."""
 
@@ -77,7 +80,8 @@ class Estimator:
     def step(self, measured: Measurements) -> Estimate:
         """The estimate at the measurements' stamp; the first step knows no past, and needs no IMU samples.
 
-        Raises AdvpipeError for stamps that do not ascend and for measurements that are not finite.
+        Raises AdvpipeError for stamps that do not ascend, for measurements that are not finite, and once they
+        lead beyond `FARTHEST_M`.
         """
         if self._stamp_ns is None:
             self._start(measured.wheel)
@@ -86,6 +90,8 @@ class Estimator:
             self._correct_velocity(measured.wheel, duration_s)
         self._stamp_ns = measured.stamp_ns
         innovation = None if measured.fix is None else self._correct_position(measured.fix)
+        if not np.abs(self._position).max() <= FARTHEST_M:  # nor NaN
+            raise AdvpipeError(f"at {measured.stamp_ns} ns the estimate is lost, far off the map")
         return self._estimate(measured.stamp_ns, innovation)
 
     def _start(self, wheel: WheelTwist | None) -> None:

@@ -24,6 +24,10 @@ class Topic:
     type_hash: str = ""
 
 
+StampedCdr = tuple[Topic, bytes, int]
+"""A topic, a serialised message for it, and its stamp in nanoseconds."""
+
+
 @dataclass(frozen=True)
 class TopicInfo:
     """What a bag says about one of its topics."""

@@ -12,6 +12,7 @@ from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
 from advpipe.pipeline.geometry.transforms import (
     Float64,
     quaternion_xyzw,
+    rotations_from_quaternions,
     se3_from_quaternion,
 )
 from advpipe.pipeline.messages.types import message_class
@@ -250,6 +251,16 @@ def string(text: str) -> Any:
 def se3_from_pose(message: Any) -> Float64:
     """The (4, 4) matrix of a geometry_msgs/Pose."""
     return _se3(message.orientation, message.position)
+
+
+def se3_from_poses(messages: Sequence[Any]) -> Float64:
+    """The same (N, 4, 4) of many, to the bit: they take little more time than one."""
+    map_SE3_poses: Float64 = np.tile(np.eye(4), (len(messages), 1, 1))
+    if messages:
+        turns, places = [one.orientation for one in messages], [one.position for one in messages]
+        map_SE3_poses[:, :3, :3] = rotations_from_quaternions([(q.x, q.y, q.z, q.w) for q in turns])
+        map_SE3_poses[:, :3, 3] = [(p.x, p.y, p.z) for p in places]
+    return map_SE3_poses
 
 
 def se3_from_transform(message: Any) -> Float64:

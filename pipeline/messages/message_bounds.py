@@ -19,6 +19,7 @@ from advpipe.pipeline.messages.topics import (
     V2X_STATIONS,
     V2X_STATISTICS,
 )
+from advpipe.pipeline.v2x.codec.btp import HEADER_BYTES
 
 LONGEST_NAME = 255
 FARTHEST_M = 1e7
@@ -29,6 +30,8 @@ LARGEST_M = 1e4
 """Of a road user's box."""
 MOST_PAYLOAD_BYTES = 1 << 16
 _STRONGEST_DBM = 200.0
+LATEST_NS = ((1 << 31) - 86_400) * 1_000_000_000
+"""A day before ROS time stamps end, in January 2038: attacks stamp what they make from log times on."""
 
 _TYPES = {
     topic.name: topic.type
@@ -116,6 +119,25 @@ def _sent(message: Any) -> Problems:
         yield f"has a payload of {len(message.payload)} bytes"
 
 
+def _packet(message: Any) -> Problems:
+    yield from _header(message.header)
+    if len(message.data) > HEADER_BYTES + MOST_PAYLOAD_BYTES:
+        yield f"has a payload of {len(message.data)} bytes"
+
+
+def _reception_info(message: Any) -> Problems:
+    """NaN is not told."""
+    yield from _header(message.header)
+    told = (value for value in (message.power_dbm, message.sinr_db) if not math.isnan(value))
+    yield from _finite(told, _STRONGEST_DBM, "the power or SINR")
+
+
+def _reception(message: Any) -> Problems:
+    yield from _header(message.header)
+    if message.number >= 2**63:
+        yield f"has the number {message.number}"
+
+
 def _odometry(message: Any) -> Problems:
     yield from _header(message.header)
     yield from _name(message.child_frame_id, "frame")
@@ -193,6 +215,8 @@ def _text(message: Any) -> Problems:
 
 _CHECKS: dict[str, Callable[[Any], Problems]] = {
     "advpipe_msgs/msg/RoadUserArray": _road_users,
+    "advpipe_msgs/msg/V2xReception": _reception,
+    "advpipe_msgs/msg/V2xReceptionInfo": _reception_info,
     "advpipe_msgs/msg/V2xStationArray": _stations,
     "advpipe_msgs/msg/V2xTransmission": _sent,
     "derived_object_msgs/msg/ObjectArray": _objects,
@@ -202,5 +226,6 @@ _CHECKS: dict[str, Callable[[Any], Problems]] = {
     "sensor_msgs/msg/NavSatFix": _fix,
     "std_msgs/msg/String": _text,
     "tf2_msgs/msg/TFMessage": _transforms,
+    "udp_msgs/msg/UdpPacket": _packet,
     "vision_msgs/msg/Detection3DArray": _detections,
 }

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.mcap.qos import keep_last
 
+MAP_FRAME = "map"
+
 CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock", keep_last(1, reliable=False))
 TF = Topic("/tf", "tf2_msgs/msg/TFMessage", keep_last(100))
 TF_STATIC = Topic("/tf_static", "tf2_msgs/msg/TFMessage", keep_last(1, latched=True))
@@ -43,7 +45,11 @@ class VehicleTopics:
 
     @property
     def lidar_frame(self) -> str:
-        return f"{self.vehicle}/{self.lidar}"
+        return self.sensor_frame(self.lidar)
+
+    def sensor_frame(self, name: str) -> str:
+        """That of one of its mounted sensors."""
+        return f"{self.vehicle}/{name}"
 
     @property
     def imu_frame(self) -> str:
@@ -109,6 +115,18 @@ class VehicleTopics:
     @property
     def received_cam(self) -> Topic:
         return Topic(f"/{self.vehicle}/v2x/rx/cam", "etsi_its_cam_msgs/msg/CAM", keep_last(100))
+
+    @property
+    def reception_info(self) -> Topic:
+        """How it receives each of these: what its radio may know."""
+        return Topic(f"/{self.vehicle}/v2x/rx/info", "advpipe_msgs/msg/V2xReceptionInfo", keep_last(100))
+
+    @property
+    def true_receptions(self) -> Topic:
+        """Which sent message each of these truly is: no vehicle knows."""
+        return Topic(
+            f"/{self.vehicle}/ground_truth/receptions", "advpipe_msgs/msg/V2xReception", keep_last(100)
+        )
 
     @property
     def ldm(self) -> Topic:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64, quaternion_xyzw
-from advpipe.pipeline.mcap.channel import Topic
+from advpipe.pipeline.mcap.channel import StampedCdr, Topic
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.cam_cdr import cam_cdr
 from advpipe.pipeline.messages.cdr import Cdr
@@ -23,9 +23,6 @@ from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.codec.codec import CamTree, decode
 from advpipe.pipeline.v2x.radio.stations import Stations
 from advpipe.pipeline.v2x.section import V2x
-
-StampedCdr = tuple[Topic, bytes, int]
-"""A topic, a serialised message for it, and its stamp in nanoseconds."""
 
 
 class RadioPlace(NamedTuple):
@@ -65,15 +62,16 @@ def stations_message(stamp_ns: int, stations: Sequence[RadioPlace], frame_id: st
 
 def stations_of_message(message: Any) -> tuple[RadioPlace, ...]:
     """The radios that a recorded message tells of; their places to the bit."""
+    poses = build.se3_from_poses([station.pose for station in message.stations])
     return tuple(
         RadioPlace(
             station.station_id,
             station.vehicle,
-            build.se3_from_pose(station.pose),
+            map_SE3_base,
             (station.size.x, station.size.y, station.size.z),
             np.array([station.velocity.x, station.velocity.y, station.velocity.z]),
         )
-        for station in message.stations
+        for station, map_SE3_base in zip(message.stations, poses, strict=True)
     )
 
 
@@ -111,15 +109,35 @@ def own_messages(topics: VehicleTopics, sent: Sent) -> Iterator[StampedCdr]:
 
 
 def received_messages(received: Received) -> Iterator[StampedCdr]:
-    """What a vehicle receives: the bytes always, the values where they are a CAM's."""
-    topics = _topics_received(received.listener)
-    yield from _packet(*topics, received.sent.payload, received.tree, received.arrival_ns)
+    """What a vehicle receives: the bytes, how they arrived and what they truly were always, the values where
+    they are a CAM's."""
+    raw, cam, info, truth = _topics_received(received.listener)
+    yield from _packet(raw, cam, received.sent.payload, received.tree, received.arrival_ns)
+    yield info, _reception_info_cdr(received), received.arrival_ns
+    yield truth, _reception_cdr(received), received.arrival_ns
 
 
 @cache
-def _topics_received(vehicle: str) -> tuple[Topic, Topic]:
+def _topics_received(vehicle: str) -> tuple[Topic, Topic, Topic, Topic]:
     topics = VehicleTopics(vehicle)
-    return topics.received_raw, topics.received_cam
+    return topics.received_raw, topics.received_cam, topics.reception_info, topics.true_receptions
+
+
+def _reception_info_cdr(received: Received) -> bytes:
+    """advpipe_msgs/V2xReceptionInfo, serialised."""
+    cdr = Cdr()
+    cdr.header(received.arrival_ns, "")
+    cdr.float64(received.power_dbm, received.sinr_db)
+    return bytes(cdr)
+
+
+def _reception_cdr(received: Received) -> bytes:
+    """advpipe_msgs/V2xReception, serialised."""
+    cdr = Cdr()
+    cdr.header(received.arrival_ns, "")
+    cdr.uint64(received.sent.number)
+    cdr.uint32(received.sent.station_id)
+    return bytes(cdr)
 
 
 def udp_packet_cdr(stamp_ns: int, payload: bytes) -> bytes:

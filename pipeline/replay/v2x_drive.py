@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import NamedTuple
 
 from advpipe.pipeline.bag.footprints import footprints_of_text
@@ -11,11 +11,15 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.pipeline.messages.message_bounds import LATEST_NS
 from advpipe.pipeline.messages.topics import SCENARIO_INFO, V2X_BUILDINGS, V2X_SENT, V2X_STATIONS
 from advpipe.pipeline.messages.v2x import RadioPlace, sent_of_message, stations_of, stations_of_message
-from advpipe.pipeline.v2x.air import Air, Heard, Sent
+from advpipe.pipeline.v2x.air import Air, Heard, Received, Sent
 from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.pipeline.v2x.radio.buildings import Buildings
+
+LONGEST_STEP_NS = 10_000_000_000
+"""Simulated steps last a second at most; a bag that has lost a few messages may have a longer one."""
 
 
 class V2xStep(NamedTuple):
@@ -50,43 +54,36 @@ class V2xDrive:
         self._reader, self._until_ns = reader, until_ns
         info: V2xInfo = read_scenario_info(reader, V2xInfo)
         self.v2x, self.origin, self.seed = info.v2x, info.map.origin, info.simulation.seed
-        self.stations = _stations(reader, until_ns)
+        self.stations = read_stations(reader, until_ns)
         self.listeners = {number: name for number, name in self.stations.items() if name in info.vehicles}
 
     def air(self, decoder: Callable[[bytes], CamTree] | None = None) -> Air:
-        """The medium and the maps as they were when the drive began. decoder: see `Air`."""
+        """The medium and the maps as they were when the drive began. decoder: see `Air`.
+
+        Raises UsageError for a drive through another network than ours, which nobody can run again.
+        """
+        if self.v2x.network != "embedded":
+            raise UsageError(
+                f"{self._reader.path} was recorded with v2x.network {self.v2x.network}; messages can be sent "
+                "again through the embedded one only"
+            )
         geodesy = Geodesy(self.origin.latitude_deg, self.origin.longitude_deg, self.origin.altitude_m)
         return Air(self.v2x, self.seed, geodesy, self.listeners, self._buildings(), decoder)
 
     def steps(self) -> Iterator[V2xStep]:
-        """All steps of the drive, in order; with `until_ns` to the first one that ends then or later.
+        """All steps of the drive, as `read_steps` reads them."""
+        return read_steps(self._reader, self._until_ns)
 
-        Raises AdvpipeError for a message that no station of its step can have sent, and for two of a number.
+    def sent_again(self, listeners: Collection[int]) -> Iterator[tuple[V2xStep, tuple[Received, ...]]]:
+        """Each step as it was recorded, and what these stations receive in it when it is sent again.
+
+        Of the instrumented vehicles the bag itself tells what they received (`bag/receptions.py`); this is
+        for all others.
         """
-        begin_ns: int | None = None
-        radios: tuple[RadioPlace, ...] = ()
-        sent: list[Sent] = []
-        numbers: set[int] = set()
-        for raw in self._reader.raw_messages([V2X_STATIONS.name, V2X_SENT.name]):
-            message = self._reader.decode(raw)
-            if raw.topic.name == V2X_SENT.name:
-                sent.append(sent_of_message(message))
-                if sent[-1].number in numbers:
-                    raise self._wrong(raw, f"has the number {sent[-1].number}, as one before it")
-                numbers.add(sent[-1].number)
-                continue
-            if begin_ns is not None:
-                if raw.log_time_ns <= begin_ns:
-                    raise self._wrong(raw, "is not later than the one before it")
-                due = [one for one in sent if one.request_ns < raw.log_time_ns]
-                self._check(due, begin_ns, radios)
-                yield V2xStep(begin_ns, raw.log_time_ns, radios, tuple(due))
-                if self._until_ns is not None and raw.log_time_ns >= self._until_ns:
-                    return
-                sent = [one for one in sent if one.request_ns >= raw.log_time_ns]
-            begin_ns, radios = raw.log_time_ns, stations_of_message(message)
-        if begin_ns is not None:
-            yield V2xStep(begin_ns, None, radios, ())
+        self.listeners = {number: self.stations[number] for number in sorted(listeners)}
+        air = self.air()
+        for step in self.steps():
+            yield step, self.send(air, step, step.sent).received if listeners else ()
 
     def send(self, air: Air, step: V2xStep, sent: Sequence[Sent]) -> Heard:
         """Goes through one step with these messages."""
@@ -101,32 +98,76 @@ class V2xDrive:
         where = f"{self._reader.path}: {V2X_BUILDINGS.name} holds no footprints"
         return Buildings(footprints_of_text(latched_text(self._reader, V2X_BUILDINGS.name), where))
 
-    def _check(self, sent: Sequence[Sent], begin_ns: int, radios: Sequence[RadioPlace]) -> None:
-        present = {radio.station_id for radio in radios}
-        for one in sent:
-            where = f"{self._reader.path}: message {one.number} of {V2X_SENT.name}"
-            if one.station_id not in present:
-                raise AdvpipeError(
-                    f"{where} is sent by station {one.station_id}, which {V2X_STATIONS.name} has nowhere on "
-                    f"the road at {begin_ns} ns; record it again"
-                )
-            if one.request_ns < begin_ns:
-                raise AdvpipeError(
-                    f"{where} is stamped {one.request_ns} ns, before its step began at {begin_ns} ns; record "
-                    "it again"
-                )
 
-    def _wrong(self, raw: RawMessage, what: str) -> AdvpipeError:
-        return AdvpipeError(
-            f"{self._reader.path}: the message of {raw.topic.name} at {raw.log_time_ns} ns {what}; record it "
-            "again"
-        )
+def read_steps(reader: BagReader, until_ns: int | None = None) -> Iterator[V2xStep]:
+    """All steps of a recorded drive, in order; with `until_ns` to the first one that ends then or later.
+
+    None of a bag that does not tell where the radios were. Raises AdvpipeError for a message that no station
+    of its step can have sent, for two of a number, for a step longer than `LONGEST_STEP_NS`, and for one
+    later than `LATEST_NS`.
+    """
+    begin_ns: int | None = None
+    radios: tuple[RadioPlace, ...] = ()
+    sent: list[Sent] = []
+    numbers: set[int] = set()
+    for raw in reader.raw_messages([V2X_STATIONS.name, V2X_SENT.name]):
+        message = reader.decode(raw)
+        if raw.topic.name == V2X_SENT.name:
+            sent.append(sent_of_message(message))
+            if sent[-1].number in numbers:
+                raise _wrong(reader, raw, f"has the number {sent[-1].number}, as one before it")
+            numbers.add(sent[-1].number)
+            continue
+        if raw.log_time_ns > LATEST_NS:
+            raise _wrong(reader, raw, "lies after January 2038, where ROS time stamps end")
+        if begin_ns is not None:
+            if raw.log_time_ns <= begin_ns:
+                raise _wrong(reader, raw, "is not later than the one before it")
+            if (lasted_ns := raw.log_time_ns - begin_ns) > LONGEST_STEP_NS:
+                late = f"comes {lasted_ns / 1e9:,.1f} s after the one before it"
+                raise _wrong(reader, raw, f"{late}; no step lasts over {LONGEST_STEP_NS / 1e9:g} s")
+            due = [one for one in sent if one.request_ns < raw.log_time_ns]
+            _check(reader, due, begin_ns, radios)
+            yield V2xStep(begin_ns, raw.log_time_ns, radios, tuple(due))
+            if until_ns is not None and raw.log_time_ns >= until_ns:
+                return
+            sent = [one for one in sent if one.request_ns >= raw.log_time_ns]
+        begin_ns, radios = raw.log_time_ns, stations_of_message(message)
+    if begin_ns is not None:
+        yield V2xStep(begin_ns, None, radios, ())
 
 
-def _stations(reader: BagReader, last_ns: int | None) -> dict[int, str]:
-    """Names of all stations of a drive, by number. Raises AdvpipeError where one has two of either."""
+def _check(reader: BagReader, sent: Sequence[Sent], begin_ns: int, radios: Sequence[RadioPlace]) -> None:
+    present = {radio.station_id for radio in radios}
+    for one in sent:
+        where = f"{reader.path}: message {one.number} of {V2X_SENT.name}"
+        if one.station_id not in present:
+            raise AdvpipeError(
+                f"{where} is sent by station {one.station_id}, which {V2X_STATIONS.name} has nowhere on "
+                f"the road at {begin_ns} ns; record it again"
+            )
+        if one.request_ns < begin_ns:
+            raise AdvpipeError(
+                f"{where} is stamped {one.request_ns} ns, before its step began at {begin_ns} ns; record "
+                "it again"
+            )
+
+
+def _wrong(reader: BagReader, raw: RawMessage, what: str) -> AdvpipeError:
+    return AdvpipeError(
+        f"{reader.path}: the message of {raw.topic.name} at {raw.log_time_ns} ns {what}; record it again"
+    )
+
+
+def read_stations(reader: BagReader, last_ns: int | None = None) -> dict[int, str]:
+    """Names of all stations of a drive, by number; none of a bag that does not tell where the radios were.
+
+    Raises AdvpipeError where one has two of either.
+    """
     names: dict[int, str] = {}
     ids: dict[str, int] = {}
+    if V2X_STATIONS.name not in reader.topics:
+        return names
     for time_ns, message in reader.messages(V2X_STATIONS.name, last_ns):
         for station in message.stations:
             number, name = station.station_id, station.vehicle

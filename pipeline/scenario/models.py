@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from advpipe.pipeline.core.section import Name, Section, Switch
+from advpipe.pipeline.core.section import Implementation, Name, Section, Switch
 from advpipe.pipeline.scenario.attacks import Attacks
 from advpipe.pipeline.scenario.environment import Environment
 from advpipe.pipeline.scenario.map import Map
@@ -51,6 +51,9 @@ class Scenario(Section):
     )
     sensors: Sensors = Sensors()
     environment: Environment = Environment()
+    world: Implementation = Field(
+        "raycast", description="what sensors see: raycast, or module:Class of your own"
+    )
     v2x: V2x = V2x()
     recording: Recording = Recording()
     attacks: Attacks = Field(
@@ -85,20 +88,13 @@ class Scenario(Section):
     def _carriers(self) -> Scenario:
         if not self.vehicles:
             raise ValueError("vehicles is empty; name at least one, like ego: {}")
-        for name, lidar in self.sensors.lidars.items():
-            if lidar.vehicle not in self.vehicles:
+        for place, _, sensor in self.sensors.mounted():
+            if sensor.vehicle not in self.vehicles:
                 known = ", ".join(sorted(self.vehicles))
                 raise ValueError(
-                    f"sensors.lidars.{name}.vehicle {lidar.vehicle!r} is none of the vehicles ({known})"
+                    f"sensors.{place}.vehicle {sensor.vehicle!r} is none of the vehicles ({known})"
                 )
-            turn_s = 1 / lidar.rotation_frequency
-            steps = turn_s / self.simulation.step_s
-            if round(steps) < 1 or abs(steps - round(steps)) > 1e-6:
-                raise ValueError(
-                    f"one turn of sensors.lidars.{name} takes {turn_s:g} s, which is no whole number of "
-                    f"simulation.step_s of {self.simulation.step_s:g} s; change rotation_frequency or step_s"
-                )
-        self.sensors.check_rates(self.simulation.step_s)
+        self.sensors.check(self.simulation.step_s)
         for name, vehicle in self.vehicles.items():
             if vehicle.driver == "trajectory" and self.trajectories is None:
                 raise ValueError(f"vehicles.{name}.driver is trajectory, but there is no trajectories.file")

@@ -7,7 +7,16 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from advpipe.pipeline.core.bounds import AirDelayS, AntennaM, BitrateMbps, KeptS, SnapshotRateHz
-from advpipe.pipeline.core.section import NotNegative, Number, Positive, Probability, Section, Switch, Whole
+from advpipe.pipeline.core.section import (
+    Implementation,
+    NotNegative,
+    Number,
+    Positive,
+    Probability,
+    Section,
+    Switch,
+    Whole,
+)
 
 CHANNEL_BITRATES_MBPS = (3.0, 4.5, 6.0, 9.0, 12.0, 18.0, 24.0, 27.0)
 """Of OFDM in a channel of 10 MHz (IEEE 802.11-2016, table 17-4); in proportion for other widths."""
@@ -137,6 +146,9 @@ class V2x(Section):
     """Vehicle-to-everything messages: ETSI's CAMs over ITS-G5."""
 
     enabled: Switch = True
+    network: Implementation = Field(
+        "embedded", description="who hears what: embedded, or module:Class of your own"
+    )
     penetration: Probability = Field(
         0.5, description="share of the vehicles that send; instrumented ones always do"
     )
@@ -144,3 +156,8 @@ class V2x(Section):
     cam: CamRules = CamRules()
     others: SelfKnowledge = SelfKnowledge()
     ldm: LdmRules = LdmRules()
+
+    def is_ldm_due(self, frame: int, step_s: float) -> bool:
+        """Whether Local Dynamic Maps are recorded at this frame."""
+        every = 1 if self.ldm.rate_hz is None else round(1 / (self.ldm.rate_hz * step_s))
+        return self.enabled and frame % every == 0

@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.bag.carried import lidar_topics
 from advpipe.pipeline.bag.frames import FrameSlice, find_lidar_topic
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import UsageError
@@ -94,11 +95,7 @@ def topic_of(reader: BagReader, spec: AttackSpec) -> str:
     """The topic of the clouds that it attacks; raises AdvpipeError where the bag has none or several."""
     if spec.lidar is not None or spec.victim is None:
         return find_lidar_topic(reader, spec.lidar)
-    own = [
-        name
-        for name in reader.topics_of_type("sensor_msgs/msg/PointCloud2")
-        if name.startswith(f"/{spec.victim}/")
-    ]
+    own = [name for name in lidar_topics(reader) if name.startswith(f"/{spec.victim}/")]
     if not own:
         raise UsageError(f"{spec.type}: {reader.path} has no clouds of the victim {spec.victim!r}")
     default = VehicleTopics(spec.victim).lidar_points.name

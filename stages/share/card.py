@@ -12,6 +12,7 @@ import yaml
 from jinja2 import Environment, StrictUndefined
 from pydantic import ConfigDict, Field
 
+from advpipe.pipeline.bag.carried import CLOUD_TYPE
 from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.document import Document, Number, Text, Word, read_yaml
@@ -19,7 +20,7 @@ from advpipe.pipeline.core.errors import one_line
 from advpipe.pipeline.dataset.layout import Layout
 from advpipe.stages.share import names
 from advpipe.stages.share.effects import banners, effect_tables
-from advpipe.stages.share.facts import CLOUD_TYPE, BagFacts, TopicFacts
+from advpipe.stages.share.facts import BagFacts, TopicFacts
 from advpipe.stages.share.markdown import Markdown, block, code, escaped, link, literal, own_words
 from advpipe.stages.share.options import ShareOptions
 from advpipe.stages.share.pictures import Picture

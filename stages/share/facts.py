@@ -10,14 +10,16 @@ from pathlib import Path
 
 from rosbags.interfaces import QosDurability
 
+from advpipe.pipeline.bag.carried import CLOUD_TYPE, CarriedSensor, is_lidar, sensors_by_topic
 from advpipe.pipeline.bag.inspect import BagDescription, describe
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.build import NS_PER_S
 from advpipe.pipeline.messages.topics import TF, TF_STATIC, VehicleTopics, is_truth
+from advpipe.pipeline.sensors.lidar.lidars import CLOUD_PANEL
+from advpipe.pipeline.sensors.sensor import Panel
 
-CLOUD_TYPE = "sensor_msgs/msg/PointCloud2"
 _HEADER_TYPES = ("std_msgs/Header", "std_msgs/msg/Header", "Header")
 _HEADER = struct.Struct("<iII")  # seconds, nanoseconds, length of the frame's name
 _MOST_FRAMES = 8
@@ -102,7 +104,8 @@ class Edge:
 class BagFacts:
     """One bag of a data set.
 
-    transforms: by parent and child frame. description: what `advpipe inspect` says.
+    transforms: by parent and child frame. sensors: by topic; None in another tool's bag. description: what
+    `advpipe inspect` says.
     """
 
     path: Path
@@ -110,6 +113,7 @@ class BagFacts:
     provenance: Provenance
     topics: Mapping[str, TopicFacts]
     transforms: Mapping[tuple[str, str], Edge]
+    sensors: Mapping[str, CarriedSensor] | None
 
     @property
     def is_attack(self) -> bool:
@@ -118,7 +122,22 @@ class BagFacts:
 
     @property
     def lidars(self) -> list[TopicFacts]:
-        return [topic for topic in self.topics.values() if topic.type == CLOUD_TYPE]
+        """The topics with LiDAR clouds; in another tool's bag, with any point clouds."""
+        if self.sensors is None:
+            return [topic for topic in self.topics.values() if topic.type == CLOUD_TYPE]
+        return [topic for topic in self.topics.values() if is_lidar(self.sensors.get(topic.name))]
+
+    @property
+    def panels(self) -> list[tuple[TopicFacts, Panel]]:
+        """The topics of sensors that viewers show, and how."""
+        if self.sensors is None:
+            return [(topic, CLOUD_PANEL) for topic in self.lidars]
+        shown = (
+            (self.topics[name], sensor.panel(name))
+            for name, sensor in sorted(self.sensors.items())
+            if name in self.topics
+        )
+        return [(topic, panel) for topic, panel in shown if panel is not None]
 
     @property
     def vehicles(self) -> list[str]:
@@ -172,7 +191,8 @@ def read_facts(path: Path) -> BagFacts:
         topics[name].add(raw)
         if name in (TF.name, TF_STATIC.name):
             _add_transforms(transforms, reader, raw)
-    return BagFacts(path, description, reader.provenance, dict(sorted(topics.items())), transforms)
+    by_name, sensors = dict(sorted(topics.items())), sensors_by_topic(reader)
+    return BagFacts(path, description, reader.provenance, by_name, transforms, sensors)
 
 
 def _add_transforms(edges: dict[tuple[str, str], Edge], reader: BagReader, raw: RawMessage) -> None:

@@ -39,16 +39,7 @@ def foxglove_layout(bag: BagFacts) -> str:
 
 
 def _scene(bag: BagFacts) -> dict[str, Any]:
-    topics: dict[str, Any] = {
-        lidar.name: {
-            "visible": True,
-            "colorMode": "colormap",
-            "colorMap": "turbo",
-            "colorField": "intensity",
-            "pointSize": 2,
-        }
-        for lidar in bag.lidars
-    }
+    topics: dict[str, Any] = {topic.name: {"visible": True, **panel.foxglove} for topic, panel in bag.panels}
     topics |= {name: {"visible": True} for name in bag.markers}
     return {
         "cameraState": {

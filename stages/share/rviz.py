@@ -7,13 +7,14 @@ from typing import Any
 import yaml
 
 from advpipe.pipeline.messages.topics import VehicleTopics
+from advpipe.pipeline.sensors.sensor import Panel
 from advpipe.stages.share.facts import BagFacts, TopicFacts
 
 _DEFAULT = "rviz_default_plugins"
 
 
 def rviz_config(bag: BagFacts) -> str:
-    """YAML with the clouds, markers, odometry and frames of a bag, seen from behind and above the ego.
+    """YAML with the sensors, markers, odometry and frames of a bag, seen from behind and above the ego.
 
     Classes and properties are those of rviz_default_plugins from Humble on.
     """
@@ -23,7 +24,7 @@ def rviz_config(bag: BagFacts) -> str:
          "Plane Cell Count": 40,
          "Reference Frame": "<Fixed Frame>"},
         {"Class": f"{_DEFAULT}/TF", "Name": "TF", "Enabled": True, "Show Arrows": False, "Marker Scale": 5},
-        *(_cloud(lidar) for lidar in bag.lidars),
+        *(_sensor(topic, panel) for topic, panel in bag.panels),
         *(_display("MarkerArray", bag.topics[name], depth=10) for name in bag.markers),
         *(_odometry(bag.topics[name]) for name in odometry if name in bag.topics),
     ]  # fmt: skip
@@ -74,15 +75,8 @@ def _display(kind: str, topic: TopicFacts, depth: int) -> dict[str, Any]:
     }
 
 
-def _cloud(topic: TopicFacts) -> dict[str, Any]:
-    return _display("PointCloud2", topic, depth=5) | {
-        "Style": "Points",
-        "Size (Pixels)": 2,
-        "Color Transformer": "Intensity",
-        "Channel Name": "intensity",
-        "Autocompute Intensity Bounds": True,
-        "Use rainbow": True,
-    }
+def _sensor(topic: TopicFacts, panel: Panel) -> dict[str, Any]:
+    return _display(panel.rviz, topic, panel.depth) | dict(panel.rviz_keys)
 
 
 def _odometry(topic: TopicFacts) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""A vehicle that carries sensors: LiDARs that look around, and localisation on board."""
+"""A vehicle that carries sensors: those that look around, and localisation on board."""
 
 from __future__ import annotations
 
@@ -9,33 +9,35 @@ from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.localisation.measurements import InitialPose
 from advpipe.pipeline.localisation.onboard import OnBoard, OnBoardStep
 from advpipe.pipeline.scenario.models import Scenario
-from advpipe.stages.simulate.sensors.lidar.rig import Rig, View
+from advpipe.pipeline.sensors.sensor import Drive, Instant, Reading
 from advpipe.stages.simulate.traffic.road_users import RoadUser
-from advpipe.stages.simulate.world.raycast.world import World
+from advpipe.stages.simulate.world.protocol import World
 
 
 @dataclass(frozen=True)
 class Snapshot:
     """What one instrumented vehicle knows at one instant, and the truth.
 
-    initial: with the first snapshot only, where its filter started. view: None between two turns.
+    initial: with the first snapshot only, where its filter started. readings: of each kind of sensor.
     """
 
     vehicle: str
     initial: InitialPose | None
     onboard: OnBoardStep
-    view: View | None
+    readings: tuple[Reading, ...]
 
 
 class Instrumented:
-    """All sensors of one vehicle."""
+    """All sensors of one vehicle. mounts: base_SE3_sensor by the name of each that looks around."""
 
     def __init__(self, scenario: Scenario, name: str) -> None:
         self.name = name
-        self.rig = Rig(scenario, name)
         origin, clock = scenario.map.origin, scenario.simulation
         geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
         self._onboard = OnBoard(name, scenario.sensors, geodesy, clock.step_s, clock.seed)
+        drive = Drive(clock.seed, clock.step_s, scenario.environment.weather, scenario.recording.markers)
+        self._sensors = scenario.sensors.mounted_on(name, drive)
+        self.mounts = {place: pose for sensor in self._sensors for place, pose in sensor.mounts.items()}
         self._started = False
 
     def sense(
@@ -45,6 +47,5 @@ class Instrumented:
         onboard = self._onboard.step(stamp_ns, carrier.map_SE3_base, carrier.velocity_mps)
         initial = None if self._started else self._onboard.initial
         self._started = True
-        return Snapshot(
-            self.name, initial, onboard, self.rig.look(world, users, carrier, onboard.truth, frame)
-        )
+        instant = Instant(frame, stamp_ns, onboard.truth, world.around(carrier, users))
+        return Snapshot(self.name, initial, onboard, tuple(sensor.sense(instant) for sensor in self._sensors))

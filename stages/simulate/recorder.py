@@ -1,4 +1,4 @@
-"""Writes what the sensors of the instrumented vehicles see, and the truth beside it, into the bag."""
+"""Writes what the sensors of the instrumented vehicles say, and the truth beside it, into the bag."""
 
 from __future__ import annotations
 
@@ -10,19 +10,17 @@ import numpy as np
 import shapely
 
 from advpipe.pipeline.bag.footprints import footprints_text
-from advpipe.pipeline.bag.localisation import MAP_FRAME, initial_pose_message, onboard_messages
+from advpipe.pipeline.bag.localisation import initial_pose_message, onboard_messages
 from advpipe.pipeline.bag.v2x_statistics import statistics_message
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.mcap.channel import Topic
+from advpipe.pipeline.mcap.channel import StampedCdr, Topic
 from advpipe.pipeline.messages import build, topics
-from advpipe.pipeline.messages.cloud import cloud_to_cdr
 from advpipe.pipeline.messages.ldm import ldm_detections_cdr, ldm_snapshot_cdr
-from advpipe.pipeline.messages.markers import Lane, lane_markers, markers
-from advpipe.pipeline.messages.topics import VehicleTopics
+from advpipe.pipeline.messages.markers import Lane, lane_markers
+from advpipe.pipeline.messages.topics import MAP_FRAME, VehicleTopics
 from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.messages.v2x import (
     RadioPlace,
-    StampedCdr,
     own_messages,
     received_messages,
     sent_message,
@@ -33,8 +31,7 @@ from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.v2x.facilities.ldm import Snapshot as LdmSnapshot
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.instrumented import Instrumented, Snapshot
-from advpipe.stages.simulate.network.embedded.communication import Exchange
-from advpipe.stages.simulate.sensors.lidar.rig import View
+from advpipe.stages.simulate.network.protocol import Exchange
 
 
 class Recorder:
@@ -63,9 +60,8 @@ class Recorder:
         for vehicle in vehicles:
             topic = VehicleTopics(vehicle.name)
             static.append((topic.base_frame, topic.imu_frame, np.eye(4)))
-            for name, lidar in vehicle.rig.lidars.items():
-                lidar_frame = VehicleTopics(vehicle.name, name).lidar_frame
-                static.append((topic.base_frame, lidar_frame, lidar.base_SE3_lidar))
+            for name, base_SE3_sensor in vehicle.mounts.items():
+                static.append((topic.base_frame, topic.sensor_frame(name), base_SE3_sensor))
         self._write(topics.TF_STATIC, build.transforms(stamp_ns, static), stamp_ns)
         info = json.dumps(scenario_tree(self._scenario), sort_keys=True)
         self._write(topics.SCENARIO_INFO, build.string(info), stamp_ns)
@@ -93,8 +89,8 @@ class Recorder:
         for snapshot in snapshots:
             self._record_onboard(snapshot)
             self._record_truth(stamp_ns, snapshot)
-            if snapshot.view is not None:
-                self._record_view(stamp_ns, snapshot.vehicle, snapshot.view)
+            for reading in snapshot.readings:
+                self._step += reading.messages
         if self._scenario.v2x.enabled:
             self._record_radios(stamp_ns, radios)
             self._record_maps(stamp_ns, local_dynamic_maps)
@@ -121,7 +117,7 @@ class Recorder:
             self._step.append(sent_message(sent))
             if sent.station_id in self._own_radios:
                 self._step += own_messages(self._own_radios[sent.station_id], sent)
-        for received in exchange.heard.received:
+        for received in exchange.received:
             self._step += received_messages(received)
 
     def _record_radios(self, stamp_ns: int, radios: Sequence[RadioPlace]) -> None:
@@ -160,16 +156,3 @@ class Recorder:
             child_frame_id=topic.base_frame,
         )
         self._write(topic.true_odometry, odometry, stamp_ns)
-
-    def _record_view(self, stamp_ns: int, vehicle: str, view: View) -> None:
-        for name, cloud in view.clouds.items():
-            topic = VehicleTopics(vehicle, name)
-            self._step.append(
-                (topic.lidar_points, cloud_to_cdr(cloud, stamp_ns, topic.lidar_frame), stamp_ns)
-            )
-        topic, boxes = VehicleTopics(vehicle), view.boxes
-        self._write(topic.objects, build.detections(stamp_ns, MAP_FRAME, boxes), stamp_ns)
-        road_users = build.road_users(stamp_ns, MAP_FRAME, boxes, view.lidar_points, view.occlusion)
-        self._write(topic.road_users, road_users, stamp_ns)
-        if self._scenario.recording.markers:
-            self._write(topic.markers, markers(stamp_ns, MAP_FRAME, boxes), stamp_ns)

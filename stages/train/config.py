@@ -7,8 +7,9 @@ from math import isfinite
 from pathlib import Path
 
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.detector.common.preset import Preset
 from advpipe.pipeline.detector.device import CPU
-from advpipe.pipeline.detector.second.presets import preset_named
+from advpipe.pipeline.detector.families import family_named
 from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS
 
 MOST_SEED = 2**63 - 1
@@ -45,7 +46,8 @@ class TrainConfig:
 
     bags: clean bags (dataset folders, rosbag2 folders or .mcap files). out: the run's folder.
     epochs: passes over the frames; steps, when given, overrides it. checkpoint_every: steps.
-    start: a checkpoint of the same preset whose weights the run starts from.
+    family, preset: of the network, see `detector.families`. start: a checkpoint of the same preset whose
+    weights the run starts from.
     workers: processes, by default one a core; the result does not depend on it. device: as `open_device`
     takes it; on a GPU one process does it all.
     validation: a bag of another drive, for the average precision; at the end on all of its frames that
@@ -54,6 +56,7 @@ class TrainConfig:
 
     bags: tuple[Path, ...]
     out: Path
+    family: str = "second"
     preset: str = "small"
     start: Path | None = None
     epochs: float = 8.0
@@ -74,8 +77,13 @@ class TrainConfig:
     validate_every: int = 1000
     augmentation: Augmentation = Augmentation()
 
+    @property
+    def network_preset(self) -> Preset:
+        """What `family` and `preset` name; raises UsageError where they name nothing."""
+        return family_named(self.family).preset(self.preset)
+
     def __post_init__(self) -> None:
-        if preset_named(self.preset).classes != CLASSES:
+        if self.network_preset.classes != CLASSES:
             raise AdvpipeError(
                 f"preset {self.preset} has other classes than our drives; it takes imported weights "
                 "(advpipe import-weights) and is not trained here"

@@ -2,30 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import torch
-from torch import Tensor
 
 from advpipe.pipeline.core.seeding import named_generator
-from advpipe.pipeline.detector.second.presets import preset_named
+from advpipe.pipeline.detector.common.network import LabelledPoints
 from advpipe.stages.train.augment import ObjectBank, augment
 from advpipe.stages.train.config import TrainConfig
 from advpipe.stages.train.frames import FrameStore
-
-
-@dataclass(frozen=True)
-class Example:
-    """points (N, 4), boxes (M, 7), labels (M,), ignored (M,) bool: too few points to learn from."""
-
-    points: Tensor
-    boxes: Tensor
-    labels: Tensor
-    ignored: Tensor
-
-    def to(self, device: torch.device) -> Example:
-        return Example(*(tensor.to(device) for tensor in vars(self).values()))
 
 
 class Examples:
@@ -33,17 +17,17 @@ class Examples:
 
     def __init__(self, store: FrameStore, config: TrainConfig) -> None:
         self.store, self.config = store, config
-        self.preset = preset_named(config.preset)
+        self.preset = config.network_preset
         self.bank = ObjectBank(store, config.min_points)
 
-    def __getitem__(self, place: int) -> Example:
+    def __getitem__(self, place: int) -> LabelledPoints:
         config = self.config
         epoch, row = divmod(place, len(self.store))
         order = named_generator(config.seed, "train", "order", epoch).permutation(len(self.store))
         rng = named_generator(config.seed, "train", "augment", place)
         frame = self.store.frame(int(order[row]))
         frame = augment(frame, config.augmentation, self.preset.voxel_size_m, rng, self.bank)
-        return Example(
+        return LabelledPoints(
             torch.from_numpy(frame.points),
             torch.from_numpy(frame.boxes.astype(np.float32)),
             torch.from_numpy(frame.labels),

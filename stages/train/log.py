@@ -10,10 +10,13 @@ import numpy as np
 from advpipe.pipeline.core.whole_file import whole_file
 from advpipe.pipeline.geometry.boxes import CLASSES
 
-LOSSES = ("loss", "score_loss", "box_loss", "direction_loss", "quality_loss")
-STEPS = ("step", "learning_rate", *LOSSES, "gradient_norm")
 VALIDATIONS = ("step", *CLASSES)
 """Strict 3D AP of each class in percent."""
+
+
+def step_columns(loss_parts: tuple[str, ...]) -> tuple[str, ...]:
+    """The columns of the log of steps, for a network whose loss is the sum of these parts."""
+    return ("step", "learning_rate", "loss", *loss_parts, "gradient_norm")
 
 
 class Log:
@@ -52,7 +55,7 @@ def plot_training(steps: Path, validations: Path, picture: Path) -> None:
     width = max(1, len(losses) // 50)
     figure = Figure(figsize=(7, 7 if len(precision) else 4), layout="constrained")
     axes, *below = figure.subplots(2 if len(precision) else 1, sharex=True, squeeze=False)[:, 0]
-    for name in LOSSES:
+    for name in (column for column in losses.dtype.names or () if column.endswith("loss")):
         if not losses[name].any():  # no curve on a logarithmic axis
             continue
         smooth = np.convolve(losses[name], np.ones(width) / width, mode="valid")

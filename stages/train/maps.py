@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.detector.second.checkpoint import load_checkpoint
-from advpipe.pipeline.detector.training_maps import map_of
+from advpipe.pipeline.detector.checkpoint import load_checkpoint
+from advpipe.pipeline.detector.training_maps import KEY, listed, map_of
 
 
 def training_maps(bags: Iterable[Path], start: Path | None) -> str:
@@ -19,7 +19,7 @@ def training_maps(bags: Iterable[Path], start: Path | None) -> str:
     """
     maps = {map_of(BagReader(bag).provenance) for bag in bags}
     if start is not None:
-        known = load_checkpoint(start).training_maps_sha256
+        known = listed(load_checkpoint(start).provenance.get(KEY))
         maps |= {None} if known is None else set(known)
     named = sorted(each for each in maps if each is not None)
     return json.dumps([*named, *([None] if None in maps else [])])

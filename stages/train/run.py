@@ -1,4 +1,4 @@
-"""Train SECOND on recorded drives."""
+"""Train a detector on recorded drives."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.core import signals
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.progress import track
+from advpipe.pipeline.detector.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
+from advpipe.pipeline.detector.common.network import Network
 from advpipe.pipeline.detector.device import device_record, open_device
+from advpipe.pipeline.detector.families import family_named
 from advpipe.pipeline.detector.registry import detector_sha256
-from advpipe.pipeline.detector.second.checkpoint import load_checkpoint, save_checkpoint
-from advpipe.pipeline.detector.second.model import Second, SecondNet
-from advpipe.pipeline.detector.second.presets import preset_named
 from advpipe.pipeline.detector.training_maps import KEY
 from advpipe.stages.train.config import TrainConfig
 from advpipe.stages.train.examples import Examples
 from advpipe.stages.train.folder import RunFolder
 from advpipe.stages.train.frames import FrameStore
-from advpipe.stages.train.log import STEPS, VALIDATIONS, Log, plot_training
+from advpipe.stages.train.log import VALIDATIONS, Log, plot_training, step_columns
 from advpipe.stages.train.maps import training_maps
 from advpipe.stages.train.state import TrainState
 from advpipe.stages.train.status import Status
@@ -73,7 +73,7 @@ def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
 
 def _train(
     folder: RunFolder,
-    net: SecondNet,
+    net: Network,
     store: FrameStore,
     config: TrainConfig,
     drive: ValidationDrive | None,
@@ -90,17 +90,17 @@ def _train(
     if folder.state.is_file():
         state.restore(folder.state)
 
-    def saved(steps_done: int) -> Second:
-        """The detector as its file has it: with weights in half precision."""
+    def saved(steps_done: int) -> Checkpoint:
+        """The network as its file has it: with weights in half precision."""
         state.require_finite()
         save_checkpoint(
             net, folder.latest, {**provenance, "steps": f"{steps_done} of {steps}"}, overwrite=True
         )
-        return load_checkpoint(folder.latest, next(net.parameters()).device)
+        return load_checkpoint(folder.latest, net.device)
 
-    status = Status()
+    status = Status(net.LOSS_PARTS)
     with (
-        closing(Log(folder.log, STEPS, state.step)) as log,
+        closing(Log(folder.log, step_columns(net.LOSS_PARTS), state.step)) as log,
         # A run that was killed in its last validation does it again.
         closing(Log(folder.validations, VALIDATIONS, min(state.step, steps - 1))) as validations,
         signals.deferred() as stopped,  # a step is not broken off, so that the state can be saved first
@@ -112,7 +112,7 @@ def _train(
             log.add(step, rate, sum(parts), *parts, norm)
             status.step(parts)
             if drive is not None and state.step % config.validate_every == 0 and state.step < steps:
-                status.precision = drive.precision(saved(state.step), at_most=SOME_FRAMES)
+                status.precision = drive.precision(saved(state.step).detector(), at_most=SOME_FRAMES)
                 validations.add(step, *strict_percents(status.precision))
             if state.step % config.checkpoint_every == 0 or stopped.is_set():
                 state.save(folder.state)
@@ -120,7 +120,7 @@ def _train(
             stopped.raise_if_set()
         state.save(folder.state)
         trained = saved(steps)
-        precision = drive.precision(trained) if drive else {}
+        precision = drive.precision(trained.detector()) if drive else {}
         if precision:
             validations.add(steps - 1, *strict_percents(precision))
     plot_training(folder.log, folder.validations, folder.picture)
@@ -138,21 +138,26 @@ def labelled_bag(path: Path) -> Path:
     return bag
 
 
-def new_net(config: TrainConfig) -> SecondNet:
+def new_net(config: TrainConfig) -> Network:
     """The network before the first step: random weights, or those of the checkpoint to start from."""
-    net = SecondNet(preset_named(config.preset))
+    net = family_named(config.family).network(config.preset)
     if config.start is not None:
-        start = load_checkpoint(config.start)
+        start = load_checkpoint(config.start).net
         if start.preset != net.preset:
-            raise UsageError(f"{config.start} holds preset {start.preset.name!r}, not {config.preset!r}")
-        net.load_state_dict(start.net.state_dict())
-    channels_last: SecondNet = net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+            raise UsageError(f"{config.start} holds {_named(start)}, not {_named(net)}")
+        net.load_state_dict(start.state_dict())
+    channels_last: Network = net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     return channels_last
+
+
+def _named(net: Network) -> str:
+    family = "" if net.preset.family == "second" else f" of family {net.preset.family!r}"
+    return f"preset {net.preset.name!r}{family}"
 
 
 def store_frames(digests: dict[Path, str], folder: RunFolder, config: TrainConfig) -> FrameStore:
     """The frames of the bags, decoded once, as far out as a turned range can reach."""
-    r = preset_named(config.preset).range_m
+    r = config.network_preset.range_m
     radius_m = 1.1 * max(abs(r.x_min_m), r.x_max_m) * 2**0.5
 
     def frames() -> Iterator[Frame]:

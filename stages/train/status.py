@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from advpipe.stages.train.validate import ClassPrecision
-from advpipe.stages.train.workers import PARTS
 
 SMOOTHING = 0.98
 """Of the losses shown: they remember about 50 steps."""
@@ -14,15 +13,16 @@ SMOOTHING = 0.98
 
 @dataclass
 class Status:
-    """The smoothed losses of `PARTS` and the last average precision."""
+    """The smoothed losses of a network's `LOSS_PARTS`, and the last average precision."""
 
-    losses: list[float] = field(default_factory=lambda: [0.0] * len(PARTS))
+    parts: tuple[str, ...]
+    losses: list[float] = field(default_factory=list)
     steps: int = 0
     precision: dict[str, ClassPrecision] = field(default_factory=dict)
 
     def step(self, losses: Sequence[float]) -> None:
         """Note the parts of a step's loss."""
-        pairs = zip(self.losses, losses, strict=True)
+        pairs = zip(self.losses or [0.0] * len(losses), losses, strict=True)
         self.losses = [SMOOTHING * old + (1 - SMOOTHING) * new for old, new in pairs]
         self.steps += 1
 
@@ -33,7 +33,7 @@ class Status:
         losses = [loss / (1 - SMOOTHING**self.steps) for loss in self.losses]
         parts = [
             f"{name.removesuffix('_loss')} {loss:.2g}"
-            for name, loss in zip(PARTS, losses, strict=True)
+            for name, loss in zip(self.parts, losses, strict=True)
             if loss
         ]
         found = [f"{name} {p.strict_percent:.0f}" for name, p in self.precision.items() if p.boxes]

@@ -19,44 +19,38 @@ from torch import Tensor, multiprocessing, nn
 
 from advpipe.pipeline.core import signals
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.detector.common.network import Network
 from advpipe.pipeline.detector.device import CPU
-from advpipe.pipeline.detector.second.loss import losses
-from advpipe.pipeline.detector.second.model import SecondNet
-from advpipe.pipeline.detector.second.voxels import voxelise
+from advpipe.pipeline.detector.families import family_named
 from advpipe.stages.train.examples import Examples
-
-PARTS = ("score_loss", "box_loss", "direction_loss", "quality_loss")
 
 
 class Gradients(Protocol):
     """The mean gradient over the clouds of a batch."""
 
     def __call__(self, step: int) -> Tensor:
-        """Set the gradients and batch norm averages of the network; the losses (4,) of `PARTS`."""
+        """Set the gradients and batch norm averages of the network; the losses (P,) of its `LOSS_PARTS`."""
 
 
 class Replica:
     """A network that shares its weights with another one and has batch norm averages of its own."""
 
-    def __init__(self, net: SecondNet, examples: Examples) -> None:
+    def __init__(self, net: Network, examples: Examples) -> None:
         self.source, self.examples = net, examples
-        self.device = next(net.parameters()).device
-        self.net = SecondNet(net.preset).to(self.device, memory_format=torch.channels_last).train()  # type: ignore[call-overload]
+        replica = family_named(net.preset.family).network(net.preset.name)
+        self.net: Network = replica.to(net.device, memory_format=torch.channels_last).train()  # type: ignore[call-overload]
         for mine, shared in zip(self.net.parameters(), net.parameters(), strict=True):
             mine.data = shared.data
-        self.grid = self.net.anchor_grid()
 
     def result(self, place: int) -> Tensor:
         """Losses, gradients and batch norm averages after the cloud at `place`, as one row."""
         for mine, shared in zip(averages(self.net), averages(self.source), strict=True):
             mine.copy_(shared)
         self.net.zero_grad()
-        example = self.examples[place].to(self.device)
-        voxels = voxelise([example.points], self.net.preset)
-        target = self.grid.assign(example.boxes, example.labels, example.ignored)
-        parts = losses(self.net(voxels, bf16=self.examples.config.bf16), [target], self.grid)
-        parts.total.backward()  # type: ignore[no-untyped-call]
-        values = [torch.stack([parts.score, parts.box, parts.direction, parts.quality]).detach()]
+        example = self.examples[place].to(self.net.device)
+        parts = torch.stack(self.net.training_losses(example, bf16=self.examples.config.bf16))
+        parts.sum().backward()  # type: ignore[no-untyped-call]
+        values = [parts.detach()]
         values += [p.grad.reshape(-1) for p in self.net.parameters() if p.grad is not None]
         return torch.cat([*values, *averages(self.net)])
 
@@ -66,26 +60,26 @@ def averages(net: nn.Module) -> list[Tensor]:
     return [b for name, b in net.named_buffers() if name.endswith(("running_mean", "running_var"))]
 
 
-def row_length(net: SecondNet) -> int:
-    return len(PARTS) + sum(t.numel() for t in [*net.parameters(), *averages(net)])
+def row_length(net: Network) -> int:
+    return len(net.LOSS_PARTS) + sum(t.numel() for t in [*net.parameters(), *averages(net)])
 
 
-def take(row: Tensor, net: SecondNet) -> Tensor:
+def take(row: Tensor, net: Network) -> Tensor:
     """Set gradients and batch norm averages of the network from a row; return the losses."""
-    at = len(PARTS)
+    at = len(net.LOSS_PARTS)
     for parameter in net.parameters():
         parameter.grad = row[at : at + parameter.numel()].view(parameter.shape)
         at += parameter.numel()
     for average in averages(net):
         average.copy_(row[at : at + average.numel()])
         at += average.numel()
-    return row[: len(PARTS)]
+    return row[: len(net.LOSS_PARTS)]
 
 
 @contextmanager
-def gradients(net: SecondNet, examples: Examples, workers: int) -> Iterator[Gradients]:
+def gradients(net: Network, examples: Examples, workers: int) -> Iterator[Gradients]:
     """The gradients of `net` on its examples, computed by so many processes; one works in this one."""
-    batch, device = examples.config.batch_size, next(net.parameters()).device
+    batch, device = examples.config.batch_size, net.device
     rows = torch.zeros(batch, row_length(net), device=device)
     if workers <= 1 or device.type != CPU:
         replica, threads = Replica(net, examples), torch.get_num_threads()
@@ -139,7 +133,7 @@ def gradients(net: SecondNet, examples: Examples, workers: int) -> Iterator[Grad
 
 
 def _work(
-    net: SecondNet,
+    net: Network,
     examples: Examples,
     rows: Tensor,
     share: range,

@@ -111,6 +111,31 @@ def twice(call: str, topic: str) -> Callable[[Path], Case]:
     return make
 
 
+def at_another_time(call: str, topic: str, time_ns: int) -> Callable[[Path], Case]:
+    """A bag in which the first message of a topic has another log time."""
+
+    def make(folder: Path) -> Case:
+        found = BagDocument(folder / base.DRIVE / "clean")
+        changed, place = list(found.messages), found.of_topic(topic)[0]
+        changed[place] = replace(changed[place], log_time_ns=time_ns)
+        changed.sort(key=lambda raw: raw.log_time_ns)
+        return Case(call, "clean_0.mcap", mcap_bytes(changed, found.provenance))
+
+    return make
+
+
+def begun_at(call: str, time_ns: int) -> Callable[[Path], Case]:
+    """A bag with log times from then on."""
+
+    def make(folder: Path) -> Case:
+        found = BagDocument(folder / base.DRIVE / "clean")
+        shift_ns = time_ns - min(raw.log_time_ns for raw in found.messages)
+        changed = [replace(raw, log_time_ns=raw.log_time_ns + shift_ns) for raw in found.messages]
+        return Case(call, "clean_0.mcap", mcap_bytes(changed, found.provenance))
+
+    return make
+
+
 def no_turn(told: Any) -> None:
     """Quaternions of length zero."""
     for station in told.stations:
@@ -145,6 +170,16 @@ def parquet_bomb(call: str, place: str) -> Callable[[Path], Case]:
     def make(folder: Path) -> Case:
         data = (folder / base.DRIVE / place).read_bytes()
         return Case(call, place, tables.repeated(tables.read(data), BOMB_ROWS))
+
+    return make
+
+
+def group_of_other_names(call: str, place: str, column: bytes) -> Callable[[Path], Case]:
+    """A table whose last group of rows calls a column by a name that is no text."""
+
+    def make(folder: Path) -> Case:
+        before, found, after = (folder / base.DRIVE / place).read_bytes().rpartition(b"\x19\x18" + column)
+        return Case(call, place, before + found[:-1] + b"\xf3" + after)
 
     return make
 
@@ -193,6 +228,16 @@ def lane_shapes(call: str, shape: str) -> Callable[[Path], Case]:
     return make
 
 
+def long_curves(folder: Path) -> Case:
+    """An OpenDRIVE map whose curves go around the Earth."""
+    import xml.etree.ElementTree as ElementTree
+
+    tree = ElementTree.fromstring((folder / base.NETWORKS / network.OPENDRIVE).read_bytes())
+    for geometry in tree.iter("geometry"):
+        geometry.set("length", "2147483647")
+    return Case("opendrive", network.OPENDRIVE, ElementTree.tostring(tree))
+
+
 def bad_qos(folder: Path) -> Case:
     """A bag whose summary tells a quality of service that is no YAML."""
     nodes = take_apart((folder / base.DRIVE / "clean" / container.MCAP).read_bytes())
@@ -201,6 +246,12 @@ def bad_qos(folder: Path) -> Case:
             channel.metadata["offered_qos_profiles"] = "\0"
             node.body = body_of(channel)
     return Case("recover", container.MCAP, put_together(nodes))
+
+
+def far_summary(folder: Path) -> Case:
+    """A bag whose footer has the summary begin exabytes behind its end."""
+    data = (folder / base.DRIVE / "clean" / container.MCAP).read_bytes()
+    return Case("recover", container.MCAP, data[:-28] + struct.pack("<Q", (1 << 63) - 1) + data[-20:])
 
 
 def long_name(folder: Path) -> Case:
@@ -244,6 +295,11 @@ SEEDS = (
     Seed("estimates twice, gnss", CDR, twice("gnss", "/ego/odometry")),
     Seed("sent twice, export", CDR, twice("export", "/v2x/sent")),
     Seed("stations twice, export", CDR, twice("export", "/v2x/stations")),
+    Seed("stations since 1970, sybil", CDR, at_another_time("sybil", "/v2x/stations", 1)),
+    Seed("estimates since 1970, gnss", CDR, at_another_time("gnss", "/ego/odometry", 1)),
+    Seed("estimates until 2116, gnss", CDR, at_another_time("gnss", "/ego/odometry", 1 << 62)),
+    Seed("drive in 1970, export", CDR, begun_at("export", 0)),
+    Seed("drive in 2116, cam", CDR, begun_at("cam", 1 << 62)),
     Seed("aliases in a scenario", "scenario", yaml_file(laughs())),
     Seed("tag of another kind", "scenario", yaml_file("!!bool x", "description")),
     Seed("timestamp of no time", "scenario", yaml_file("!!timestamp x", "description")),
@@ -254,11 +310,18 @@ SEEDS = (
     Seed("many messages, verify", "parquet", parquet_bomb("verify cam", "cam/v2x_labels.parquet")),
     Seed("many messages, export", "parquet", parquet_bomb("export cam", "cam/v2x_labels.parquet")),
     Seed("many points, verify", "parquet", parquet_bomb("verify detach", "detach/labels.parquet")),
+    Seed(
+        "group of other names, export",
+        "parquet",
+        group_of_other_names("export gnss", "gnss/v2x_labels.parquet", b"\x06number"),
+    ),
     Seed("QoS of no kind, recover", "container", bad_qos),
+    Seed("summary beyond all files, recover", "container", far_summary),
     Seed("name of 300 letters", "tar", long_name),
     Seed("zip of zeros", "checkpoint", zip_bomb),
     Seed("checkpoint of a deep text", "checkpoint", checkpoint_about(lambda about: DEEP)),
     Seed("checkpoint of a list", "checkpoint", checkpoint_about(lambda about: [about])),
     Seed("lane beyond all numbers", "network", lane_shapes("simulate", "1e308,0 -1e308,0")),
+    Seed("curves beyond all maps", "network", long_curves),
     Seed("lane with and without height", "network", lane_shapes("repair", "0,0,1 50,0")),
 )  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from torch import Tensor, nn
 
-from advpipe.pipeline.detector.second.presets import Preset
+from advpipe.pipeline.detector.second.presets import SecondPreset
 from advpipe.pipeline.detector.second.sparse_conv import (
     Rulebook,
     Shape,
@@ -27,7 +27,7 @@ STRIDED: tuple[tuple[Shape, Shape, Shape], ...] = (
 class Backbone3d(nn.Module):
     """Four stages of submanifold layers, each but the first entered by a stride of two; then z folds."""
 
-    def __init__(self, preset: Preset) -> None:
+    def __init__(self, preset: SecondPreset) -> None:
         super().__init__()
         c0, c1, c2, c3, c4, c5 = preset.channels_3d
         self.stage1 = nn.ModuleList([SparseLayer(4, c0), SparseLayer(c0, c1)])

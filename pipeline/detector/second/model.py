@@ -2,38 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
-from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.detector.protocol import Detections, LossInput, Range, VoxelGrid
-from advpipe.pipeline.detector.second.anchors import AnchorGrid
-from advpipe.pipeline.detector.second.backbone2d import Backbone2d
+from advpipe.pipeline.detector.common.anchors import AnchorGrid
+from advpipe.pipeline.detector.common.backbone2d import Backbone2d
+from advpipe.pipeline.detector.common.decode import detections
+from advpipe.pipeline.detector.common.head import Head, Predictions
+from advpipe.pipeline.detector.common.loss import LOSS_PARTS, losses, losses_by_cloud
+from advpipe.pipeline.detector.common.network import LabelledPoints, Network, NetworkDetector, require_finite
+from advpipe.pipeline.detector.protocol import Detections, LossInput, VoxelGrid
 from advpipe.pipeline.detector.second.backbone3d import Backbone3d
-from advpipe.pipeline.detector.second.decode import detections
-from advpipe.pipeline.detector.second.head import Head, Predictions
-from advpipe.pipeline.detector.second.loss import losses, losses_by_cloud
-from advpipe.pipeline.detector.second.presets import Preset
+from advpipe.pipeline.detector.second.presets import SecondPreset
 from advpipe.pipeline.detector.second.voxels import Voxels, voxelise
-from advpipe.pipeline.detector.training_maps import KEY, listed
-from advpipe.pipeline.messages.cloud import xyzi
 
 
-class SecondNet(nn.Module):
+class SecondNet(Network):
     """Voxels, sparse 3D backbone, bird's-eye backbone, anchor head."""
 
+    LOSS_PARTS = LOSS_PARTS
+    preset: SecondPreset
     input_offset: Tensor
     input_scale: Tensor
 
-    def __init__(self, preset: Preset) -> None:
+    def __init__(self, preset: SecondPreset) -> None:
         super().__init__()
         self.preset = preset
+        self._grid: AnchorGrid | None = None
         self.backbone3d = Backbone3d(preset)
-        self.backbone2d = Backbone2d(preset, self.backbone3d.out_channels)
+        self.backbone2d = Backbone2d(preset.bev, self.backbone3d.out_channels)
         self.head = Head(preset, self.backbone2d.out_channels)
         self.register_buffer("input_offset", torch.tensor(preset.input_offset), persistent=False)
         self.register_buffer("input_scale", torch.tensor(preset.input_scale), persistent=False)
@@ -47,41 +47,39 @@ class SecondNet(nn.Module):
         predictions: Predictions = self.head(features.to(bev.dtype))
         return predictions
 
+    def training_losses(self, cloud: LabelledPoints, *, bf16: bool = False) -> tuple[Tensor, ...]:
+        """The gradient reaches the points through their voxel's mean; which voxel a point falls into carries
+        none. Without a readable point the loss is that of an empty map, its gradient zero."""
+        target = self.anchor_grid().assign(cloud.boxes, cloud.labels, cloud.ignored)
+        predictions = self(voxelise([cloud.points], self.preset), bf16=bf16)
+        return losses(predictions, [target], self.anchor_grid()).parts
+
+    def detections(self, clouds: Sequence[Tensor]) -> list[Detections]:
+        """At most `preset.max_detections` in each; points not finite are not read."""
+        voxels = voxelise(clouds, self.preset)
+        predictions = self(voxels)
+        empty = torch.bincount(voxels.sites.bzyx()[0], minlength=len(clouds)) == 0
+        none = Detections(np.zeros((0, 7)), np.zeros(0), np.zeros(0, np.int64))
+        grid = self.anchor_grid()
+        return [none if empty[b] else detections(predictions, b, grid) for b in range(len(clouds))]
+
+    def detector(self, provenance: Mapping[str, str]) -> Second:
+        return Second(self, provenance)
+
     def anchor_grid(self) -> AnchorGrid:
         """The anchors, on the map that the backbones make: one eighth of the voxel grid."""
-        _, height, width = self.preset.grid_zyx
-        return AnchorGrid(self.preset, height // 8, width // 8, next(self.parameters()).device)
+        if self._grid is None or self._grid.x.device != self.device:
+            _, height, width = self.preset.grid_zyx
+            self._grid = AnchorGrid(self.preset, height // 8, width // 8, self.device)
+        return self._grid
 
 
-class Second:
-    """A trained SECOND as a `BatchDetector`: frozen weights, frozen batch norm.
-
-    It computes where its network is. Tensors may come from anywhere, and those that it returns are where the
-    points came from.
-    """
-
-    def __init__(self, net: SecondNet, provenance: dict[str, str] | None = None) -> None:
-        self.net = net.eval().requires_grad_(False)
-        self.preset: Preset = net.preset
-        self.provenance = provenance or {}
-        self._grid = net.anchor_grid()
+class Second(NetworkDetector[SecondNet]):
+    """A trained SECOND as a `BatchDetector`."""
 
     @property
-    def training_maps_sha256(self) -> Sequence[str | None] | None:
-        """The maps of the drives that it was trained on, as `KnowsItsMaps` has them."""
-        return listed(self.provenance.get(KEY))
-
-    @property
-    def device(self) -> torch.device:
-        return self._grid.x.device
-
-    @property
-    def classes(self) -> tuple[str, ...]:
-        return self.preset.classes
-
-    @property
-    def range_m(self) -> Range:
-        return self.preset.range_m
+    def preset(self) -> SecondPreset:
+        return self.net.preset
 
     @property
     def voxel_grid(self) -> VoxelGrid:
@@ -89,27 +87,6 @@ class Second:
         r = self.preset.range_m
         shape = (width, height, depth - self.preset.layers_above)
         return VoxelGrid((r.x_min_m, r.y_min_m, r.z_min_m), self.preset.voxel_size_m, shape)
-
-    def detect(self, cloud: npt.NDArray[np.void]) -> Detections:
-        """The objects in a cloud (N,), at most `preset.max_detections`; points not finite are not read."""
-        return self.detect_batch([torch.from_numpy(xyzi(cloud))])[0]
-
-    @torch.no_grad()
-    def detect_batch(self, clouds: Sequence[Tensor]) -> list[Detections]:
-        """The objects in each of the clouds (N_i, 4)."""
-        voxels = voxelise([cloud.to(self.device) for cloud in clouds], self.preset)
-        predictions = self.net(voxels)
-        empty = torch.bincount(voxels.sites.bzyx()[0], minlength=len(clouds)) == 0
-        none = Detections(np.zeros((0, 7)), np.zeros(0), np.zeros(0, np.int64))
-        return [none if empty[b] else detections(predictions, b, self._grid) for b in range(len(clouds))]
-
-    def loss(self, points: Tensor, boxes: Tensor, labels: Tensor) -> Tensor:
-        """The training loss of one cloud, as `Detector.loss`; all boxes in range count.
-
-        The gradient reaches the points through their voxel's mean; which voxel a point falls into
-        carries none. Without a readable point the loss is that of an empty map, its gradient zero.
-        """
-        return self._loss(self._voxels(points), boxes, labels, None).to(points.device)
 
     def loss_batch(self, inputs: Sequence[LossInput]) -> list[Tensor]:
         """The training loss of each cloud, as `loss`; frozen batch norm keeps them apart."""
@@ -152,20 +129,17 @@ class Second:
             cloud if extra is None else torch.cat([cloud, extra])
             for cloud, extra in zip(clouds, ghosts, strict=True)
         ]
-        if not all(torch.isfinite(each).all() for each in given):
-            raise AdvpipeError(
-                "the cloud holds points that are not finite; remove them before asking for a loss"
-            )
+        require_finite(given)
         counts = [len(each) - len(cloud) for each, cloud in zip(given, clouds, strict=True)]
         return voxelise([each.to(self.device) for each in given], self.preset, ghosts=counts)
 
     def _loss(self, voxels: Voxels, boxes: Tensor, labels: Tensor, occupancy: Tensor | None) -> Tensor:
-        target = self._grid.assign(boxes.to(self.device), labels.to(self.device))
-        return losses(self.net(voxels, occupancy), [target], self._grid).total
+        grid = self.net.anchor_grid()
+        target = grid.assign(boxes.to(self.device), labels.to(self.device))
+        return losses(self.net(voxels, occupancy), [target], grid).total
 
     def _losses(self, voxels: Voxels, inputs: Sequence[LossInput], occupancy: Tensor | None) -> list[Tensor]:
-        targets = [
-            self._grid.assign(each.boxes.to(self.device), each.labels.to(self.device)) for each in inputs
-        ]
-        found = losses_by_cloud(self.net(voxels, occupancy), targets, self._grid)
+        grid = self.net.anchor_grid()
+        targets = [grid.assign(each.boxes.to(self.device), each.labels.to(self.device)) for each in inputs]
+        found = losses_by_cloud(self.net(voxels, occupancy), targets, grid)
         return [loss.total.to(each.points.device) for loss, each in zip(found, inputs, strict=True)]

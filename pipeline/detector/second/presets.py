@@ -3,78 +3,34 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi
 
-from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.detector.common.preset import Anchor, AnchorPreset, BevBlock
 from advpipe.pipeline.detector.protocol import Range
-from advpipe.pipeline.geometry.boxes import CLASSES
 
 
-@dataclass(frozen=True)
-class Anchor:
-    """One box size that the head starts from, at every cell of the bird's-eye map and both yaws.
+@dataclass(frozen=True, kw_only=True)
+class SecondPreset(AnchorPreset):
+    """The shape of a SECOND.
 
-    An anchor learns from a labelled box of its own class when their bird's-eye IoU reaches
-    `positive_iou`, from the background when every IoU stays under `negative_iou`.
-    """
-
-    class_name: str
-    length_m: float
-    width_m: float
-    height_m: float
-    bottom_z_m: float
-    positive_iou: float
-    negative_iou: float
-
-
-@dataclass(frozen=True)
-class Preset:
-    """The shape of a network; a checkpoint names its preset.
-
-    voxel_size_m: x, y, z. channels_3d: after the input layer, stages 1 to 4, and the z-compressing
-    layer. bev_*: one entry a block of the 2D backbone. input_offset, input_scale: the mean VFE's
-    x, y, z, intensity enter the network as (value - offset) * scale. direction_offset_rad: where the
-    first of the two direction bins begins.
+    channels_3d: after the input layer, stages 1 to 4, and the z-compressing layer. bev: the blocks of the 2D
+    backbone. input_offset, input_scale: the mean VFE's x, y, z, intensity enter the network as
+    (value - offset) * scale.
 
     The rest is there for `kitti`, whose weights others have trained. layers_above: empty layers of voxels
     above the range. points_per_voxel: only the first points of a voxel count, None: all. max_voxels,
-    max_voxels_training: only the first voxels of a cloud count. anchors_to_edges: the outermost anchors lie
-    on the faces of the range, not half a cell inside.
-
-    Decoding: at most `max_candidates` anchors enter non-maximum suppression at `nms_iou`, at most
-    `max_detections` come out. vote_iou: see `decode.vote`; None is plain suppression, as in OpenPCDet.
-    suppress_by_class: boxes of different classes may overlap; where two classes are likely, both are said.
-    quality_power: the head also predicts each box's IoU with the truth, and a detection scores
-    class score * IoU**power (Wu et al. 2020, "IoU-aware Single-stage Object Detector"); None: it does not.
+    max_voxels_training: only the first voxels of a cloud count.
     """
 
-    name: str
-    range_m: Range
-    voxel_size_m: tuple[float, float, float]
+    family = "second"
+
     channels_3d: tuple[int, int, int, int, int, int]
-    bev_layers: tuple[int, ...]
-    bev_strides: tuple[int, ...]
-    bev_channels: tuple[int, ...]
-    up_strides: tuple[int, ...]
-    up_channels: tuple[int, ...]
-    anchors: tuple[Anchor, ...]
-    classes: tuple[str, ...] = CLASSES
-    yaws_rad: tuple[float, ...] = (0.0, 1.5707963267948966)
+    bev: tuple[BevBlock, ...]
     input_offset: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     input_scale: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
-    direction_offset_rad: float = pi / 4
     layers_above: int = 0
     points_per_voxel: int | None = None
     max_voxels: int | None = None
     max_voxels_training: int | None = None
-    anchors_to_edges: bool = False
-    nms_iou: float = 0.1
-    max_candidates: int = 1000
-    max_detections: int = 100
-    vote_iou: float | None = None
-    suppress_by_class: bool = False
-    quality_power: float | None = None
 
     @property
     def grid_zyx(self) -> tuple[int, int, int]:
@@ -87,17 +43,13 @@ class Preset:
         )
 
 
-SMALL = Preset(
+SMALL = SecondPreset(
     name="small",
     # The ground, 1.8 m below, lies in the middle of a layer of voxels; the roofs of trucks are in.
     range_m=Range(-51.2, -51.2, -3.1, 51.2, 51.2, 2.3),
     voxel_size_m=(0.1, 0.1, 0.2),
     channels_3d=(16, 16, 16, 32, 64, 64),
-    bev_layers=(4, 4),
-    bev_strides=(1, 2),
-    bev_channels=(64, 128),
-    up_strides=(1, 2),
-    up_channels=(128, 128),
+    bev=(BevBlock(4, 1, 64, 1, 128), BevBlock(4, 2, 128, 2, 128)),
     anchors=(
         Anchor("car", 4.5, 1.85, 1.55, -1.8, 0.6, 0.45),
         Anchor("truck", 5.4, 2.05, 2.3, -1.8, 0.6, 0.45),
@@ -115,16 +67,12 @@ SMALL = Preset(
 )
 """All around a roof LiDAR about 1.8 m above the road; 1.36 M parameters; trains on two CPU cores."""
 
-ALL_AROUND = Preset(
+ALL_AROUND = SecondPreset(
     name="360",
     range_m=Range(-51.2, -51.2, -3.0, 51.2, 51.2, 1.8),
     voxel_size_m=(0.1, 0.1, 0.1),
     channels_3d=(16, 16, 32, 64, 64, 128),
-    bev_layers=(5, 5),
-    bev_strides=(1, 2),
-    bev_channels=(128, 256),
-    up_strides=(1, 2),
-    up_channels=(256, 256),
+    bev=(BevBlock(5, 1, 128, 1, 256), BevBlock(5, 2, 256, 2, 256)),
     anchors=SMALL.anchors,
     input_offset=SMALL.input_offset,
     input_scale=SMALL.input_scale,
@@ -134,16 +82,12 @@ ALL_AROUND = Preset(
 )
 """`small` with the channels and layers of `kitti` and finer voxels along z; 5.37 M parameters."""
 
-KITTI = Preset(
+KITTI = SecondPreset(
     name="kitti",
     range_m=Range(0.0, -40.0, -3.0, 70.4, 40.0, 1.0),
     voxel_size_m=(0.05, 0.05, 0.1),
     channels_3d=(16, 16, 32, 64, 64, 128),
-    bev_layers=(5, 5),
-    bev_strides=(1, 2),
-    bev_channels=(128, 256),
-    up_strides=(1, 2),
-    up_channels=(256, 256),
+    bev=(BevBlock(5, 1, 128, 1, 256), BevBlock(5, 2, 256, 2, 256)),
     classes=("car", "pedestrian", "cyclist"),
     anchors=(
         Anchor("car", 3.9, 1.6, 1.56, -1.78, 0.6, 0.45),
@@ -169,10 +113,3 @@ training, and intensity is KITTI's reflectance in [0, 1].
 """
 
 PRESETS = {"small": SMALL, "360": ALL_AROUND, "kitti": KITTI}
-
-
-def preset_named(name: str) -> Preset:
-    """The preset of that name, or an error that lists the known ones."""
-    if name not in PRESETS:
-        raise UsageError(f"unknown detector preset {shown(name)}; known: {', '.join(PRESETS)}")
-    return PRESETS[name]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from advpipe.pipeline.detector.second.presets import Preset
+from advpipe.pipeline.detector.second.presets import SecondPreset
 from advpipe.pipeline.detector.second.sparse_conv import Sites
 
 
@@ -29,7 +29,7 @@ class Voxels:
 
 
 def voxelise(
-    clouds: Sequence[Tensor], preset: Preset, *, training: bool = False, ghosts: Sequence[int] = ()
+    clouds: Sequence[Tensor], preset: SecondPreset, *, training: bool = False, ghosts: Sequence[int] = ()
 ) -> Voxels:
     """The voxels of clouds (N_i, 4) x, y, z, intensity, one batch entry each.
 

@@ -19,13 +19,13 @@ from advpipe.pipeline.core.section import (
     NotNegative,
     Number,
     Probability,
-    Section,
     Switch,
     Whole,
     Word,
 )
 from advpipe.pipeline.core.shown import cut, shown
 from advpipe.pipeline.sensors.lidar.presets import LIDAR_PRESETS
+from advpipe.pipeline.sensors.sensor import MountedSection
 
 _FAN = ("channels", "upper_fov", "lower_fov")
 
@@ -33,10 +33,9 @@ MAX_RAYS = 2_000_000
 """Rays of one turn; a few hundred bytes of memory each."""
 
 
-class LidarSensor(Section):
+class LidarSensor(MountedSection):
     """A rotating LiDAR; names and meanings as in CARLA's sensor.lidar.ray_cast."""
 
-    vehicle: Word = "ego"
     preset: Word | None = Field(
         None,
         description=f"a known sensor ({', '.join(LIDAR_PRESETS)}); every key given beside it wins over it",

@@ -8,13 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from advpipe.pipeline.bag.localisation import MAP_FRAME, estimate_message
+from advpipe.pipeline.bag.localisation import estimate_message
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.labels import fixes
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages import build
-from advpipe.pipeline.messages.topics import TF, V2X_STATIONS, VehicleTopics
+from advpipe.pipeline.messages.topics import MAP_FRAME, TF, V2X_STATIONS, VehicleTopics
 from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.messages.v2x import stations_of_message
 from advpipe.pipeline.replay.recorded_filter import GNSS_FIX, read_filter, usual_victim, vehicles_with_filter

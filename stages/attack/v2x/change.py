@@ -12,12 +12,11 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.v2x_statistics import statistics_message
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.localisation.geodesy import Geodesy
-from advpipe.pipeline.mcap.channel import RawMessage, Topic
+from advpipe.pipeline.mcap.channel import RawMessage, StampedCdr, Topic
 from advpipe.pipeline.messages.ldm import ldm_detections_cdr, ldm_snapshot_cdr
 from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATIONS, V2X_STATISTICS, VehicleTopics
 from advpipe.pipeline.messages.types import schema_text, type_hash
 from advpipe.pipeline.messages.v2x import (
-    StampedCdr,
     own_messages,
     received_messages,
     sent_message,
@@ -238,8 +237,9 @@ def _by_stamp(messages: list[StampedCdr]) -> list[StampedCdr]:
 
 
 def _topics_of(topics: VehicleTopics) -> tuple[Topic, ...]:
-    sent = topics.sent_raw, topics.sent_cam
-    return *sent, topics.received_raw, topics.received_cam, topics.ldm, topics.ldm_objects
+    sent, known = (topics.sent_raw, topics.sent_cam), (topics.ldm, topics.ldm_objects)
+    received = topics.received_raw, topics.received_cam, topics.reception_info, topics.true_receptions
+    return *sent, *received, *known
 
 
 @cache

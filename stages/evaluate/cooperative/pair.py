@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from advpipe.pipeline.bag.carried import lidar_topics
 from advpipe.pipeline.bag.frames import Frame, read_frames
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError
@@ -42,7 +43,7 @@ class SharedFrame:
 def find_pair(reader: BagReader) -> Pair | None:
     """The first two vehicles with clouds and an estimate, `ego` first; None where there are fewer."""
     found: dict[str, VehicleTopics] = {}
-    for name in reader.topics_of_type("sensor_msgs/msg/PointCloud2"):
+    for name in lidar_topics(reader):
         vehicle, _, rest = name.strip("/").partition("/")
         topics = VehicleTopics(vehicle, rest.removesuffix("/points"))
         if topics.odometry.name in reader.topics and topics.true_odometry.name in reader.topics:

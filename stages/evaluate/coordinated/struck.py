@@ -19,8 +19,8 @@ from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.labels.clouds import FRAMES, POINTS
 from advpipe.pipeline.labels.messages import read_labels
 from advpipe.pipeline.replay.recorded_filter import vehicles_with_filter
-from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns
+from advpipe.stages.evaluate.v2x.recording import read_recording
 
 COLUMNS: dict[str, Kind] = {"topic": "text", "stamp_ns": "whole"}
 
@@ -89,7 +89,7 @@ def _messages(
     sent = [one for one in told if one.family == "v2x"]
     names = {one.type for one in sent}
     labels = [label for label in read_labels(bag) if label.attack in names] if sent else []
-    for vehicle in V2xDrive(reader, until_ns).listeners.values() if labels else ():
+    for vehicle in read_recording(reader, until_ns).listeners if labels else ():
         words = {one.type for one in sent if one.victim in (None, vehicle)}
         own = [label for label in labels if label.attack in words and label.attacker != vehicle]
         if own:

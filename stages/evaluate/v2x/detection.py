@@ -43,9 +43,9 @@ class Part:
 class Detection:
     """What two detectors made of the messages that all listeners of a bag received.
 
-    attack: empty for a clean bag. messages, lies: received. undecoded: messages that are no CAM and nobody's
-    lie; decoders drop them, and they count neither for nor against a detector. parts: by attack.
-    objections: flagged lies by the check that objects, most first.
+    attack: empty for a clean bag. messages, lies: received, where the bag tells what they truly were.
+    undecoded: messages that are no CAM and nobody's lie; decoders drop them, and they count neither for nor
+    against a detector. parts: by attack. objections: flagged lies by the check that objects, most first.
     """
 
     attack: str
@@ -62,7 +62,7 @@ class Detection:
 class _Heard:
     """Of M messages that count, (M,) each."""
 
-    numbers: list[int]
+    numbers: list[int | None]
     ours: Bools
     baseline: Bools
     liars: np.ndarray[Any, np.dtype[np.int64]]
@@ -88,7 +88,8 @@ def detect(
     """Runs both detectors, as tuned if left out, over what each listener received; compares with the labels.
 
     published: of each attack in the bag, as `published_f1` reads it. window: what arrives in it counts;
-    detectors remember what was before.
+    detectors remember what was before. Without labels nobody lies; with them, a message counts where the bag
+    tells which one it truly was.
     """
     config, parameters = config or DetectorConfig(), parameters or TUNED_CATCH
     ours, theirs, liars, times_s, numbers, decoded = [], [], [], [], [], []
@@ -96,13 +97,15 @@ def detect(
     for place, each in enumerate(receptions):
         judged = judge_all(each.claims, each.receivers, config)
         inside = window.holds([one.arrival_ns for one in each.received])
+        if labels:
+            inside &= np.array([number is not None for number in each.numbers], bool)
         received = [one for one, is_inside in zip(each.received, inside, strict=True) if is_inside]
         ours.append(judged.flagged[inside])
         theirs.append(catch_flags(catch_messages(each.claims, each.receivers), parameters)[inside])
-        liars.append([place * 2**32 + one.sent.station_id for one in received])
+        liars.append([place * 2**32 + (one.station_id or 0) for one in received])
         times_s.append([one.arrival_ns / 1e9 for one in received])
         decoded.append(np.array([claim.is_cam for claim in each.claims], bool)[inside])
-        numbers += [one.sent.number for one in received]
+        numbers += [one.number for one in received]
         counts = judged.because(config)[inside & lies(each.numbers, labels)].sum(axis=0).tolist()
         objections.update(dict(zip(CHECKS, counts, strict=True)))
     heard = _Heard(

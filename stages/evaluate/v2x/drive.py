@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,20 +19,22 @@ from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.misbehaviour.catch import CatchParameters
 from advpipe.pipeline.misbehaviour.config import DetectorConfig
 from advpipe.pipeline.misbehaviour.roads import RoadMap
-from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.stages.evaluate.v2x.collision import Warnings, known_of_radio, warnings
 from advpipe.stages.evaluate.v2x.detection import Detection, detect, published_f1
 from advpipe.stages.evaluate.v2x.ldm_error import Known, LdmError, Moment, ldm_error, moments
 from advpipe.stages.evaluate.v2x.radio import Heard, RadioRow, radio_row
-from advpipe.stages.evaluate.v2x.receptions import roads_of_bag, send_again
+from advpipe.stages.evaluate.v2x.receptions import read_receptions, roads_of_bag
+from advpipe.stages.evaluate.v2x.recording import read_recording
+from advpipe.stages.evaluate.v2x.untold import untold
 
 
 @dataclass(frozen=True)
 class Drive:
     """One bag under evaluation: the clean one has no labels.
 
-    moments, errors, warned, heard: by listener. roads: None where the bag does not tell them, so that the
-    checks that need them are off.
+    moments, errors, warned, heard: by listener. radio: None for a part of a drive, and for a bag that does
+    not tell. roads: None where the bag does not tell them, so that the checks that need them are off.
+    untold: what else the bag does not tell, a sentence each.
     """
 
     name: str
@@ -43,10 +46,15 @@ class Drive:
     radio: RadioRow | None
     labels: list[MessageLabel]
     roads: RoadMap | None
+    untold: tuple[str, ...] = ()
 
     def honest(self, listener: str) -> frozenset[int]:
         """Numbers of the messages that others sent near a listener, and no attack touched."""
         return self.heard[listener].near - {label.number for label in self.labels}
+
+    def delivered(self, listener: str, numbers: frozenset[int]) -> float:
+        """The share of these messages that a listener received; NaN where the bag does not tell."""
+        return self.heard[listener].delivered(numbers) if listener in self.heard else math.nan
 
     def wrong(self, listener: str) -> Float64:
         """How many entries of a listener's map are wrong or missing, at each of its moments."""
@@ -78,27 +86,27 @@ def read_drive(
     parameters: CatchParameters | None = None,
     window: Window = WHOLE_DRIVE,
 ) -> Drive:
-    """window: its figures count; radio and detectors run from the beginning of the drive to its end.
+    """window: its figures count; detectors run from the beginning of the drive to its end.
 
     Raises AdvpipeError for a bag whose V2X or labels cannot be read.
     """
     reader = BagReader(bag)
     labels = read_labels(bag)
-    drive = V2xDrive(reader, window.end_ns)
-    listeners = sorted(drive.listeners.values())
-    receptions, statistics = send_again(reader, window=window)
-    found = {one: list(moments(reader, one, drive.v2x.ldm.expiry_s, window)) for one in listeners}
-    recorded = read_statistics(reader)
+    recording = read_recording(reader, window.end_ns)
+    receptions = read_receptions(reader, window, recording)
+    listeners = [each.listener for each in receptions]
+    found = {one: list(moments(reader, one, recording.expiry_s, window)) for one in listeners}
     return Drive(
         name,
         detect(receptions, labels, config, parameters, published_f1(reader.provenance), window),
         found,
         {one: ldm_error(found[one]) for one in listeners},
         {one: warnings(found[one], _believed(reader, one, found[one], window.last_ns)) for one in listeners},
-        {each.listener: Heard(each.near, frozenset(each.numbers)) for each in receptions},
-        radio_row(recorded if window == WHOLE_DRIVE or recorded is None else statistics),
+        {each.listener: Heard.of(each) for each in receptions},
+        radio_row(read_statistics(reader)) if window == WHOLE_DRIVE else None,
         [label for label in labels if window.is_before_end(label.time_ns)],
         roads_of_bag(reader),
+        tuple(untold(reader, receptions, bool(labels))),
     )
 
 

@@ -8,13 +8,15 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from advpipe.pipeline.v2x.statistics import BIN_M, Statistics
-from advpipe.stages.evaluate.v2x.receptions import NEAR_M
+from advpipe.stages.evaluate.v2x.receptions import NEAR_M, Receptions
 
 
 @dataclass(frozen=True)
 class RadioRow:
     """Messages sent and never sent, of everybody, attackers included; the share of pairs of such a message
     and a receiver within `NEAR_M` that is delivered; channel busy ratios over stations and time; mean delay.
+
+    Of whole drives: bags tell of no single pair.
     """
 
     cams: int
@@ -47,6 +49,10 @@ class Heard(NamedTuple):
 
     near: frozenset[int]
     received: frozenset[int]
+
+    @classmethod
+    def of(cls, receptions: Receptions) -> Heard:
+        return cls(receptions.near, frozenset(n for n in receptions.numbers if n is not None))
 
     def delivered(self, numbers: Collection[int]) -> float:
         """The share of these messages that it received; NaN of none."""

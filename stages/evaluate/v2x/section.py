@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.receptions import receiving_vehicles
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.labels.messages import has_labels, read_labels
@@ -70,8 +71,8 @@ FORMULAS = (
 
 def has_v2x(bag: Path) -> bool:
     """Whether a bag holds V2X that can be evaluated."""
-    topics = BagReader(bag).topics
-    return V2X_STATIONS.name in topics and V2X_SENT.name in topics
+    reader = BagReader(bag)
+    return {V2X_STATIONS.name, V2X_SENT.name} <= reader.topics.keys() or bool(receiving_vehicles(reader))
 
 
 def sections(
@@ -100,8 +101,12 @@ def sections(
     )
     found = section(first, others, config, parameters)
     idle = [bag_name(bag) for bag in labelled if bag not in lied]
-    note = f"{', '.join(idle)}: the attacks touched no message, so there is nothing to say."
-    return (replace(found, notes=(*found.notes, *([note] if idle else []))),)
+    notes = (
+        [f"{', '.join(idle)}: the attacks touched no message, so there is nothing to say."] if idle else []
+    )
+    if window != WHOLE_DRIVE:
+        notes.append("The channel's figures are left out: bags tell them of whole drives alone.")
+    return (replace(found, notes=(*found.notes, *notes)),)
 
 
 def section(
@@ -149,6 +154,7 @@ def _notes(drives: Sequence[Drive]) -> list[str]:
             f"{', '.join(off)}: the bag does not tell its roads ({LANES.name}), so the checks "
             f"{' and '.join(NEED_ROADS)} are off there, as is the baseline's position check."
         )
+    notes += [f"{drive.name}: {sentence}" for drive in drives for sentence in drive.untold]
     undecoded = sum(drive.detection.undecoded for drive in drives)
     if undecoded:
         notes.append(f"{undecoded:,} messages received are no CAM, and nobody's lie: they are not scored.")
@@ -165,8 +171,9 @@ def _pictures(clean: Drive, attacked: Sequence[Drive]) -> list[Picture]:
         before, during = drive.telling(listener)
         words = f"{drive.name}: the map of {listener}"
         figures.append((drive.name, f"{drive.name}-ldm.png", words, draw_maps(before, during, drive.roads)))
-        errors = draw_errors(clean.errors[listener], drive.errors[listener], words)
-        figures.append((drive.name, f"{drive.name}-ldm-error.png", f"{words} over time", errors))
+        if listener in clean.errors:
+            errors = draw_errors(clean.errors[listener], drive.errors[listener], words)
+            figures.append((drive.name, f"{drive.name}-ldm-error.png", f"{words} over time", errors))
     return [Picture(SECTION, bag, name, caption, to_png(figure)) for bag, name, caption, figure in figures]
 
 
@@ -181,8 +188,8 @@ def _record(clean: Drive, drive: Drive, listener: str) -> Row:
     ]
     record |= {f"ldm_{name}": value for name, value in drive.errors[listener].row().items()}
     record |= {f"warning_{name}": value for name, value in asdict(warned).items()}
-    record["honest_delivered"] = drive.heard[listener].delivered(honest)
-    record["honest_delivered_clean"] = clean.heard[listener].delivered(honest)
+    record["honest_delivered"] = drive.delivered(listener, honest)
+    record["honest_delivered_clean"] = clean.delivered(listener, honest)
     if drive.radio is not None:
         record |= {f"radio_{name}": value for name, value in asdict(drive.radio).items()}
     return record

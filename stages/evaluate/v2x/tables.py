@@ -116,7 +116,7 @@ def _unit(unit: str) -> str:
 def _delivered(clean: Drive, drive: Drive, listener: str) -> Iterable[float]:
     honest = drive.honest(listener)
     both = (clean, drive) if drive is not clean else (clean,)
-    return (one.heard[listener].delivered(honest) for one in both)
+    return (one.delivered(listener, honest) for one in both)
 
 
 def _figures(found: Scores) -> Iterable[str]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,11 +24,12 @@ from advpipe.pipeline.labels.messages import DROPPED, MessageLabel, read_labels
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.misbehaviour.claim import Claim, claims_of_cams
-from advpipe.pipeline.replay.v2x_drive import V2xDrive
-from advpipe.pipeline.v2x.air import Received, Sent
+from advpipe.pipeline.replay.v2x_drive import V2xDrive, V2xStep
+from advpipe.pipeline.v2x.air import Sent
 from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.facilities.cam import Cam
 from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam
+from advpipe.stages.evaluate.v2x.all_receivers import StationReception, receptions_of_all
 
 FORMS: Mapping[str, Callable[[Published], int | None]] = {
     "extension": lambda published: published.veremi_extension,
@@ -59,14 +60,16 @@ def export_veremi(bag: Path, out: Path, *, form: str = "extension", overwrite: b
     """Writes the folder `out`: attacks.json, and the messages in `trace/`.
 
     form: "extension" or "2018". Every vehicle with a radio is a receiver, instrumented or not, as in VeReMi:
-    the drive is sent again, and all listen. Messages that are no CAM, or tell no position, have no form here
-    and are left out. Extension: `traceJSON-<id>-<pseudonym>-A<type>-<second>-0.json` and
-    `traceGroundTruthJSON-0.json`, with `attackerType` and `RSSI` as the 2018 form has them; that one:
-    `JSONlog-<index>-<id>-A<type>.json` and `GroundTruthJSONlog.json`. The type in a name is that of the
-    vehicle, 0 if it never attacks; `attackerType` that of the message, 0 where it is no lie that matters. Of
-    a mix, both are of the attack that was drawn. Times are seconds of the day that the drive begins on.
+    the bag tells what the instrumented ones received, and the drive is sent again for the others. Messages
+    that are no CAM, or tell no position, have no form here and are left out. Extension:
+    `traceJSON-<id>-<pseudonym>-A<type>-<second>-0.json` and `traceGroundTruthJSON-0.json`, with
+    `attackerType` and `RSSI` as the 2018 form has them; that one: `JSONlog-<index>-<id>-A<type>.json` and
+    `GroundTruthJSONlog.json`. The type in a name is that of the vehicle, 0 if it never attacks;
+    `attackerType` that of the message, 0 where it is no lie that matters. Of a mix, both are of the attack
+    that was drawn. Times are seconds of the day that the drive begins on.
 
-    Raises AdvpipeError for a bag without V2X, an unknown form and an `out` that exists.
+    Raises AdvpipeError for a bag without V2X or one that does not tell who truly sent what was received, an
+    unknown form and an `out` that exists.
     """
     if form not in FORMS:
         raise UsageError(f"no form of VeReMi is named {form}; known: {', '.join(FORMS)}")
@@ -77,7 +80,7 @@ def export_veremi(bag: Path, out: Path, *, form: str = "extension", overwrite: b
     with staged_folder(out, overwrite, _KIND) as folder:
         (folder / TRACE).mkdir()
         trace = _Trace(drive, labels, numbers, form, folder / TRACE)
-        written = trace.write()
+        written = trace.write(receptions_of_all(reader, drive))
         (folder / ATTACKS_FILE).write_text(json.dumps(numbers, indent=2) + "\n", encoding="utf-8")
     return written
 
@@ -104,25 +107,24 @@ class _Trace:
         form: str,
         folder: Path,
     ) -> None:
-        drive.listeners = dict(drive.stations)
         origin = drive.origin
-        self._drive, self._form, self._folder = drive, form, folder
+        self._form, self._folder = form, folder
         self._geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
         self._attacks = dict(numbers)
         self._type_of_message = {one.number: numbers[one.word] for one in labels if one.is_lie}
         self._type_of_station = {one.station_id: numbers[one.word] for one in reversed(labels)}
-        self._id_of = {name: station for station, name in drive.listeners.items()}
-        self._index = {station: index for index, station in enumerate(sorted(drive.listeners))}
+        self._index = {station: index for index, station in enumerate(sorted(drive.stations))}
         self._day_ns = 0
 
-    def write(self) -> Exported:
-        air, received_count, sent_count = self._drive.air(), 0, 0
+    def write(self, receptions: Iterable[tuple[V2xStep, Sequence[StationReception]]]) -> Exported:
+        received_count = sent_count = 0
         heard_by: set[int] = set()
         claims: dict[int, Claim] = {}
+        requests_ns: dict[int, int] = {}
         before: dict[int, RadioPlace] = {}
         begin_ns: int | None = None
         before_ns = 0
-        for step in self._drive.steps():
+        for step, heard in receptions:
             if begin_ns is None:
                 begin_ns, self._day_ns = step.begin_ns, step.begin_ns // _DAY_NS * _DAY_NS
             radios = {radio.station_id: radio for radio in step.radios}
@@ -132,10 +134,12 @@ class _Trace:
             lines: dict[int, list[str]] = {s: [self._own(motion[s])] for s in radios}
             claims.update(_claims(step.sent, self._geodesy))
             truths = [self._truth(one, claims, motion[one.station_id]) for one in step.sent]
-            for one in self._drive.send(air, step, step.sent).received:
-                claim = claims.get(one.sent.number)
-                if claim is not None and math.isfinite(claim.x_m):
-                    lines.setdefault(self._id_of[one.listener], []).append(self._received(one, claim))
+            requests_ns.update((one.number, one.request_ns) for one in step.sent)
+            for one in heard:
+                claim = claims[one.number]
+                if math.isfinite(claim.x_m):
+                    line = self._received(one, requests_ns[one.number], claim)
+                    lines.setdefault(one.receiver, []).append(line)
                     received_count += 1
             self._append(self._truth_name(), truths)
             for station, own in lines.items():
@@ -166,16 +170,16 @@ class _Trace:
             return _line(head | {"pos": values["pos"], "noise": values["pos_noise"], **_speed(values)})
         return _line(head | values)
 
-    def _received(self, one: Received, claim: Claim) -> str:
+    def _received(self, one: StationReception, request_ns: int, claim: Claim) -> str:
         """Type 3."""
         head: Line = {
             "type": 3,
             "rcvTime": self._seconds(one.arrival_ns),
-            "sendTime": self._seconds(one.sent.request_ns),
-            "sender": one.sent.station_id,
+            "sendTime": self._seconds(request_ns),
+            "sender": one.sender,
         }
-        message: Line = {"messageID": one.sent.number}
-        rssi: Line = {"RSSI": 10 ** (one.power_dbm / 10)}
+        message: Line = {"messageID": one.number}
+        rssi: Line = {"RSSI": _finite(10 ** (one.power_dbm / 10))}
         values = _told(claim)
         if self._form == "2018":
             return _line(head | message | _place(values) | _speed(values) | rssi)
@@ -210,14 +214,16 @@ class _Motion(NamedTuple):
     @classmethod
     def of(cls, radio: RadioPlace, before: RadioPlace | None, time_ns: int, before_ns: int) -> _Motion:
         pose, (x_mps, y_mps) = radio.map_SE3_base, radio.velocity_mps[:2].tolist()
-        old_mps = (x_mps, y_mps) if before is None else tuple(before.velocity_mps[:2].tolist())
-        step_s = (time_ns - before_ns) / 1e9
+        acceleration_mps2 = (0.0, 0.0)
+        if before is not None:
+            (old_x_mps, old_y_mps), step_s = before.velocity_mps[:2].tolist(), (time_ns - before_ns) / 1e9
+            acceleration_mps2 = (x_mps - old_x_mps) / step_s, (y_mps - old_y_mps) / step_s
         yaw_rad = math.atan2(pose[1, 0], pose[0, 0])
         return cls(
             time_ns,
             (float(pose[0, 3]), float(pose[1, 3])),
             (x_mps, y_mps),
-            ((x_mps - old_mps[0]) / step_s, (y_mps - old_mps[1]) / step_s),
+            acceleration_mps2,
             (math.cos(yaw_rad), math.sin(yaw_rad)),
         )
 

@@ -18,6 +18,11 @@ ANYWHERE = (-1e8, 1e8)
 MOST_LANES_KM = 5000.0
 """The world of a network with longer lanes takes tens of gigabytes."""
 
+LONGEST_CURVE_M = 1e5
+MOST_ROADS_M = 5e6
+MOST_OBJECTS = 1e6
+"""Of an OpenDRIVE map: netconvert holds a point for every two metres of a curve, and all objects."""
+
 NUMBERS: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "lane": {"index": (0, 1000), "speed": (0, 1000), "length": (0.001, 1e6), "width": (0.01, 200)},
     "junction": {"x": ANYWHERE, "y": ANYWHERE, "z": ANYWHERE},
@@ -63,6 +68,38 @@ def check_network(net: ElementTree.Element, origin: str) -> None:
         raise AdvpipeError(
             f"{origin}: its lanes and outlines are {total_m / 1000:.0f} km long, and the world is built of "
             f"{MOST_LANES_KM:.0f} km at most; cut the map with netconvert --keep-edges.in-boundary"
+        )
+
+
+def check_opendrive(root: ElementTree.Element, origin: str) -> None:
+    """Raises AdvpipeError for a map on which netconvert would take hours or all memory.
+
+    It samples all curves, and lays out each object as often as it is repeated.
+    """
+    total_m = objects = 0.0
+    for element in root.iter():
+        tag = element.tag.rpartition("}")[2]
+        if tag not in ("geometry", "repeat"):
+            continue
+        length_m, every_m = (_number(element.get(name, "0")) for name in ("length", "distance"))
+        if not abs(length_m) <= LONGEST_CURVE_M:
+            raise AdvpipeError(
+                f"{origin}: a <{tag}> has the length {reprlib.repr(element.get('length'))}, not a number of "
+                f"metres up to {LONGEST_CURVE_M:g}"
+            )
+        if tag == "geometry":
+            total_m += abs(length_m)
+        elif every_m >= 0:
+            objects += abs(length_m) / (every_m or 1.0)
+        else:
+            raise AdvpipeError(
+                f"{origin}: a <repeat> has the distance {reprlib.repr(element.get('distance'))}, not a "
+                "number of metres"
+            )
+    if total_m > MOST_ROADS_M or objects > MOST_OBJECTS:
+        raise AdvpipeError(
+            f"{origin}: {total_m / 1000:.0f} km of roads with {objects:.0f} repeated objects; at most "
+            f"{MOST_ROADS_M / 1000:.0f} km and {MOST_OBJECTS:.0f} are read"
         )
 
 

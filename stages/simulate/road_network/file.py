@@ -13,7 +13,7 @@ from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.missing_library import loader_line
 from advpipe.pipeline.scenario.map import Generator, Map
 from advpipe.stages.simulate.road_network.bounded_xml import refuse_bombs
-from advpipe.stages.simulate.road_network.check import check_network
+from advpipe.stages.simulate.road_network.check import check_network, check_opendrive
 from advpipe.stages.simulate.road_network.repair import repair_lanes
 
 PATIENCE_S = 600.0
@@ -116,6 +116,7 @@ def _convert_opendrive(path: Path, scratch: Path) -> Path:
     Without them nobody ever comes to turn left over five lanes of dense traffic.
     """
     root = check_xml(path, "map.opendrive", ("OpenDRIVE",), "an OpenDRIVE map (.xodr)")
+    check_opendrive(root, str(path))
     out = scratch / "network.net.xml"
     command = ["--opendrive-files", str(path), "--output-file", str(out), "--no-warnings"]
     if root.find(".//{*}signal") is None:

@@ -14,10 +14,9 @@ import shapely
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.geometry.transforms import Float64, se3_from_yaw
 from advpipe.pipeline.scenario.models import Scenario
+from advpipe.stages.simulate.bodies import Variant
+from advpipe.stages.simulate.road_network.roads import KERB_M, WALKWAY_OFFSET_M, Roads, offset_right, resample
 from advpipe.stages.simulate.traffic.road_users import RoadUser
-from advpipe.stages.simulate.world.raycast.bodies import Variant
-from advpipe.stages.simulate.world.raycast.roads import KERB_M, Roads, offset_right, resample
-from advpipe.stages.simulate.world.raycast.scenery import WALKWAY_OFFSET_M
 
 PIECE_M = 4.0
 STRAY_M = 0.6

@@ -93,7 +93,8 @@ class Attacked:
             names |= {V2X_SENT.name, V2X_STATIONS.name, V2X_STATISTICS.name}
             for own in map(VehicleTopics, vehicles):
                 topics = own.sent_raw, own.sent_cam, own.received_raw, own.received_cam
-                names |= {topic.name for topic in (*topics, own.ldm, own.ldm_objects)}
+                beside = own.reception_info, own.true_receptions
+                names |= {topic.name for topic in (*topics, *beside, own.ldm, own.ldm_objects)}
         return frozenset(names)
 
     @cached_property

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from advpipe.pipeline.bag.carried import lidar_topics
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes, points_in_boxes
 from advpipe.pipeline.geometry.transforms import Float64, invert, yaw_of
@@ -23,7 +24,6 @@ MARGIN_M = 1e-5
 """A point so near to a face may fall on either side of it, as poses go through quaternions. No more: many
 points of the road lie near the lower face."""
 
-_CLOUD_TYPE = VehicleTopics().lidar_points.type
 _USERS, _TRUTH = VehicleTopics("").road_users.name, VehicleTopics("").true_odometry.name
 
 
@@ -49,6 +49,7 @@ class BoxesHoldPoints(MessageCheck):
         self._mounts: dict[str, tuple[str, Float64]] = {}
         self._open: dict[str, _Instant] = {}
         self._is_on = bag.is_own and not bag.is_attack
+        self._lidars = frozenset(lidar_topics(bag.reader)) if self._is_on else frozenset()
         self._is_told = False
 
     def see(self, seen: Seen) -> Iterator[Result]:
@@ -62,7 +63,7 @@ class BoxesHoldPoints(MessageCheck):
             return
         vehicle = name.removeprefix("/").partition("/")[0]
         rest = name.removeprefix(f"/{vehicle}")
-        if raw.topic.type != _CLOUD_TYPE and rest not in (_USERS[1:], _TRUTH[1:]):
+        if name not in self._lidars and rest not in (_USERS[1:], _TRUTH[1:]):
             return
         instant = self._open.get(vehicle)
         if instant is not None and instant.stamp_ns != raw.log_time_ns:
@@ -70,7 +71,7 @@ class BoxesHoldPoints(MessageCheck):
             instant = None
         if instant is None:
             instant = self._open[vehicle] = _Instant(raw.log_time_ns)
-        if raw.topic.type == _CLOUD_TYPE:
+        if name in self._lidars:
             instant.clouds.append(raw)
         elif rest == _USERS[1:]:
             instant.users = seen.message

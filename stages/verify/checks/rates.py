@@ -72,24 +72,16 @@ def expected_rates(scenario: Scenario) -> dict[str, _Expected]:
     """
     clock, sensors = scenario.simulation, scenario.sensors
     step_hz = 1 / clock.step_s
-
-    def every(steps: int) -> _Expected:
-        return _Expected(step_hz / steps, ceil(clock.frames / steps))
-
-    rates = {CLOCK.name: every(1), TF.name: every(1)}
+    every_step = _Expected(step_hz, clock.frames)
+    rates = {CLOCK.name: every_step, TF.name: every_step}
     for vehicle, options in scenario.vehicles.items():
         if options.driver == "trajectory":
             continue
         topics = VehicleTopics(vehicle)
         for topic in (topics.odometry, topics.true_odometry):
-            rates[topic.name] = every(1)
-        rates[topics.gnss_fix.name] = _Expected(step_hz / sensors.gnss.steps_per_fix(clock.step_s), None)
-        rates[topics.imu.name] = _Expected(sensors.imu.rate_hz, None)
-        own = {name: lidar for name, lidar in sensors.lidars.items() if lidar.vehicle == vehicle}
-        turns = {name: round(step_hz / lidar.rotation_frequency) for name, lidar in own.items()}
-        for name, steps in turns.items():
-            rates[VehicleTopics(vehicle, name).lidar_points.name] = every(steps)
-        if len(set(turns.values())) == 1:
-            for topic in (topics.objects, topics.road_users):
-                rates[topic.name] = every(next(iter(turns.values())))
+            rates[topic.name] = every_step
+        for kind, sections in sensors.carried_by(vehicle):
+            for name, cadence in kind.cadences(vehicle, sections, clock.step_s).items():
+                messages = None if cadence.steps is None else ceil(clock.frames / cadence.steps)
+                rates[name] = _Expected(cadence.rate_hz, messages)
     return rates

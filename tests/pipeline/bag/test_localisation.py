@@ -23,6 +23,7 @@ from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.localisation.onboard import OnBoard, OnBoardStep
 from advpipe.pipeline.localisation.section import GnssSensor
 from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.message_bounds import LATEST_NS
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.scenario.sensors import Sensors
@@ -134,3 +135,11 @@ def test_refuses_a_bag_without_a_filter(tmp_path: Path) -> None:
         next(read_measurements(reader, EGO))
     with pytest.raises(AdvpipeError, match="no topic /ego/initialpose"):
         read_initial_pose(reader, EGO)
+
+
+def test_refuses_an_estimate_after_the_last_time_stamp(tmp_path: Path, steps: list[OnBoardStep]) -> None:
+    with BagWriter(tmp_path / "late", provenance={}) as writer:
+        topic, message, _ = estimate_message(EGO, steps[0].estimate)
+        writer.write(topic, message, LATEST_NS + 1)
+    with pytest.raises(AdvpipeError, match=r"/ego/odometry has a message at .* after January 2038"):
+        next(read_measurements(BagReader(tmp_path / "late"), EGO))

@@ -144,6 +144,21 @@ def lying(path: Path, truth: int, lie: int) -> None:
     path.write_bytes(data[:footer] + data[footer:].replace(told, varint(lie, len(told))))
 
 
+def renamed_chunks(path: Path, name: bytes, told: bytes) -> None:
+    """Gives a column another name in the one group of rows, and leaves that of the table."""
+    before, found, after = path.read_bytes().rpartition(b"\x19\x18" + bytes([len(name)]) + name)
+    assert found
+    path.write_bytes(before + found.replace(name, told) + after)
+
+
+def test_a_group_of_rows_with_other_names(tmp_path: Path) -> None:
+    """Arrow reads columns by their places."""
+    table = pa.table({"number": [1, 2], "text": ["a", "b"]})
+    pq.write_table(table, tmp_path / "a.parquet", store_schema=False)
+    renamed_chunks(tmp_path / "a.parquet", b"number", b"nu\xf3ber")
+    assert list(rows(tmp_path / "a.parquet", ["number"])) == table.select(["number"]).to_pylist()
+
+
 def test_a_footer_that_tells_of_fewer_rows_than_there_are_gives_those(tmp_path: Path) -> None:
     path = tmp_path / "a.parquet"
     pq.write_table(pa.table({"a": np.zeros(3_000_001)}), path, row_group_size=3_000_001)
@@ -154,13 +169,20 @@ def test_a_footer_that_tells_of_fewer_rows_than_there_are_gives_those(tmp_path: 
     assert "True True" in found, found
 
 
-def test_a_page_that_unpacks_to_hundreds_of_megabytes_is_refused(tmp_path: Path) -> None:
-    """No more rows than the file may have, but of long texts in one page; the footer says otherwise."""
+@pytest.mark.parametrize(("name", "told"), [("letter", "letter"), ("letter", "better"), ("let.er", "let.er")])
+def test_a_page_that_unpacks_to_hundreds_of_megabytes_is_refused(
+    tmp_path: Path, name: str, told: str
+) -> None:
+    """No more rows than the file may have, but of long texts in one page; the footer says otherwise.
+
+    told: what the group of rows calls the column.
+    """
     path = tmp_path / "a.parquet"
     texts = pa.concat_arrays([pa.array(["x" * 75] * (1 << 18))] * 16)
     options = {"use_dictionary": False, "data_page_size": 1 << 30, "max_rows_per_page": 1 << 30}
-    pq.write_table(pa.table({"a": texts}), path, compression="zstd", row_group_size=1 << 30, **options)
+    pq.write_table(pa.table({name: texts}), path, compression="zstd", row_group_size=1 << 30, **options)
     assert path.stat().st_size < 200_000
+    renamed_chunks(path, name.encode(), told.encode())
     lying(path, pq.read_metadata(path).row_group(0).column(0).total_uncompressed_size, 1000)
     found = measured(path)
     assert "its pages unpack to" in found, found

@@ -14,6 +14,7 @@ from advpipe.stages.evaluate.provenance import REPORTING, SCORING
 
 NO_FIGURE = {
     "pipeline/bag/__init__.py",
+    "pipeline/bag/carried.py",
     "pipeline/bag/provenance.py",
     "pipeline/bag/provenance_record.py",
     "pipeline/bag/reader.py",
@@ -74,6 +75,8 @@ OF_CLOUDS = {
 }
 SCENARIO = {
     *(f"pipeline/scenario/{name}.py" for name in ("map", "sensors", "simulation")),
+    *(f"pipeline/sensors/{name}.py" for name in ("registry", "sensor", "weather")),
+    "pipeline/sensors/lidar/lidars.py",
     "pipeline/sensors/lidar/section.py",
     "pipeline/sensors/lidar/presets.py",
 }

@@ -10,10 +10,11 @@ import pytest
 import torch
 
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.detector.checkpoint import save_checkpoint
 from advpipe.pipeline.detector.protocol import Range
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.detector.second import model
-from advpipe.pipeline.detector.second.checkpoint import SHIPPED, save_checkpoint
+from advpipe.pipeline.detector.second.family import SHIPPED
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import SMALL
 

@@ -11,8 +11,9 @@ from types import ModuleType
 
 import pytest
 
+from advpipe.pipeline.detector.checkpoint import load_checkpoint, save_checkpoint
 from advpipe.pipeline.detector.registry import load_detector
-from advpipe.pipeline.detector.second.checkpoint import SHIPPED, load_checkpoint, save_checkpoint
+from advpipe.pipeline.detector.second.family import SHIPPED
 from advpipe.pipeline.detector.second.model import SecondNet
 from advpipe.pipeline.detector.second.presets import SMALL
 from advpipe.pipeline.detector.training_maps import KEY, MapList, is_training_map, list_beside, map_of
@@ -75,8 +76,8 @@ def test_a_copy_of_the_shipped_one_knows_its_maps_and_another_file_does_not(tmp_
     shutil.copy(SHIPPED["small"], copy)
     save_checkpoint(SecondNet(SMALL), other, {})
     boulevard = shipped_list().maps_sha256["boulevard"]
-    assert is_training_map(load_checkpoint(copy), boulevard) is True
-    assert is_training_map(load_checkpoint(other), boulevard) is None
+    assert is_training_map(load_checkpoint(copy).detector(), boulevard) is True
+    assert is_training_map(load_checkpoint(other).detector(), boulevard) is None
 
 
 @pytest.mark.parametrize(
@@ -97,7 +98,7 @@ def test_a_checkpoint_tells_its_maps(
 ) -> None:
     path = tmp_path / "mine.safetensors"
     save_checkpoint(SecondNet(SMALL), path, {KEY: listed})
-    detector = load_checkpoint(path)
+    detector = load_checkpoint(path).detector()
     assert (is_training_map(detector, A), is_training_map(detector, C)) == (seen, unseen)
 
 

@@ -15,8 +15,9 @@ from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.message_bounds import absurdity
 from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATIONS, VehicleTopics
-from advpipe.pipeline.messages.v2x import RadioPlace, sent_message, stations_message
-from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.messages.v2x import RadioPlace, received_messages, sent_message, stations_message
+from advpipe.pipeline.v2x.air import Received, Sent
+from advpipe.pipeline.v2x.facilities.ldm import Verdict
 
 EGO = VehicleTopics("ego")
 PLACE = RadioPlace(7, "car_7", np.eye(4), (4.0, 2.0, 1.5), np.zeros(3))
@@ -80,6 +81,34 @@ def test_station_twice_and_no_rotation(tmp_path: Path) -> None:
 def test_sent(tmp_path: Path, sent: Sent, what: str) -> None:
     with pytest.raises(AdvpipeError, match=f"a message of /v2x/sent at 5 ns has {what}"):
         decoded(sent_message(sent), tmp_path / "bag")
+
+
+def received(**changes: Any) -> list[Any]:
+    """The packet, how it arrived and what it truly was."""
+    sent = Sent(changes.pop("number", 1), 1, 7, 5, changes.pop("payload", b""), 23.0)
+    reception = {"power_dbm": -70.0, "sinr_db": 20.0} | changes
+    one = Received("ego", sent, None, 6, verdict=Verdict.CORRUPT, **reception)
+    return list(received_messages(one))
+
+
+@pytest.mark.parametrize(
+    ("place", "changes", "what"),
+    [
+        (0, {"payload": bytes(70_000)}, "/ego/v2x/rx/raw at 6 ns has a payload of 70004 bytes"),
+        (1, {"power_dbm": float("inf")}, "/ego/v2x/rx/info at 6 ns has the power or SINR inf"),
+        (1, {"sinr_db": -1e9}, "/ego/v2x/rx/info at 6 ns has the power or SINR -1e"),
+        (2, {"number": 2**63}, "/ego/ground_truth/receptions at 6 ns has the number 9223372036854775808"),
+    ],
+)
+def test_receptions(tmp_path: Path, place: int, changes: dict[str, Any], what: str) -> None:
+    with pytest.raises(AdvpipeError, match=f"a message of {what}"):
+        decoded(received(**changes)[place], tmp_path / "bag")
+
+
+def test_a_radio_that_does_not_tell_power_or_sinr_is_sound(tmp_path: Path) -> None:
+    nan = float("nan")
+    _, message = decoded(received(power_dbm=nan, sinr_db=nan)[1], tmp_path / "bag")
+    assert np.isnan([message.power_dbm, message.sinr_db]).all()
 
 
 def test_another_type_on_our_topic(tmp_path: Path) -> None:

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.geometry.transforms import se3_from_yaw
+from advpipe.pipeline.mcap.channel import StampedCdr
+from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.cam_message import cam_of_message, udp_packet
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.messages.types import message_class, serialise, typestore
 from advpipe.pipeline.messages.v2x import (
     RadioPlace,
-    StampedCdr,
     own_messages,
     received_messages,
     sent_message,
@@ -82,16 +83,33 @@ def test_what_a_vehicle_sends_and_receives(cam_vector: bytes) -> None:
         (own_messages(topics, sent), (topics.sent_raw, topics.sent_cam), STAMP_NS),
         (received_messages(received), (topics.received_raw, topics.received_cam), STAMP_NS + 500),
     ):
-        raw, cam = found
+        raw, cam, *_ = found
         assert (raw[0], cam[0]) == names
         assert (raw[2], cam[2]) == (stamp_ns, stamp_ns)
         assert bytes(again(raw).data[4:]) == cam_vector  # type: ignore[attr-defined]
         assert cam_of_message(again(cam)) == tree
 
 
+@pytest.mark.parametrize("is_cam", [True, False])
+def test_how_it_arrived_and_what_it_truly_was(cam_vector: bytes, is_cam: bool) -> None:
+    """Of whatever is received, with the stamp of its packet; to the bit."""
+    sent = Sent(2**63 - 1, 1, 2**32 - 1, STAMP_NS, cam_vector if is_cam else b"rubbish", 23.0)
+    tree = decode(cam_vector) if is_cam else None
+    received = Received("bus", sent, tree, STAMP_NS + 500, -70.1, 20.3, Verdict.ACCEPTED)
+    *packet, info, truth = received_messages(received)
+    assert len(packet) == (2 if is_cam else 1)
+    assert [one[0].name for one in (info, truth)] == ["/bus/v2x/rx/info", "/bus/ground_truth/receptions"]
+    how, what = again(info), again(truth)
+    assert (how.power_dbm, how.sinr_db) == (-70.1, 20.3)  # type: ignore[attr-defined]
+    assert (what.number, what.station_id) == (2**63 - 1, 2**32 - 1)  # type: ignore[attr-defined]
+    assert all(stamped[2] == STAMP_NS + 500 for stamped in packet)
+    for stamped in (packet[0], info, truth):
+        assert stamped[2] == build.stamp_ns(again(stamped)) == STAMP_NS + 500
+
+
 def test_what_is_no_cam_stays_bytes() -> None:
     sent = Sent(0, 1, 7, STAMP_NS, b"\x02\x02rubbish", 23.0)
     (own,) = own_messages(VehicleTopics("ego"), sent)
-    (heard,) = received_messages(Received("ego", sent, None, STAMP_NS, -70.0, 20.0, Verdict.CORRUPT))
+    (heard, *_) = received_messages(Received("ego", sent, None, STAMP_NS, -70.0, 20.0, Verdict.CORRUPT))
     assert (own[0].name, heard[0].name) == ("/ego/v2x/tx/raw", "/ego/v2x/rx/raw")
     assert bytes(again(heard).data) == bytes.fromhex("07d10000") + b"\x02\x02rubbish"  # type: ignore[attr-defined]

@@ -19,9 +19,9 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.code import code_sha256
 from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError
-from advpipe.pipeline.detector.second.checkpoint import save_checkpoint
+from advpipe.pipeline.detector.checkpoint import save_checkpoint
 from advpipe.pipeline.detector.second.model import SecondNet
-from advpipe.pipeline.detector.second.presets import preset_named
+from advpipe.pipeline.detector.second.presets import SMALL
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.cloud import cloud_from_cdr
 from advpipe.pipeline.messages.topics import CLOCK
@@ -330,7 +330,7 @@ def test_output_must_not_replace_the_clean_bag(clean_bag, tmp_path, target):
 @pytest.mark.parametrize("recipe", ["best", "paper"])
 def test_attacks_second_the_same_way_twice(clean_bag, tmp_path, recipe):
     torch.manual_seed(0)
-    save_checkpoint(SecondNet(preset_named("small")), tmp_path / "random.safetensors", {})
+    save_checkpoint(SecondNet(SMALL), tmp_path / "random.safetensors", {})
     wanted = request(
         recipe=recipe,
         parameters={"ratio": 0.1, "rounds": 2},

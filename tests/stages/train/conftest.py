@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,8 @@ from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr
 from advpipe.pipeline.messages.topics import VehicleTopics
+
+sys.path.insert(0, str(Path(__file__).parent))
 
 EGO = VehicleTopics("ego")
 SIZES = np.array([[4.5, 1.85, 1.55], [5.4, 2.05, 2.3], [1.9, 0.75, 1.7], [0.8, 0.7, 1.75]])

@@ -6,7 +6,8 @@ import math
 
 from PIL import Image
 
-from advpipe.stages.train.log import STEPS, VALIDATIONS, Log, plot_training
+from advpipe.pipeline.detector.common.loss import LOSS_PARTS
+from advpipe.stages.train.log import VALIDATIONS, Log, plot_training, step_columns
 from advpipe.stages.train.status import Status
 from advpipe.stages.train.validate import ClassPrecision
 
@@ -31,7 +32,10 @@ def test_rows_from_the_first_step_on_are_written_anew(tmp_path):
 def test_the_picture_has_a_panel_for_validations_if_there_are_any(tmp_path):
     heights = []
     for count in (0, 2):
-        steps, validations = Log(tmp_path / "s.csv", STEPS, 0), Log(tmp_path / "v.csv", VALIDATIONS, 0)
+        steps, validations = (
+            Log(tmp_path / "s.csv", step_columns(LOSS_PARTS), 0),
+            Log(tmp_path / "v.csv", VALIDATIONS, 0),
+        )
         for step in range(5):
             steps.add(step, 0.001, 2.0, 1.0, 0.5, 0.5, 0.0, 3.0)
         for step in range(count):
@@ -43,7 +47,7 @@ def test_the_picture_has_a_panel_for_validations_if_there_are_any(tmp_path):
 
 
 def test_the_status_remembers_the_mean_losses_and_the_last_precision():
-    status = Status()
+    status = Status(LOSS_PARTS)
     for box in (0.25, 0.5, 0.75):
         status.step([1.0, box, 0.25, 0.0])
     # Each older step weighs 0.98 of the next one.

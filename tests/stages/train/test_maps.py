@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import pytest
 
+from advpipe.pipeline.detector.checkpoint import save_checkpoint
 from advpipe.pipeline.detector.registry import load_detector
-from advpipe.pipeline.detector.second.checkpoint import SHIPPED, save_checkpoint
+from advpipe.pipeline.detector.second.family import SHIPPED
 from advpipe.pipeline.detector.second.model import SecondNet
 from advpipe.pipeline.detector.second.presets import SMALL
 from advpipe.pipeline.detector.training_maps import is_training_map

@@ -69,6 +69,18 @@ def another_parent(message: object) -> None:
     message.transforms[0].header.frame_id = "moon"  # type: ignore[attr-defined]
 
 
+def another_message(message: object) -> None:
+    message.number += 1  # type: ignore[attr-defined]
+
+
+def another_sender(message: object) -> None:
+    message.station_id ^= 1  # type: ignore[attr-defined]
+
+
+def another_byte(message: object) -> None:
+    message.data = message.data ^ 1  # type: ignore[attr-defined]
+
+
 def out_of_order(stream: Messages) -> Iterator[RawMessage]:
     """Two ticks of the clock change places in the file."""
     held: list[RawMessage] = []
@@ -112,6 +124,12 @@ def test_what_was_made_is_good(data_set: Path) -> None:
         ("transforms", changed("/tf", decoded(another_parent))),
         ("transforms", all_but("/tf_static")),
         ("boxes", changed(EGO.road_users.name, decoded(one_point_more))),
+        ("receptions", changed(EGO.true_receptions.name, decoded(another_message))),
+        ("receptions", changed(EGO.true_receptions.name, decoded(another_sender))),
+        ("receptions", changed(EGO.true_receptions.name, lambda raw: None)),
+        ("receptions", changed(EGO.reception_info.name, lambda raw: None)),
+        ("receptions", changed(EGO.received_raw.name, decoded(another_byte))),
+        ("receptions", all_but("/v2x/sent")),
     ],
 )
 def test_a_clean_bag_that_is_wrong(data_set: Path, rewrite: Rewrite, check: str, edit: object) -> None:
@@ -152,6 +170,9 @@ def north(message: object) -> None:
         ("cam", "cams", changed("/v2x/sent", lambda raw: None)),
         ("delay", "cams", changed("/v2x/sent", lambda raw: None)),
         ("dos", "cams", changed("/v2x/sent", decoded(lighter), number=5)),
+        ("cam", "receptions", changed(EGO.true_receptions.name, decoded(another_message))),
+        ("gnss", "receptions", changed(EGO.true_receptions.name, decoded(another_sender))),
+        ("detach", "copies", changed(EGO.true_receptions.name, decoded(another_sender))),
     ],
 )
 def test_an_attack_that_did_something_else(
@@ -180,6 +201,15 @@ def test_labels_that_tell_something_else(data_set: Path, spoil: str) -> None:
         table = table.set_column(index, table.schema.field(name), pa.array(column, table[name].type))
     pq.write_table(table, path)
     assert checks_of(data_set) == {"beside", "points"}
+
+
+def test_a_drive_recorded_before_receptions_were(data_set: Path, rewrite: Rewrite) -> None:
+    """Is good as far as it goes, and says what it does not tell."""
+    rewrite(data_set / "clean", all_but(EGO.true_receptions.name, EGO.reception_info.name))
+    result = verify(data_set / "clean")
+    assert result.findings == []
+    (gap,) = (gap for gap in result.unchecked if gap.check == "receptions")
+    assert "which of the sent messages were received is not told" in gap.what
 
 
 def test_files_that_tell_something_else(data_set: Path) -> None:

@@ -1,1 +1,1 @@
-"""The V2X domain of the simulation: stations, their clock, and what they hear."""
+"""ETSI ITS-G5 in this process: stations, their clock, and what they hear."""

@@ -7,7 +7,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from advpipe.stages.simulate.world.raycast.bodies import Variant
+from advpipe.stages.simulate.bodies import Variant, variants_of
 
 CARS = ("sedan", "hatchback", "estate", "suv", "pickup")
 BODIES_OF_CLASS: dict[str, tuple[str, ...]] = {
@@ -40,11 +40,6 @@ CHOICE = 3
 """A vehicle of the user's gets one of this many variants nearest to its length, drawn by the seed."""
 
 
-def variants_of(variants: Mapping[str, Variant], body: str) -> list[str]:
-    """Names of the variants of a body, in order."""
-    return [name for name in variants if name.rpartition(".")[0] == body]
-
-
 def stand_in(
     variants: Mapping[str, Variant], vclass: str, length_m: float, rng: np.random.Generator
 ) -> Variant:
@@ -61,20 +56,24 @@ def vehicle_types_xml(variants: Mapping[str, Variant]) -> str:
     """
     lines = []
     for name, variant in variants.items():
-        body = variant.body
-        attributes = {
-            "id": name,
-            "vClass": "passenger",  # bodies differ in size and speed; who may use a lane is the road's matter
-            "length": variant.length_m,
-            "width": variant.width_m,
-            "height": variant.height_m,
-            "maxSpeed": body.max_speed_mps,
-            "accel": body.acceleration_mps2,
-            "latAlignment": "right" if body.label == "cyclist" else "center",
-            "minGapLat": 0.4,
-            "lcMaxSpeedLatStanding": 0.0,
-            "lcMaxSpeedLatFactor": 0.25,
-        }
+        attributes = {"id": name, **type_attributes(variant)}
         text = " ".join(f"{key}={quoteattr(str(value))}" for key, value in attributes.items())
         lines.append(f"  <vType {text}/>")
     return "<additional>\n" + "\n".join(lines) + "\n</additional>\n"
+
+
+def type_attributes(variant: Variant) -> dict[str, str | float]:
+    """Of the vehicle type that stands for a variant, as SUMO's files name them."""
+    body = variant.body
+    return {
+        "vClass": "passenger",  # bodies differ in size and speed; who may use a lane is the road's matter
+        "length": variant.length_m,
+        "width": variant.width_m,
+        "height": variant.height_m,
+        "maxSpeed": body.max_speed_mps,
+        "accel": body.acceleration_mps2,
+        "latAlignment": "right" if body.label == "cyclist" else "center",
+        "minGapLat": 0.4,
+        "lcMaxSpeedLatStanding": 0.0,
+        "lcMaxSpeedLatFactor": 0.25,
+    }

@@ -12,10 +12,9 @@ from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.geometry.transforms import Float64, se3, se3_from_yaw
 from advpipe.pipeline.scenario.models import Scenario
+from advpipe.stages.simulate.bodies import Variant, variants_of
 from advpipe.stages.simulate.traffic.road_users import RoadUser
-from advpipe.stages.simulate.traffic.sumo.vehicle_types import variants_of
 from advpipe.stages.simulate.traffic.trajectories.table import Rows, read_trajectory_table
-from advpipe.stages.simulate.world.raycast.bodies import Variant
 
 ROUNDING_S = 1e-6
 """Times of steps and of rows count as equal within it."""
@@ -66,7 +65,7 @@ class Trajectories:
         if scenario.trajectories is None:
             return
         path = Path(scenario.trajectories.file)
-        bodies = frozenset(name.rpartition(".")[0] for name in variants)
+        bodies = frozenset(variant.body.name for variant in variants.values())
         table = read_trajectory_table(path, bodies)
         for name, rows in table.items():
             _check_name(scenario, name, path)

@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.stages.simulate.road_network.roads import KERB_M, Roads, offset_right
 from advpipe.stages.simulate.world.raycast.mesh import Mesh, box, merge, strip
 from advpipe.stages.simulate.world.raycast.occupied import Occupied
-from advpipe.stages.simulate.world.raycast.roads import KERB_M, Roads, offset_right
 
 STRETCH_POINTS = 10
 """A barrier goes on for so many points of a kerb, some 40 m."""

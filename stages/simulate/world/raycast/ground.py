@@ -10,8 +10,8 @@ from scipy.spatial import Delaunay
 
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.stages.simulate.road_network.network import RoadNetwork
+from advpipe.stages.simulate.road_network.roads import KERB_M, Deck, Roads, offset_right, resample
 from advpipe.stages.simulate.world.raycast.mesh import Mesh, merge, strip, surface
-from advpipe.stages.simulate.world.raycast.roads import KERB_M, Deck, Roads, offset_right, resample
 from advpipe.stages.simulate.world.raycast.shapes import triangulated
 
 PAVEMENT_M = ((0.0, 2.35, "paving"), (2.35, 3.0, "grass"), (3.0, 5.0, "concrete"))

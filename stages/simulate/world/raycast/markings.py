@@ -8,8 +8,8 @@ from shapely.ops import substring
 
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.stages.simulate.road_network.network import Edge, RoadNetwork
+from advpipe.stages.simulate.road_network.roads import FAST_MPS, offset_right
 from advpipe.stages.simulate.world.raycast.mesh import Mesh, strip
-from advpipe.stages.simulate.world.raycast.roads import FAST_MPS, offset_right
 
 WIDTH_M = 0.14
 HEIGHT_M = 0.004

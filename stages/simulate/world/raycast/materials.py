@@ -80,19 +80,13 @@ _MATERIALS = {
 MATERIALS = {name: material.reflectivity for name, material in _MATERIALS.items()}
 """Material to reflectivity; common values of published reflectance tables, rounded."""
 
-PAINTS = tuple(name for name in MATERIALS if name.startswith("paint_"))
-
 MATERIAL_ID = {name: index for index, name in enumerate(MATERIALS)}
 
 REFLECTIVITY = np.array(list(MATERIALS.values()), dtype=np.float32)
 """Reflectivity (number of materials,) by material id."""
 
 RETROREFLECTIVE: npt.NDArray[np.bool_] = np.array([m.retroreflective for m in _MATERIALS.values()])
-"""Whether a material (number of materials,) returns its light whatever the incidence, up to
-`RETROREFLECTIVE_LIMIT_RAD`: plates, signs, lamps."""
-
-RETROREFLECTIVE_LIMIT_RAD = np.deg2rad(40.0)
-"""Sheeting returns strongly up to an entrance angle of some 40 degrees (EN 12899-1 asks for 5 to 40)."""
+"""Whether a material (number of materials,) returns its light to where it came from: plates, signs, lamps."""
 
 TRANSMITTANCE = np.array([m.transmittance for m in _MATERIALS.values()], dtype=np.float32)
 """Two-way share of light (number of materials,) that passes a pane; 0 for what is no glass."""

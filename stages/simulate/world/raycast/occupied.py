@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.stages.simulate.world.raycast.roads import Roads
+from advpipe.stages.simulate.road_network.roads import Roads
 
 CELL_M = 30.0
 

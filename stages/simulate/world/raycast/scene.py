@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.core.open3d_library import o3d
-from advpipe.stages.simulate.world.raycast.materials import TRANSMITTANCE
+from advpipe.pipeline.sensors.world import Hits
+from advpipe.stages.simulate.world.raycast.materials import REFLECTIVITY, RETROREFLECTIVE, TRANSMITTANCE
 from advpipe.stages.simulate.world.raycast.mesh import Mesh
 
 Float32 = npt.NDArray[np.float32]
@@ -24,23 +25,35 @@ STEP_M = np.float32(1e-3)
 
 
 @dataclass(frozen=True)
-class Hits:
-    """What R rays met first.
+class MaterialHits(Hits):
+    """Hits, and what they are of: materials (R,) uint8, as in `materials.py`.
 
-    range_m: (R,) float32, infinite where a ray met nothing.
-    cos_incidence: (R,) float32 in [0, 1]. materials: (R,) uint8.
-    transmission: (R,) float32, the two-way share of light that panes on the way left; 1 without.
-    objects: (R,) int32, index into the moving road users; -1 the static world; -2 - k parked car k.
-    occlusion: float32 in [0, 1] for each moving road user and then each parked car: of the rays that
-    would meet it, were it alone, the share that meets something else first; 0 where no ray would.
+    objects: index into the moving road users; -1 the static world; -2 - k parked car k.
     """
 
-    range_m: Float32
-    cos_incidence: Float32
     materials: npt.NDArray[np.uint8]
-    transmission: Float32
-    objects: npt.NDArray[np.int32]
-    occlusion: Float32 = field(default_factory=lambda: np.zeros(0, np.float32))
+
+    @classmethod
+    def of(
+        cls,
+        returns: Returns,
+        range_m: Float32,
+        transmission: Float32,
+        objects: npt.NDArray[np.int32],
+        occlusion: Float32,
+    ) -> MaterialHits:
+        """With what the materials of these returns do to light."""
+        materials = returns.materials
+        return cls(
+            range_m,
+            returns.cos_incidence,
+            REFLECTIVITY[materials],
+            RETROREFLECTIVE[materials],
+            transmission,
+            objects,
+            occlusion,
+            materials,
+        )
 
 
 @dataclass(frozen=True)
@@ -63,7 +76,7 @@ class Panes:
 
 @dataclass(frozen=True)
 class Returns:
-    """What one mesh sends back to R rays, panes apart; columns as in `Hits`."""
+    """What one mesh sends back to R rays, panes apart; columns as in `MaterialHits`."""
 
     range_m: Float32
     cos_incidence: Float32
@@ -88,13 +101,13 @@ class Scene:
                 o3d.core.Tensor(mesh.triangles.astype(np.uint32)),
             )
 
-    def cast(self, rays: Float32) -> Hits:
+    def cast(self, rays: Float32) -> MaterialHits:
         """Casts rays (R, 6): origin, unit direction."""
         returns = self.returns(rays)
         transmission = np.ones(len(rays), np.float32)
         returns.panes.before(returns.range_m, transmission)
         objects = np.full(len(rays), -1, np.int32)
-        return Hits(returns.range_m, returns.cos_incidence, returns.materials, transmission, objects)
+        return MaterialHits.of(returns, returns.range_m, transmission, objects, np.zeros(0, np.float32))
 
     def returns(self, rays: Float32, parts: npt.NDArray[np.int32] | None = None) -> Returns:
         """Casts rays (R, 6), each into its own part (R,) where given."""

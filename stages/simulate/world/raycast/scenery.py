@@ -11,21 +11,20 @@ import shapely
 from advpipe.pipeline.geometry.transforms import Float64, se3_from_yaw
 from advpipe.pipeline.scenario.environment import UserObject
 from advpipe.pipeline.scenario.models import Scenario
+from advpipe.stages.simulate.bodies import Variant, variants_of
 from advpipe.stages.simulate.road_network.network import RoadNetwork
+from advpipe.stages.simulate.road_network.roads import KERB_M, WALKWAY_OFFSET_M, Roads
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 from advpipe.stages.simulate.world.raycast import furniture, trees
-from advpipe.stages.simulate.world.raycast.bodies import Variant
 from advpipe.stages.simulate.world.raycast.buildings import building
 from advpipe.stages.simulate.world.raycast.ground import terrain_at
 from advpipe.stages.simulate.world.raycast.markings import has_signal
 from advpipe.stages.simulate.world.raycast.mesh import Mesh, box, merge
 from advpipe.stages.simulate.world.raycast.occupied import Occupied, footprint
-from advpipe.stages.simulate.world.raycast.roads import KERB_M, Roads
 from advpipe.stages.simulate.world.raycast.user_mesh import load_mesh
 
 PARKED_OFFSET_M = 1.35
 POLE_OFFSET_M = 2.7
-WALKWAY_OFFSET_M = 3.6
 BESIDE_WALKWAY_M = (5.3, 9.0)
 TREE_OFFSET_M = (5.8, 9.5)
 BUILDING_OFFSET_M = (8.0, 20.0)
@@ -95,8 +94,8 @@ def park_cars(
     parked: list[RoadUser] = []
     for plot, slope in _plots(roads.kerbs_m, scenario.traffic.parked_per_km, rng):
         body = PARKED_BODIES[int(rng.choice(len(PARKED_BODIES), p=PARKED_SHARES))]
-        of_body = [variant for name, variant in variants.items() if name.startswith(f"{body}.")]
-        variant = of_body[int(rng.integers(len(of_body)))]
+        of_body = variants_of(variants, body)
+        variant = variants[of_body[int(rng.integers(len(of_body)))]]
         turned = rng.random() < 0.15
         turn_rad = np.pi * float(turned) + rng.normal(0.0, 0.03)
         pitch_rad = float(np.arctan(slope)) * (1 if turned else -1)

@@ -1,43 +1,45 @@
-"""The world that the LiDAR sees: a static scene, and the road users in it."""
+"""The world by ray casting: a static scene, and the road users in it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 import shapely
 
 from advpipe.pipeline.core.seeding import named_generator
+from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.scenario.models import Scenario
+from advpipe.pipeline.sensors.world import Hits, Offer
+from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.road_network.network import RoadNetwork
-from advpipe.stages.simulate.traffic.road_users import RoadUser
+from advpipe.stages.simulate.road_network.roads import Roads, lay_out_roads
+from advpipe.stages.simulate.traffic.road_users import RoadUser, boxes_of
 from advpipe.stages.simulate.world.raycast.barriers import build_barriers
-from advpipe.stages.simulate.world.raycast.bodies import Variant
+from advpipe.stages.simulate.world.raycast.body_meshes import body_meshes
 from advpipe.stages.simulate.world.raycast.ground import build_ground
+from advpipe.stages.simulate.world.raycast.instanced_bodies import Contacts, InstancedBodies
 from advpipe.stages.simulate.world.raycast.markings import build_markings
 from advpipe.stages.simulate.world.raycast.mesh import merge
 from advpipe.stages.simulate.world.raycast.occupied import Occupied
-from advpipe.stages.simulate.world.raycast.roads import Roads, lay_out_roads
-from advpipe.stages.simulate.world.raycast.scene import Float32, Hits, Returns, Scene
+from advpipe.stages.simulate.world.raycast.scene import Float32, MaterialHits, Returns, Scene
 from advpipe.stages.simulate.world.raycast.scenery import build_scenery, park_cars
-from advpipe.stages.simulate.world.raycast.showroom import Contacts, Showroom
-
-__all__ = ["Hits", "Scene", "World"]
 
 NEAR_M = 10.0
 """A parked car counts as near a little beyond the range: it is longer than a point."""
 
 
-class World:
-    """The static world of a scenario, and the bodies of all who may come into it.
+class RaycastWorld:
+    """See `World`: the static world of a scenario, and the bodies of all who may come into it.
 
-    parked: cars that never move. footprints: of the buildings, on the map as seen from above.
-    Raises AdvpipeError for a mesh of the user's that cannot be used.
+    parked: cars that never move. Raises AdvpipeError for a mesh of the user's that cannot be used.
     """
 
     def __init__(self, scenario: Scenario, network: RoadNetwork, variants: dict[str, Variant]) -> None:
         seed = scenario.simulation.seed
+        self.offers: frozenset[Offer] = frozenset({"road users", "rays"})
         self.roads: Roads = lay_out_roads(network)
         occupied = Occupied(self.roads)
 
@@ -54,10 +56,13 @@ class World:
             *build_barriers(scenario.environment.barriers, self.roads, occupied, chance("barriers")),
         ]
         self._static = Scene(merge(static))
-        self._showroom = Showroom(variants)
+        self._bodies = InstancedBodies(variants, body_meshes(variants, scenario.bodies))
         self._parked_m = np.array([car.position_m for car in self.parked]).reshape(-1, 3)
 
-    def cast(self, rays: Float32, users: Sequence[RoadUser], range_m: float = np.inf) -> Hits:
+    def around(self, carrier: RoadUser, users: Sequence[RoadUser]) -> SurroundingsOf:
+        return SurroundingsOf(self, carrier, users)
+
+    def cast(self, rays: Float32, users: Sequence[RoadUser], range_m: float = np.inf) -> MaterialHits:
         """Casts rays (R, 6) in the map's frame into the world as it is with these road users in it.
 
         The rays start near one another, as those of one turn of one sensor do. Parked cars that are
@@ -69,7 +74,7 @@ class World:
         ids = np.concatenate([np.arange(len(users)), -2 - near]).astype(np.int32)
         everyone = [*users, *(self.parked[index] for index in near)]
         occlusion = np.zeros(len(users) + len(self.parked), np.float32)
-        contacts = self._showroom.contacts(rays, everyone)
+        contacts = self._bodies.contacts(rays, everyone)
         hits = _merged(static, contacts, ids, occlusion)
         met = np.isfinite(contacts.returns.range_m)
         alone = np.bincount(contacts.users[met], minlength=len(everyone))
@@ -80,7 +85,46 @@ class World:
         return hits
 
 
-def _merged(static: Returns, contacts: Contacts, ids: npt.NDArray[np.int32], occlusion: Float32) -> Hits:
+class SurroundingsOf:
+    """See `Surroundings`: a world around one vehicle, with these road users in it."""
+
+    def __init__(self, world: RaycastWorld, carrier: RoadUser, users: Sequence[RoadUser]) -> None:
+        self._world, self._carrier, self._users = world, carrier, users
+        self._near: dict[float, tuple[list[RoadUser], npt.NDArray[np.int64]]] = {}
+
+    def road_users(self, range_m: float) -> Boxes:
+        moving, parked = self._within(range_m)
+        return boxes_of([*moving, *(self._world.parked[index] for index in parked)])
+
+    def cast(self, rays: Float32, range_m: float) -> Hits:
+        moving, parked = self._within(range_m)
+        hits = self._world.cast(rays, moving, range_m)
+        slots = np.concatenate([np.arange(len(moving)), len(moving) + parked])
+        # Where parked car k is among the road users, at 2 + k; beyond the range it is anything else.
+        place = np.full(2 + len(self._world.parked), -1, np.int32)
+        place[2 + parked] = len(moving) + np.arange(len(parked))
+        objects = np.where(hits.objects < -1, place[np.maximum(-hits.objects, 0)], hits.objects)
+        return replace(hits, objects=objects, occlusion=hits.occlusion[slots])
+
+    def _within(self, range_m: float) -> tuple[list[RoadUser], npt.NDArray[np.int64]]:
+        """Those who move, and the indices of the parked cars."""
+        if range_m not in self._near:
+            moving = [self._users[index] for index in within(self._users, self._carrier, range_m)]
+            self._near[range_m] = moving, within(self._world.parked, self._carrier, range_m)
+        return self._near[range_m]
+
+
+def within(users: Sequence[RoadUser], carrier: RoadUser, range_m: float) -> npt.NDArray[np.int64]:
+    """Indices of those whose place is at most `range_m` from the carrier's, without itself."""
+    places = np.array([user.position_m for user in users]).reshape(-1, 3)
+    near = np.linalg.norm(places - carrier.position_m, axis=1) <= range_m
+    near &= np.array([user.id != carrier.id for user in users], dtype=bool)
+    return np.flatnonzero(near)
+
+
+def _merged(
+    static: Returns, contacts: Contacts, ids: npt.NDArray[np.int32], occlusion: Float32
+) -> MaterialHits:
     """The nearest of what each ray met, and the light that the panes before it leave."""
     returns, rays = contacts.returns, contacts.rays
     range_m, cos, materials = static.range_m.copy(), static.cos_incidence, static.materials
@@ -93,4 +137,4 @@ def _merged(static: Returns, contacts: Contacts, ids: npt.NDArray[np.int32], occ
     transmission = np.ones(len(range_m), np.float32)
     static.panes.before(range_m, transmission)
     returns.panes.before(range_m, transmission, rays)
-    return Hits(range_m, cos, materials, transmission, objects, occlusion)
+    return MaterialHits.of(static, range_m, transmission, objects, occlusion)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
+from advpipe.pipeline.detector.common import loss
 from advpipe.pipeline.detector.protocol import Range
-from advpipe.pipeline.detector.second import loss
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import SMALL
 

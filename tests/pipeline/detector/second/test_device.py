@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from conftest import TINY
 from far_device import FAR, FarDevice, FarTensor
 
-from advpipe.pipeline.detector.second import decode
+from advpipe.pipeline.detector.common import decode
 from advpipe.pipeline.detector.second.model import Second
 from advpipe.pipeline.messages.cloud import POINT_DTYPE
 
@@ -68,7 +68,7 @@ def all_of_it(detector: Second, points, boxes, labels) -> list[torch.Tensor]:
 @pytest.mark.parametrize("limits", [{}, {"points_per_voxel": 2, "max_voxels": 200}])
 def test_a_second_device_gives_the_same_and_no_tensor_is_made_on_the_cpu(tiny, scene, limits, monkeypatch):
     monkeypatch.setattr(decode, "SCORE_THRESHOLD", 0.01)  # of random weights
-    tiny.net.preset = tiny.preset = replace(TINY, **limits)
+    tiny.net.preset = replace(TINY, **limits)
     expected = all_of_it(tiny, *scene)
     with FarDevice() as mode:
         detector = moved(tiny)

@@ -8,10 +8,11 @@ import pytest
 import torch
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.detector.second.anchors import AnchorGrid, decode, encode
-from advpipe.pipeline.detector.second.loss import losses
+from advpipe.pipeline.detector.common.anchors import AnchorGrid, decode, encode
+from advpipe.pipeline.detector.common.loss import losses
+from advpipe.pipeline.detector.families import family_named
 from advpipe.pipeline.detector.second.model import Second, SecondNet
-from advpipe.pipeline.detector.second.presets import ALL_AROUND, KITTI, PRESETS, preset_named
+from advpipe.pipeline.detector.second.presets import ALL_AROUND, KITTI, PRESETS
 from advpipe.pipeline.detector.second.voxels import voxelise
 from advpipe.pipeline.geometry.boxes import CLASSES
 
@@ -66,7 +67,7 @@ def test_360_is_kitti_in_size_with_our_classes():
 def test_a_network_of_each_preset_learns(name):
     """On a range of 128 x 128 voxels, forty steps on one scene at least halve the loss."""
     torch.manual_seed(0)
-    preset = preset_named(name)
+    preset = PRESETS[name]
     reach = 64 * preset.voxel_size_m[0]
     near = replace(preset.range_m, x_min_m=-reach, x_max_m=reach, y_min_m=-reach, y_max_m=reach)
     preset = replace(preset, range_m=near)
@@ -91,4 +92,4 @@ def test_a_network_of_each_preset_learns(name):
 
 def test_unknown_presets_are_refused():
     with pytest.raises(AdvpipeError, match="unknown detector preset 'big'; known: small, 360, kitti"):
-        preset_named("big")
+        family_named("second").preset("big")

@@ -76,13 +76,13 @@ def test_labels(offset: Path, exported: Path) -> None:
 
 def test_receptions_and_truth(offset: Path, exported: Path) -> None:
     (ego,) = read_receptions(BagReader(offset))
-    (path,) = (exported / "trace").glob(f"traceJSON-{ego.station_id}-*")
+    (path,) = (exported / "trace").glob(f"traceJSON-{ego.receivers[0].station_id}-*")
     received = [line for line in lines(path) if line["type"] == 3]
     assert [line["messageID"] for line in received] == ego.numbers
     truth = {line["messageID"]: line for line in lines(exported / "trace" / "traceGroundTruthJSON-0.json")}
     lied = {label.number for label in read_labels(offset)}
     for line, one, claim in zip(received, ego.received, ego.claims, strict=True):
-        assert line["sender"] == one.sent.station_id
+        assert line["sender"] == one.station_id
         assert line["senderPseudo"] == claim.station_id
         assert line["sendTime"] <= line["rcvTime"]
         assert line["rcvTime"] == pytest.approx((one.arrival_ns % 86_400_000_000_000) / 1e9, abs=1e-6)

@@ -216,6 +216,10 @@ RISING = """<?xml version="1.0"?>
 """
 """Flat for 100 m, then rising by 5 %: netconvert writes its first points without z."""
 
+REPEAT = """</planView>
+    <objects><object id="1"><repeat s="0" length="{length}" distance="{distance}"/></object></objects>
+"""
+
 
 @pytest.mark.parametrize("namespace", ["", ' xmlns="http://www.opendrive.org"'])
 def test_an_opendrive_road_that_begins_flat_and_climbs(tmp_path: Path, namespace: str) -> None:
@@ -229,6 +233,26 @@ def test_an_opendrive_road_that_begins_flat_and_climbs(tmp_path: Path, namespace
     for lane in edge.lanes:
         assert lane.centre_m[[0, -1], 2] == pytest.approx([0, 5], abs=0.05)
         assert np.interp(100, lane.centre_m[:, 0], lane.centre_m[:, 2]) == pytest.approx(0, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ('length="200"><line', 'length="2147483647"><line', "a <geometry> has the length '2147483647'"),
+        ('length="200"><line', 'length="1e999"><line', "a <geometry> has the length '1e999'"),
+        ("</planView>", REPEAT.format(length="10", distance="-1"), "a <repeat> has the distance '-1'"),
+        ("</planView>", REPEAT.format(length="1e5", distance="1e-9"), "with 1.* repeated objects; at most"),
+    ],
+)
+def test_refuses_an_opendrive_map_that_netconvert_would_choke_on(
+    tmp_path: Path, old: str, new: str, complaint: str
+) -> None:
+    path = tmp_path / "long.xodr"
+    text = RISING.format(namespace="", x=0)
+    assert old in text
+    path.write_text(text.replace(old, new))
+    with pytest.raises(AdvpipeError, match=complaint):
+        load_network(Map(opendrive=str(path)), tmp_path)
 
 
 def test_a_map_far_from_its_origin_keeps_the_networks_frame(tmp_path: Path) -> None:

@@ -11,11 +11,11 @@ import pytest
 
 from advpipe.pipeline.geometry.transforms import se3_from_yaw
 from advpipe.pipeline.scenario import Scenario, load_scenario
+from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.road_network.network import load_network
 from advpipe.stages.simulate.traffic.controller import CURVE_MPS2, Controller, Idm
 from advpipe.stages.simulate.traffic.lane_path import LanePath, lane_path
 from advpipe.stages.simulate.traffic.road_users import RoadUser
-from advpipe.stages.simulate.world.raycast.bodies import Variant
 
 Driver = Callable[[Scenario, int], list[dict[str, RoadUser]]]
 

@@ -10,10 +10,10 @@ import pytest
 import shapely
 
 from advpipe.pipeline.scenario import load_scenario
+from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.road_network.network import load_network
+from advpipe.stages.simulate.road_network.roads import lay_out_roads
 from advpipe.stages.simulate.traffic.walkers import STRAY_M, draw_walkers
-from advpipe.stages.simulate.world.raycast.bodies import Variant
-from advpipe.stages.simulate.world.raycast.roads import lay_out_roads
 
 
 def test_they_walk_on_pavements(

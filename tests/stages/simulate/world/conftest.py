@@ -12,11 +12,11 @@ import pytest
 
 from advpipe.pipeline.geometry.transforms import se3_from_yaw
 from advpipe.pipeline.scenario import Scenario, load_scenario
+from advpipe.stages.simulate.bodies import Variant, draw_variants
 from advpipe.stages.simulate.road_network.file import sumo_program
 from advpipe.stages.simulate.road_network.network import RoadNetwork, load_network
 from advpipe.stages.simulate.traffic.road_users import RoadUser
-from advpipe.stages.simulate.world.raycast.bodies import Variant, draw_variants
-from advpipe.stages.simulate.world.raycast.world import World
+from advpipe.stages.simulate.world.raycast.world import RaycastWorld
 
 NODES = """<nodes>
  <node id="a" x="0" y="0" z="0"/><node id="b" x="200" y="0" z="12"/><node id="c" x="400" y="0" z="12"/>
@@ -39,14 +39,14 @@ class Place:
     scenario: Scenario
     network: RoadNetwork
     variants: dict[str, Variant]
-    world: World
+    world: RaycastWorld
 
 
 def build(scratch: Path, *settings: str) -> Place:
     scenario = load_scenario("smoke", list(settings))
     network = load_network(scenario.map, scratch)
     variants = draw_variants(np.random.default_rng(0), scenario.bodies)
-    return Place(scenario, network, variants, World(scenario, network, variants))
+    return Place(scenario, network, variants, RaycastWorld(scenario, network, variants))
 
 
 @pytest.fixture(scope="session")

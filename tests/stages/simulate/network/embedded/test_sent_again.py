@@ -10,10 +10,10 @@ import pytest
 from pydantic import TypeAdapter
 
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.receptions import RecordedReception, recorded_receptions
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.ldm import ldm_snapshot_cdr
 from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATISTICS, VehicleTopics
-from advpipe.pipeline.messages.v2x import udp_packet_cdr
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.v2x.air import Air, Received, Sent
 from advpipe.pipeline.v2x.statistics import Statistics
@@ -64,18 +64,36 @@ def test_the_same_receptions_maps_and_statistics(drive: Record, settings: tuple[
     received, maps, statistics = send_again(reader)
     by_listener = defaultdict(list)
     for one in received:
-        by_listener[one.listener].append((one.arrival_ns, udp_packet_cdr(one.arrival_ns, one.sent.payload)))
+        sent, how = one.sent, (one.power_dbm, one.sinr_db)
+        by_listener[one.listener].append(
+            RecordedReception(one.arrival_ns, sent.payload, *how, sent.number, sent.station_id)
+        )
     listeners = V2xDrive(reader).listeners.values()
     for listener in listeners:
         topics = VehicleTopics(listener)
-        raw = reader.raw_messages([topics.received_raw.name])
-        assert [(message.log_time_ns, message.cdr) for message in raw] == by_listener[listener]
+        assert recorded_receptions(reader, listener) == by_listener[listener]
         recorded = list(reader.raw_messages([topics.ldm.name]))
         assert recorded
         assert all(maps[listener, raw.log_time_ns] == raw.cdr for raw in recorded)
     assert bool(received) == ("v2x.penetration=0" not in settings)
     ((_, message),) = reader.messages(V2X_STATISTICS.name)
     assert TypeAdapter(Statistics).validate_json(message.data) == statistics
+
+
+def test_any_station_can_listen(drive: Record) -> None:
+    """Those that record nothing hear what they would have heard; who records hears the same again."""
+    reader = drive(*DRIVES["two listeners, all equipped, everything on"])
+    recorded = V2xDrive(reader)
+    heard = defaultdict(list)
+    for step, received in recorded.sent_again(recorded.stations):
+        for one in received:
+            assert step.end_ns is None or one.arrival_ns <= step.end_ns
+            heard[one.listener].append((one.arrival_ns, one.sent.number))
+    assert len(heard) == len(recorded.stations) > 10
+    for listener in ("ego", "other"):
+        told = recorded_receptions(reader, listener)
+        assert heard[listener] == [(one.arrival_ns, one.number) for one in told]
+    assert not any(received for _, received in V2xDrive(reader).sent_again(()))
 
 
 def test_buildings_are_in_the_way(drive: Record) -> None:

@@ -11,10 +11,10 @@ import pytest
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import yaw_of
 from advpipe.pipeline.scenario import Scenario, load_scenario
+from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 from advpipe.stages.simulate.traffic.trajectories.table import Rows
 from advpipe.stages.simulate.traffic.trajectories.trajectories import Trajectory
-from advpipe.stages.simulate.world.raycast.bodies import Variant
 
 Drive = list[dict[str, RoadUser]]
 Driver = Callable[[Scenario, int], Drive]

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from advpipe.stages.simulate.road_network.roads import KERB_M, resample
 from advpipe.stages.simulate.world.raycast.materials import MATERIAL_ID
-from advpipe.stages.simulate.world.raycast.roads import KERB_M, resample
 
 
 def down(points_m: np.ndarray, from_m: float = 1.0) -> np.ndarray:
@@ -61,7 +61,7 @@ def test_fast_roads_have_rails_and_no_kerb(hill: Any, boulevard: Any) -> None:
 
 def test_kerbs_stand_above_flat_streets(boulevard: Any) -> None:
     """Beside every third kerb point: 1 m out there is a pavement, `KERB_M` above the road."""
-    from advpipe.stages.simulate.world.raycast.roads import offset_right
+    from advpipe.stages.simulate.road_network.roads import offset_right
 
     heights = []
     for kerb in boulevard.world.roads.kerbs_m:

@@ -13,9 +13,10 @@ import pytest
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.open3d_library import o3d
 from advpipe.pipeline.scenario.traffic import UserBody
-from advpipe.stages.simulate.world.raycast.bodies import BODIES, VARIANTS, draw_variants
+from advpipe.stages.simulate.bodies import BODIES, VARIANTS, draw_variants
+from advpipe.stages.simulate.mesh_file import FORMATS
 from advpipe.stages.simulate.world.raycast.materials import MATERIAL_ID
-from advpipe.stages.simulate.world.raycast.user_mesh import FORMATS, load_mesh
+from advpipe.stages.simulate.world.raycast.user_mesh import load_mesh
 
 
 def write_glb(path: Path, vertices: np.ndarray, triangles: np.ndarray) -> None:
@@ -139,14 +140,14 @@ def test_an_object_of_the_users_stands_on_the_ground_where_it_was_put(
     tmp_path: Path, boulevard: Any, middle_m: np.ndarray
 ) -> None:
     from advpipe.pipeline.scenario.environment import UserObject
-    from advpipe.stages.simulate.world.raycast.world import World
+    from advpipe.stages.simulate.world.raycast.world import RaycastWorld
 
     given = UserObject(
         mesh=str(crate(tmp_path / "crate.stl")), material="wood", x_m=middle_m[0], y_m=middle_m[1]
     )
     environment = boulevard.scenario.environment.model_copy(update={"objects": (given,)})
     scenario = boulevard.scenario.model_copy(update={"environment": environment})
-    world = World(scenario, boulevard.network, boulevard.variants)
+    world = RaycastWorld(scenario, boulevard.network, boulevard.variants)
     above = np.array([[*(middle_m + (0.3, 0.2, 10.0)), 0, 0, -1]], np.float32)
     hits = world.cast(above, [])
     assert hits.range_m[0] == pytest.approx(8.5, abs=0.01)

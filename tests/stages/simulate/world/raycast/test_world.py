@@ -12,11 +12,12 @@ import pytest
 from advpipe.pipeline.core.open3d_library import o3d
 from advpipe.pipeline.geometry.transforms import transform_points
 from advpipe.stages.simulate.traffic.road_users import RoadUser
+from advpipe.stages.simulate.world.raycast.body_meshes import body_mesh
 from advpipe.stages.simulate.world.raycast.materials import TRANSMITTANCE
 from advpipe.stages.simulate.world.raycast.mesh import Mesh
 from advpipe.stages.simulate.world.raycast.scene import MAX_PANES, SPECULAR_COS
 from advpipe.stages.simulate.world.raycast.windows import Windows
-from advpipe.stages.simulate.world.raycast.world import World
+from advpipe.stages.simulate.world.raycast.world import RaycastWorld
 
 COUNT = 40
 
@@ -60,9 +61,9 @@ def cast(boulevard: Any, sweep: Any, users: Any, middle_m: np.ndarray) -> Any:
 def test_each_user_alone_is_met_as_open3d_lists_it(boulevard: Any, cast: Any) -> None:
     """Range, light left, and which rays: for every body, in a pose of its own."""
     rays, everyone, _ = cast
-    contacts = boulevard.world._showroom.contacts(rays, everyone)
+    contacts = boulevard.world._bodies.contacts(rays, everyone)
     for index, user in enumerate(everyone):
-        expected, _ = first_returns(user.variant.mesh.transformed(user.map_SE3_base), rays)
+        expected, _ = first_returns(body_mesh(user.variant).transformed(user.map_SE3_base), rays)
         of = contacts.users == index
         found = np.full(len(rays), np.inf)
         found[contacts.rays[of]] = contacts.returns.range_m[of]
@@ -77,7 +78,7 @@ def test_the_nearest_return_wins_and_occlusion_follows(boulevard: Any, cast: Any
     parked = boulevard.world.parked
     alone = np.stack(
         [
-            first_returns(user.variant.mesh.transformed(user.map_SE3_base), rays)[0]
+            first_returns(body_mesh(user.variant).transformed(user.map_SE3_base), rays)[0]
             for user in (*everyone, *parked)
         ]
     )
@@ -147,13 +148,13 @@ def test_windows_hold_every_ray_that_meets_a_box_also_from_moving_origins(sweep:
 
 def test_same_seed_same_world(boulevard: Any, cast: Any) -> None:
     rays, everyone, hits = cast
-    again = World(boulevard.scenario, boulevard.network, boulevard.variants).cast(rays, everyone)
+    again = RaycastWorld(boulevard.scenario, boulevard.network, boulevard.variants).cast(rays, everyone)
     for name in ("range_m", "cos_incidence", "materials", "transmission", "objects", "occlusion"):
         assert np.array_equal(getattr(hits, name), getattr(again, name)), name
     other = boulevard.scenario.model_copy(
         update={"simulation": boulevard.scenario.simulation.model_copy(update={"seed": 77})}
     )
-    elsewhere = World(other, boulevard.network, boulevard.variants).cast(rays, everyone)
+    elsewhere = RaycastWorld(other, boulevard.network, boulevard.variants).cast(rays, everyone)
     assert not np.array_equal(hits.range_m, elsewhere.range_m)
 
 

@@ -1,0 +1,140 @@
+"""Checkpoints: one safetensors file with the weights, the names of family and preset, and the provenance."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import torch
+from pydantic import Field
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save
+
+from advpipe.pipeline.core.document import Document, Text, Word, read_json
+from advpipe.pipeline.core.errors import OutputExistsError, UsageError, wrong_use
+from advpipe.pipeline.core.shown import cut
+from advpipe.pipeline.core.whole_file import write_whole
+from advpipe.pipeline.detector.common.network import Network
+from advpipe.pipeline.detector.families import family_named, shipped_checkpoints
+from advpipe.pipeline.detector.protocol import Detector
+from advpipe.pipeline.detector.training_maps import with_listed_maps
+
+KIND = "advpipe-detector-1"
+
+MOST_BYTES = 1 << 28
+"""The largest preset has 21 MB of weights in single precision."""
+
+MOST_HEADER_BYTES = 1 << 20
+"""Ours have 16 kB; readers take some hundred times that."""
+
+
+class _About(Document):
+    """The metadata of a checkpoint, under the key `advpipe`.
+
+    Those of kind `advpipe-second-1` were written when SECOND was the only family, and name none.
+    """
+
+    kind: Literal["advpipe-detector-1", "advpipe-second-1"]
+    family: Word = "second"
+    preset: Word
+    classes: Annotated[tuple[Word, ...], Field(max_length=100)]
+    provenance: dict[Word, Text]
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A trained network, and how its weights came to be, as text."""
+
+    net: Network
+    provenance: Mapping[str, str]
+
+    def detector(self) -> Detector:
+        """The network as a detector, its weights frozen."""
+        return self.net.detector(self.provenance)
+
+
+def save_checkpoint(
+    net: Network, path: Path, provenance: Mapping[str, str], *, half: bool = True, overwrite: bool = False
+) -> None:
+    """Write the weights in half precision or single, the batch norms in single; beside, then renamed.
+
+    provenance: how the weights were trained, kept as text.
+    """
+    if path.exists() and not overwrite:
+        raise OutputExistsError(path)
+    tensors = {}
+    for name, value in net.state_dict().items():
+        if value.is_floating_point():
+            dtype = torch.float16 if half and value.ndim > 1 else torch.float32
+            tensors[name] = value.detach().cpu().to(dtype).contiguous()
+    about = {
+        "kind": KIND,
+        "family": net.preset.family,
+        "preset": net.preset.name,
+        "classes": list(net.preset.classes),
+        "provenance": dict(sorted(provenance.items())),
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    # A single metadata key: safetensors does not fix the order of several.
+    write_whole(path, save(tensors, metadata={"advpipe": json.dumps(about)}))
+
+
+def load_checkpoint(path: Path, device: torch.device | None = None) -> Checkpoint:
+    """What a checkpoint file holds, the weights in single precision, on the device (the CPU).
+
+    Raises UsageError for a file that is no checkpoint, or one of a family or preset that is not known.
+    """
+    if not path.is_file():
+        raise UsageError(f"no detector checkpoint at {path}; train one with `advpipe train`")
+    _check_size(path)
+    try:
+        with safe_open(path, framework="pt") as file:
+            net, provenance = _told_by(path, file.metadata() or {})
+            ours = {k: v.shape for k, v in net.state_dict().items() if v.is_floating_point()}
+            # By what the file declares, before any of it is unpacked.
+            shapes = {name: file.get_slice(name).get_shape() for name in file.keys()}  # noqa: SIM118
+            if {name: torch.Size(shape) for name, shape in shapes.items()} != ours:
+                preset = net.preset.name
+                raise UsageError(
+                    f"the weights in {path} do not fit preset {preset!r} of this version; train again"
+                )
+            tensors = {name: file.get_tensor(name).float() for name in ours}
+    except (SafetensorError, OSError, RuntimeError) as error:
+        reason = cut(" ".join(str(error).split()), 200)
+        raise UsageError(
+            f"{path} is not a whole safetensors file ({reason}); train or copy it again"
+        ) from None
+    if not all(bool(torch.isfinite(weights).all()) for weights in tensors.values()):
+        raise UsageError(f"the weights in {path} are not all finite; train or copy it again")
+    net.load_state_dict(tensors, strict=False)
+    return Checkpoint(net.to(device), with_listed_maps(provenance, path, shipped_checkpoints().values()))
+
+
+def _check_size(path: Path) -> None:
+    """The header's length and the file's, before either is read."""
+    size_bytes = path.stat().st_size
+    with path.open("rb") as file:
+        header_bytes = int.from_bytes(file.read(8), "little")
+    if size_bytes > MOST_BYTES:
+        raise UsageError(f"{path} has {size_bytes} bytes; no checkpoint of advpipe has over {MOST_BYTES}")
+    if header_bytes > MOST_HEADER_BYTES:
+        reason = f"a header of {header_bytes} bytes"
+        raise UsageError(f"{path} is not a whole safetensors file ({reason}); train or copy it again")
+
+
+def _told_by(path: Path, metadata: Mapping[str, str]) -> tuple[Network, dict[str, str]]:
+    """The network that a checkpoint is of, its weights not set, and how it was trained."""
+    where = f"{path} is no detector checkpoint of advpipe"
+    with wrong_use():
+        about: _About = read_json(metadata.get("advpipe", ""), _About, where, "make one with `advpipe train`")
+    family = family_named(about.family)
+    preset = family.preset(about.preset)
+    if about.classes != preset.classes:
+        raise UsageError(
+            f"{path} finds {cut(str(list(about.classes)), 200)}, preset {about.preset!r} finds "
+            f"{list(preset.classes)}; train again"
+        )
+    return family.network(about.preset), dict(about.provenance)

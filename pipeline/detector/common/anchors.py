@@ -1,0 +1,160 @@
+"""Anchors of the head, the code of a box relative to an anchor, and which anchor learns which box."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+
+import torch
+from torch import Tensor
+
+from advpipe.pipeline.detector.common.preset import AnchorPreset
+
+
+@dataclass(frozen=True)
+class Targets:
+    """What the N anchors of one cloud should say; anchors neither positive nor ignored: background.
+
+    positive: (P,) int64 anchors. boxes: (P, 7) and labels: (P,) of the box that each learns.
+    ignored: (I,) int64 anchors that learn nothing.
+    """
+
+    positive: Tensor
+    boxes: Tensor
+    labels: Tensor
+    ignored: Tensor
+
+
+class AnchorGrid:
+    """All anchors of a preset: at each cell of the (H, W) map, each anchor size at each yaw."""
+
+    def __init__(
+        self, preset: AnchorPreset, height: int, width: int, device: torch.device | None = None
+    ) -> None:
+        self.preset, self.height, self.width = preset, height, width
+        r = preset.range_m
+        gaps, first = (1, 0.0) if preset.anchors_to_edges else (0, 0.5)
+        step_x, step_y = (r.x_max_m - r.x_min_m) / (width - gaps), (r.y_max_m - r.y_min_m) / (height - gaps)
+        self.x = r.x_min_m + step_x * (torch.arange(width, device=device) + first)
+        self.y = r.y_min_m + step_y * (torch.arange(height, device=device) + first)
+        shapes, labels = [], []
+        for anchor in preset.anchors:
+            size = (anchor.length_m, anchor.width_m, anchor.height_m)
+            for yaw in preset.yaws_rad:
+                shapes.append([anchor.bottom_z_m + anchor.height_m / 2, *size, yaw])
+                labels.append(preset.classes.index(anchor.class_name))
+        self.shapes = torch.tensor(shapes, device=device)
+        self.labels = torch.tensor(labels, device=device)
+        yaws = len(preset.yaws_rad)
+        positive = [anchor.positive_iou for anchor in preset.anchors for _ in range(yaws)]
+        negative = [anchor.negative_iou for anchor in preset.anchors for _ in range(yaws)]
+        self.positive_iou = torch.tensor(positive, device=device)
+        self.negative_iou = torch.tensor(negative, device=device)
+
+    @property
+    def per_cell(self) -> int:
+        return len(self.shapes)
+
+    def boxes(self, indices: Tensor) -> Tensor:
+        """The anchors (K, 7) at flat indices (K,) into (H, W, A)."""
+        shape = indices % self.per_cell
+        cell = indices // self.per_cell
+        xy = torch.stack([self.x[cell % self.width], self.y[cell // self.width]], dim=1)
+        return torch.cat([xy, self.shapes[shape]], dim=1)
+
+    @torch.no_grad()
+    def assign(self, boxes: Tensor, labels: Tensor, ignored: Tensor | None = None) -> Targets:
+        """Targets for boxes (M, 7) and labels (M,); boxes in the mask `ignored` (M,) teach nothing.
+
+        As OpenPCDet's AxisAlignedTargetAssigner: IoU of the nearest axis-aligned rectangles within
+        a class; positive from `positive_iou`, and for each box its best anchors whatever their IoU;
+        between the thresholds ignored. An ignored box's anchors are no background either.
+        """
+        r = self.preset.range_m
+        inside = (boxes[:, 0] >= r.x_min_m) & (boxes[:, 0] < r.x_max_m)
+        inside &= (boxes[:, 1] >= r.y_min_m) & (boxes[:, 1] < r.y_max_m)
+        taught = inside if ignored is None else inside & ~ignored
+        positive, matched, skipped = [], [], []
+        for label in range(len(self.preset.classes)):
+            shapes = (self.labels == label).nonzero().squeeze(1)
+            mine = inside & (labels == label)
+            if len(shapes) == 0 or not mine.any():
+                continue
+            teachers = (mine & taught).nonzero().squeeze(1)
+            others = (mine & ~taught).nonzero().squeeze(1)
+            low = self.negative_iou[shapes].expand(self.height, self.width, -1)
+            grey = torch.zeros_like(low, dtype=torch.bool)
+            cells = torch.arange(self.height * self.width, device=boxes.device) * self.per_cell
+            flat = (cells.view(self.height, self.width, 1) + shapes).flatten()
+            if len(others):
+                grey |= self._iou(boxes[others], shapes).amax(0) >= low
+            if len(teachers):
+                iou = self._iou(boxes[teachers], shapes)
+                best_of_box = iou.flatten(1).amax(1).view(-1, 1, 1, 1)
+                chosen = ((iou == best_of_box) & (best_of_box > 0)).any(0)
+                best, teacher = iou.max(0)
+                chosen |= best >= self.positive_iou[shapes]
+                grey |= best >= low
+                grey &= ~chosen
+                rows = chosen.flatten().nonzero().squeeze(1)
+                positive.append(flat[rows])
+                matched.append(teachers[teacher.flatten()[rows]])
+            skipped.append(flat[grey.flatten()])
+        none = labels.new_zeros(0)
+        match = torch.cat([*matched, none])
+        return Targets(torch.cat([*positive, none]), boxes[match], labels[match], torch.cat([*skipped, none]))
+
+    def _iou(self, boxes: Tensor, shapes: Tensor) -> Tensor:
+        """IoU (M, H, W, S) of the boxes' nearest axis-aligned rectangles with those of anchor shapes (S,)."""
+        x_length, y_length = _extents(boxes[:, 3:5], boxes[:, 6])
+        x_anchor, y_anchor = _extents(self.shapes[shapes, 1:3], self.shapes[shapes, 4])
+        x = _overlap(boxes[:, 0], x_length, self.x, x_anchor)
+        y = _overlap(boxes[:, 1], y_length, self.y, y_anchor)
+        common = y[:, :, None] * x[:, None]
+        union = (x_length * y_length)[:, None, None, None] + x_anchor * y_anchor - common
+        return common / union
+
+
+def _extents(size: Tensor, yaw: Tensor) -> tuple[Tensor, Tensor]:
+    """Lengths along x and y of rectangles (M, 2) turned to the nearest right angle."""
+    across = torch.remainder(yaw + pi / 4, pi) > pi / 2
+    return torch.where(across, size[:, 1], size[:, 0]), torch.where(across, size[:, 0], size[:, 1])
+
+
+def _overlap(centre: Tensor, length: Tensor, anchor_centre: Tensor, anchor_length: Tensor) -> Tensor:
+    """Common length (M, cells, S) of intervals (M,) with anchor intervals at each cell."""
+    low = torch.maximum(
+        (centre - length / 2)[:, None, None], anchor_centre[None, :, None] - anchor_length / 2
+    )
+    high = torch.minimum(
+        (centre + length / 2)[:, None, None], anchor_centre[None, :, None] + anchor_length / 2
+    )
+    return (high - low).clamp(min=0)
+
+
+def encode(boxes: Tensor, anchors: Tensor) -> Tensor:
+    """The code (K, 7) of boxes (K, 7) relative to anchors (K, 7) (Yan et al. 2018, section 3.2.2)."""
+    diagonal = torch.hypot(anchors[:, 3], anchors[:, 4])
+    scale = torch.stack([diagonal, diagonal, anchors[:, 5]], dim=1)
+    return torch.cat(
+        [
+            (boxes[:, :3] - anchors[:, :3]) / scale,
+            torch.log(boxes[:, 3:6] / anchors[:, 3:6]),
+            boxes[:, 6:] - anchors[:, 6:],
+        ],
+        dim=1,
+    )
+
+
+def decode(code: Tensor, anchors: Tensor) -> Tensor:
+    """The boxes (K, 7) that a code (K, 7) means; the inverse of `encode`."""
+    diagonal = torch.hypot(anchors[:, 3], anchors[:, 4])
+    scale = torch.stack([diagonal, diagonal, anchors[:, 5]], dim=1)
+    return torch.cat(
+        [
+            code[:, :3] * scale + anchors[:, :3],
+            torch.exp(code[:, 3:6].clamp(-3, 3)) * anchors[:, 3:6],
+            code[:, 6:] + anchors[:, 6:],
+        ],
+        dim=1,
+    )

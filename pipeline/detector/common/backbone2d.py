@@ -1,0 +1,55 @@
+"""The bird's-eye backbone: blocks of 2D convolutions at two scales, brought together (OpenPCDet's
+BaseBEVBackbone)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+
+from advpipe.pipeline.detector.common.preset import BevBlock
+
+
+def _norm_relu(channels: int) -> list[nn.Module]:
+    return [nn.BatchNorm2d(channels, eps=1e-3, momentum=0.05), nn.ReLU(inplace=True)]
+
+
+class Upsample(nn.ConvTranspose2d):
+    """A transposed convolution whose kernel is its stride, as a matrix product: faster on a CPU."""
+
+    def forward(self, input: Tensor, output_size: list[int] | None = None) -> Tensor:
+        batch, channels, height, width = input.shape
+        k, out = self.kernel_size[0], self.out_channels
+        weight = self.weight.permute(0, 2, 3, 1).reshape(channels, k * k * out)
+        cells = (input.permute(0, 2, 3, 1) @ weight).view(batch, height, width, k, k, out)
+        # (B, H, W, k, k, C) to (B, C, H k, W k), channels last in memory.
+        fine = cells.permute(0, 1, 3, 2, 4, 5).reshape(batch, height * k, width * k, out)
+        return fine.permute(0, 3, 1, 2)
+
+
+class Backbone2d(nn.Module):
+    """Each block halves the map or keeps it; all of them, brought to one scale, side by side."""
+
+    def __init__(self, sizes: Sequence[BevBlock], c_in: int) -> None:
+        super().__init__()
+        self.blocks, self.ups = nn.ModuleList(), nn.ModuleList()
+        for size in sizes:
+            channels, stride = size.channels, size.up_stride
+            block: list[nn.Module] = [nn.Conv2d(c_in, channels, 3, size.stride, padding=1, bias=False)]
+            block += _norm_relu(channels)
+            for _ in range(size.layers):
+                block += [nn.Conv2d(channels, channels, 3, padding=1, bias=False), *_norm_relu(channels)]
+            up = Upsample(channels, size.up_channels, stride, stride, bias=False)
+            self.blocks.append(nn.Sequential(*block))
+            self.ups.append(nn.Sequential(up, *_norm_relu(size.up_channels)))
+            c_in = channels
+        self.out_channels = sum(size.up_channels for size in sizes)
+
+    def forward(self, bev: Tensor) -> Tensor:
+        """Features (B, sum of the blocks' up_channels, H, W) of a map (B, C, H, W)."""
+        ups = []
+        for block, up in zip(self.blocks, self.ups, strict=True):
+            bev = block(bev)
+            ups.append(up(bev))
+        return torch.cat(ups, dim=1)

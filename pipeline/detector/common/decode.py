@@ -1,0 +1,102 @@
+"""Raw predictions to a short list of boxes: threshold, decode, rotated non-maximum suppression."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor
+
+from advpipe.pipeline.detector.common.anchors import AnchorGrid, decode
+from advpipe.pipeline.detector.common.head import Predictions
+from advpipe.pipeline.detector.protocol import Detections
+from advpipe.pipeline.geometry.iou import iou_bev
+from advpipe.pipeline.geometry.transforms import wrap_angle
+
+SCORE_THRESHOLD = 0.1
+
+
+@torch.no_grad()
+def detections(predictions: Predictions, batch: int, grid: AnchorGrid) -> Detections:
+    """The boxes of cloud `batch` whose class scores at least 0.1, best first, at most as many as the preset
+    says.
+
+    Each anchor tells its best class or, as the preset says, each class that scores enough; suppression
+    then goes by class. Where the head predicts the quality of boxes, it counts as `quality_power` says.
+    """
+    preset = grid.preset
+    of_classes = torch.sigmoid(predictions.scores[batch])
+    if preset.suppress_by_class:
+        anchors, labels = (of_classes >= SCORE_THRESHOLD).nonzero().unbind(1)
+    else:
+        best, labels = of_classes.max(1)
+        anchors = (best >= SCORE_THRESHOLD).nonzero().squeeze(1)
+        labels = labels[anchors]
+    scores = of_classes[anchors, labels]
+    if predictions.qualities is not None and preset.quality_power is not None:
+        scores = scores * torch.sigmoid(predictions.qualities[batch][anchors]) ** preset.quality_power
+    order = torch.sort(scores, descending=True, stable=True).indices[: preset.max_candidates]
+    chosen = anchors[order]
+    boxes = decode(predictions.codes[batch][chosen], grid.boxes(chosen))
+    boxes = _with_direction(boxes, predictions.directions[batch][chosen], preset.direction_offset_rad)
+    geometry = boxes.cpu().numpy().astype(np.float64)
+    geometry[:, 6] = wrap_angle(geometry[:, 6])
+    confidence = scores[order].cpu().numpy().astype(np.float64)
+    names = labels[order].cpu().numpy()
+    rivals = names if preset.suppress_by_class else np.zeros_like(names)
+    kept = suppress(geometry, rivals, preset.nms_iou, preset.max_detections)
+    if preset.vote_iou is None:
+        return Detections(geometry[kept], confidence[kept], names[kept])
+    voted = vote(geometry, confidence, names, kept, preset.vote_iou)
+    return Detections(voted, confidence[kept], names[kept])
+
+
+def vote(
+    boxes: npt.NDArray[np.float64],
+    scores: npt.NDArray[np.float64],
+    labels: npt.NDArray[np.int64],
+    kept: npt.NDArray[np.int64],
+    min_iou: float,
+) -> npt.NDArray[np.float64]:
+    """The kept boxes (K, 7), each replaced by the mean of the boxes (M, 7) that say nearly the same.
+
+    Those are the boxes of its class that overlap it by more than `min_iou` in the bird's eye, weighted
+    by their squared scores; headings count modulo pi, about that of the kept box. (Box voting: Gidaris
+    and Komodakis 2015, section 5.)
+    """
+    agree = (iou_bev(boxes[kept], boxes) > min_iou) & (labels[kept][:, None] == labels)
+    agree[np.arange(len(kept)), kept] = True
+    weights = agree * scores**2
+    weights /= weights.sum(axis=1, keepdims=True)
+    turn_rad = (boxes[:, 6] - boxes[kept, 6][:, None] + pi / 2) % pi - pi / 2
+    yaw_rad = boxes[kept, 6] + (weights * turn_rad).sum(axis=1)
+    return np.column_stack([weights @ boxes[:, :6], wrap_angle(yaw_rad)])
+
+
+def _with_direction(boxes: Tensor, directions: Tensor, offset_rad: float) -> Tensor:
+    """Boxes turned to the half of the circle that the direction bin names."""
+    half = torch.remainder(boxes[:, 6] - offset_rad, pi)
+    yaw = half + offset_rad + pi * directions.argmax(1)
+    return torch.cat([boxes[:, :6], yaw[:, None]], dim=1)
+
+
+def suppress(
+    boxes: npt.NDArray[np.float64], groups: npt.NDArray[np.int64], iou: float, limit: int
+) -> npt.NDArray[np.int64]:
+    """Indices of the boxes (K, 7), best first, that overlap no better kept box of their group (K,) by more
+    than `iou`.
+
+    At most the first `limit` of them.
+    """
+    kept: list[int] = []
+    # Few boxes survive, so only their overlaps are computed.
+    alive = np.arange(len(boxes))
+    while len(alive) and len(kept) < limit:
+        best, rest = alive[0], alive[1:]
+        kept.append(int(best))
+        is_rival = groups[rest] == groups[best]
+        is_rival[is_rival] = iou_bev(boxes[best], boxes[rest[is_rival]])[0] > iou
+        alive = rest[~is_rival]
+    return np.array(kept, dtype=np.int64)

@@ -1,0 +1,127 @@
+"""What `train` asks of a network, whatever its family, and the detector that a trained one is."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from typing import ClassVar, Generic, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor, nn
+
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.detector.common.preset import Preset
+from advpipe.pipeline.detector.protocol import Detections, Detector, Range
+from advpipe.pipeline.detector.training_maps import KEY, listed
+from advpipe.pipeline.messages.cloud import xyzi
+
+
+@dataclass(frozen=True)
+class LabelledPoints:
+    """points: (N, 4) float32 x, y, z in metres and intensity. boxes: (M, 7) float32, columns
+    `geometry.boxes.BOX_COLUMNS`. labels: (M,) int64, index into the network's classes. ignored: (M,) bool,
+    boxes with too few points to learn from; None: there are none."""
+
+    points: Tensor
+    boxes: Tensor
+    labels: Tensor
+    ignored: Tensor | None = None
+
+    def to(self, device: torch.device) -> LabelledPoints:
+        """The same on a device."""
+        points, boxes, labels = (part.to(device) for part in (self.points, self.boxes, self.labels))
+        return LabelledPoints(
+            points, boxes, labels, None if self.ignored is None else self.ignored.to(device)
+        )
+
+
+class Network(nn.Module, ABC):
+    """A network that can be trained, saved in a checkpoint, and asked for boxes.
+
+    LOSS_PARTS: what its training loss is the sum of, as the columns of the training log are named; each ends
+    with `_loss`. The running means and variances of its batch norms, the only state besides its weights, are
+    buffers named `running_mean` and `running_var`.
+    """
+
+    LOSS_PARTS: ClassVar[tuple[str, ...]]
+    preset: Preset
+
+    @abstractmethod
+    def training_losses(self, cloud: LabelledPoints, *, bf16: bool = False) -> tuple[Tensor, ...]:
+        """The weighted parts of the loss on one cloud, scalars in the order of `LOSS_PARTS`, which can be
+        differentiated to the weights and to the points; boxes out of range teach nothing.
+
+        bf16: computed in half precision where that is safe.
+        """
+
+    @abstractmethod
+    def detections(self, clouds: Sequence[Tensor]) -> list[Detections]:
+        """The objects in each of the clouds (N_i, 4), labels by the preset's classes, best first."""
+
+    @abstractmethod
+    def detector(self, provenance: Mapping[str, str]) -> Detector:
+        """The network, trained, as a detector: a `NetworkDetector` where it can say no more."""
+
+    @property
+    def device(self) -> torch.device:
+        return next(self.parameters()).device
+
+
+N = TypeVar("N", bound=Network)
+
+
+class NetworkDetector(Generic[N]):
+    """A trained network as a `Detector`: frozen weights, frozen batch norm.
+
+    It computes where its network is. Tensors may come from anywhere, and those that it returns are where the
+    points came from.
+    """
+
+    def __init__(self, net: N, provenance: Mapping[str, str] | None = None) -> None:
+        self.net: N = net.eval().requires_grad_(False)
+        self.provenance = dict(provenance or {})
+
+    @property
+    def training_maps_sha256(self) -> Sequence[str | None] | None:
+        """The maps of the drives that it was trained on, as `KnowsItsMaps` has them."""
+        return listed(self.provenance.get(KEY))
+
+    @property
+    def device(self) -> torch.device:
+        return self.net.device
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        return self.net.preset.classes
+
+    @property
+    def range_m(self) -> Range:
+        return self.net.preset.range_m
+
+    def detect(self, cloud: npt.NDArray[np.void]) -> Detections:
+        """The objects in a cloud (N,); points not finite are not read."""
+        return self.detect_batch([torch.from_numpy(xyzi(cloud))])[0]
+
+    @torch.no_grad()
+    def detect_batch(self, clouds: Sequence[Tensor]) -> list[Detections]:
+        """The objects in each of the clouds (N_i, 4)."""
+        return self.net.detections([cloud.to(self.device) for cloud in clouds])
+
+    def loss(self, points: Tensor, boxes: Tensor, labels: Tensor) -> Tensor:
+        """The training loss of one cloud, as `Detector.loss`; all boxes in range count.
+
+        Raises AdvpipeError for points that are not finite.
+        """
+        require_finite([points])
+        parts = self.net.training_losses(LabelledPoints(points, boxes, labels).to(self.device))
+        return reduce(torch.add, parts).to(points.device)
+
+
+def require_finite(clouds: Sequence[Tensor]) -> None:
+    """Raises AdvpipeError for points that are not finite, which have no gradient."""
+    if not all(torch.isfinite(each).all() for each in clouds):
+        raise AdvpipeError("the cloud holds points that are not finite; remove them before asking for a loss")

@@ -1,0 +1,215 @@
+"""What rain, snow and fog do to a LiDAR: light lost on the way, and echoes from the air itself.
+
+Rain and snow follow LISA (Kilic, Hegde, Sindagi, Cooper, Foster, Patel: Lidar Light Scattering
+Augmentation, arXiv 2107.07004): extinction from the particles' size distribution, and a Monte Carlo draw
+of single particles in the beam, of which the strongest may outshine what stands behind it. Fog follows
+Hahner, Sakaridis, Dai, Van Gool: Fog Simulation on Real LiDAR Point Clouds (ICCV 2021), after Rasshofer,
+Spies, Spies: Influences of weather phenomena on automotive laser radar systems (2011).
+
+Not modelled: wet roads, spray behind vehicles, drops on the sensor's window, wind.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.sensors.lidar.intensity import noise_floor
+from advpipe.pipeline.sensors.lidar.section import LidarSensor
+from advpipe.pipeline.sensors.weather import Weather
+
+Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
+
+ASSUMED_REFLECTIVITY = 0.9
+"""`range_reflectivity` in bad weather of a sensor that names none: LISA takes a white target."""
+
+FAINTEST = 1 / 255
+"""Signal below which an echo from the air is taken for noise: one step of an 8-bit reflectivity."""
+
+NEAREST_M, FULL_VIEW_M = 0.9, 1.0
+"""The receiver sees nothing of the beam before the first range, all of it after the second (R1 and R2
+of Hahner et al.)."""
+
+DIVERGENCE_RAD = 3e-3
+"""Full angle of the beam, as LISA has it; VLP-16 and OS1 state 0.18 degrees, the same."""
+
+PULSE_M = 299_792_458.0 * 5e-9
+"""Length in air of a pulse whose width at half power is 5 ns, as HDL-64E states it."""
+
+
+@dataclass(frozen=True)
+class Echoes:
+    """The strongest echo that the air sends back along each of K rays.
+
+    rays: (K,) int64, each at most once. range_m: (K,) float32. signal: (K,) float32, that of a diffuse
+    target of this reflectivity in clear air.
+    """
+
+    rays: npt.NDArray[np.int64]
+    range_m: Float32
+    signal: Float32
+
+
+class Atmosphere(Protocol):
+    """The air between a LiDAR and the world."""
+
+    extinction_per_m: float
+
+    def echoes(self, rays: int, rng: np.random.Generator) -> Echoes:
+        """What so many rays would get back from the air, if nothing stood in it."""
+        ...
+
+
+def atmosphere_of(weather: Weather, sensor: LidarSensor) -> Atmosphere | None:
+    """The air for one sensor; None where it is clear."""
+    if weather.kind == "clear":
+        return None
+    if weather.kind == "fog":
+        return Fog(weather.visibility_m, sensor)
+    rate = weather.rate_mm_per_h
+    return rain(rate, sensor) if weather.kind == "rain" else snow(rate, sensor)
+
+
+def transmission(air: Atmosphere, range_m: Float32) -> Float32:
+    """Share (N,) of light left on the way there and back: exp(-2 alpha R), Beer and Lambert."""
+    share: Float32 = np.exp(range_m * np.float32(-2 * air.extinction_per_m))
+    return share
+
+
+def needed_signal(sensor: LidarSensor, range_m: Float64) -> Float64:
+    """Signal (N,) at each range that an echo from the air has to have to be taken notice of."""
+    floor = noise_floor(sensor, range_m.astype(np.float32), sensor.range_reflectivity or ASSUMED_REFLECTIVITY)
+    return np.maximum(floor.astype(np.float64), FAINTEST)
+
+
+def rain(rate_mm_per_h: float, sensor: LidarSensor) -> Particles:
+    """Marshall and Palmer's drops (1948): N(D) = 8000 exp(-4.1 R^-0.21 D) per m^3 and mm.
+
+    A drop mirrors: its answer is Fresnel's at normal incidence into water, ((n - 1)/(n + 1))^2 = 0.02.
+    """
+    slope_per_mm = 4.1 * rate_mm_per_h**-0.21
+    return Particles(8000.0, slope_per_mm, 0.02, _extinction_per_m(8000.0, slope_per_mm), sensor)
+
+
+def snow(rate_mm_per_h: float, sensor: LidarSensor) -> Particles:
+    """Gunn and Marshall's flakes (1958): N(D) = 3800 R^-0.87 exp(-2.55 R^-0.48 D), D and R melted.
+
+    A flake scatters as a surface of 0.9 would (Hahner et al., LiDAR Snowfall Simulation, CVPR 2022). It
+    is as dense as a tenth of water, so that it shades 10^(2/3) times the area of the drop it melts to.
+    """
+    density = 3.8e3 * rate_mm_per_h**-0.87
+    slope_per_mm = 2.55 * rate_mm_per_h**-0.48
+    extinction_per_m = 10 ** (2 / 3) * _extinction_per_m(density, slope_per_mm)
+    return Particles(density, slope_per_mm, 0.9, extinction_per_m, sensor)
+
+
+def _extinction_per_m(density: float, slope_per_mm: float) -> float:
+    """alpha = pi/4 Q integral of D^2 N(D) dD, with Q = 2 for particles far wider than the wavelength."""
+    square_millimetres_per_m3 = np.pi / 4 * 2 * density * 2 / slope_per_mm**3
+    return float(square_millimetres_per_m3 * 1e-6)
+
+
+class Particles:
+    """Drops or flakes whose diameters fall off exponentially: N(D) = density exp(-slope D).
+
+    LISA draws every particle in a beam and keeps the strongest. Most are far too faint to be noticed;
+    here only those are drawn that can be, which gives the same strongest ones: particles in disjoint
+    volumes are independent, and an exponential law begins anew at any diameter.
+    """
+
+    def __init__(
+        self,
+        density_per_m3_mm: float,
+        slope_per_mm: float,
+        reflectivity: float,
+        extinction_per_m: float,
+        sensor: LidarSensor,
+    ) -> None:
+        self.extinction_per_m = extinction_per_m
+        self._slope_per_mm, self._reflectivity = slope_per_mm, reflectivity
+        range_m = np.linspace(NEAREST_M, sensor.range, 4096)
+        # A particle answers with the share of the beam's area that it fills, at most with all of it.
+        share = needed_signal(sensor, range_m) * np.exp(2 * extinction_per_m * range_m) / reflectivity
+        least_mm = 1e3 * DIVERGENCE_RAD * range_m * np.sqrt(share)
+        beam_m2 = np.pi / 4 * (DIVERGENCE_RAD * range_m) ** 2
+        count_per_m3 = density_per_m3_mm / slope_per_mm * np.exp(-slope_per_mm * least_mm)
+        per_m = np.where(share <= 1, beam_m2 * count_per_m3, 0.0)
+        self._expected, self._quantiles = _cumulated(range_m, per_m, range_m, least_mm)
+
+    @property
+    def expected_per_ray(self) -> float:
+        """Particles that a ray through nothing else would notice, on average."""
+        return self._expected
+
+    def echoes(self, rays: int, rng: np.random.Generator) -> Echoes:
+        count = int(rng.poisson(rays * self._expected))
+        hit = rng.integers(0, rays, count)
+        range_m, diameter_mm = _drawn(self._quantiles, rng.random(count))
+        diameter_mm += rng.standard_exponential(count) / self._slope_per_mm
+        filled = np.minimum(diameter_mm / (1e3 * DIVERGENCE_RAD * range_m), 1) ** 2
+        signal = self._reflectivity * filled * np.exp(-2 * self.extinction_per_m * range_m)
+        power = signal / range_m**2
+        strongest = np.zeros(rays)
+        np.maximum.at(strongest, hit, power)
+        chosen = np.flatnonzero(power == strongest[hit])
+        return Echoes(hit[chosen], range_m[chosen].astype(np.float32), signal[chosen].astype(np.float32))
+
+
+class Fog:
+    """Droplets too small and too many to be told apart: a soft target (Hahner et al., equations 3 to 10).
+
+    alpha = ln 20 / MOR and beta = 0.046 / MOR. A sin^2 pulse of length L sends back
+    P(r) = pi beta integral of sin^2(pi x / L) xi(r') exp(-2 alpha r') / r'^2 dx with r' = r + L/2 - x,
+    relative to a white diffuse target, whose differential reflectivity is 1/pi.
+
+    Hahner et al. put the echo where P is greatest and scatter it by a uniform noise. Fog is patchy: here
+    the strength of each ray's echo is exponentially distributed around P, and its range is drawn with
+    P for its density.
+    """
+
+    def __init__(self, visibility_m: float, sensor: LidarSensor) -> None:
+        self.extinction_per_m = float(np.log(20) / visibility_m)
+        step_m = 0.01
+        range_m = np.arange(NEAREST_M / 2, min(sensor.range, 60.0), step_m)
+        overlap = np.clip((range_m - NEAREST_M) / (FULL_VIEW_M - NEAREST_M), 0, 1)
+        path = overlap * np.exp(-2 * self.extinction_per_m * range_m) / range_m**2
+        pulse = np.sin(np.pi * np.arange(step_m / 2, PULSE_M, step_m) / PULSE_M) ** 2
+        power = np.pi * 0.046 / visibility_m * np.convolve(path, pulse, mode="same") * step_m
+        power[range_m < NEAREST_M] = 0.0
+        signal = power * range_m**2
+        share = signal / needed_signal(sensor, range_m)
+        self._greatest_share = np.float32(share.max())
+        _, self._quantiles = _cumulated(range_m, power, range_m, signal, share)
+
+    def echoes(self, rays: int, rng: np.random.Generator) -> Echoes:
+        patch = rng.standard_exponential(rays, dtype=np.float32)
+        chance = rng.random(rays, dtype=np.float32)
+        able = np.flatnonzero(patch * self._greatest_share >= 1)
+        range_m, signal, share = _drawn(self._quantiles, chance[able])
+        noticed = np.flatnonzero(patch[able] * share >= 1)
+        able, signal = able[noticed], patch[able[noticed]] * signal[noticed]
+        return Echoes(able, range_m[noticed].astype(np.float32), signal.astype(np.float32))
+
+
+_QUANTILES = 4096
+
+
+def _cumulated(range_m: Float64, per_m: Float64, *columns: Float64) -> tuple[float, Float64]:
+    """The integral of a density over the range, and columns (C, Q + 1) at evenly spaced shares of it."""
+    parts = (per_m[1:] + per_m[:-1]) / 2 * np.diff(range_m)
+    total = np.concatenate([[0.0], np.cumsum(parts)])
+    at_m = np.interp(np.linspace(0, total[-1], _QUANTILES + 1), total, range_m)
+    return float(total[-1]), np.array([np.interp(at_m, range_m, column) for column in columns])
+
+
+def _drawn(quantiles: Float64, chance: npt.NDArray[np.floating]) -> Float64:
+    """The columns (C, N) at the shares `chance` (N,) in [0, 1)."""
+    place = chance * np.float64(_QUANTILES)
+    below = np.minimum(place.astype(np.int64), _QUANTILES - 1)
+    part = place - below
+    columns: Float64 = quantiles[:, below] * (1 - part) + quantiles[:, below + 1] * part
+    return columns

@@ -1,0 +1,76 @@
+"""How strong a surface answers, and how likely a sensor takes notice of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.sensors.lidar.section import LidarSensor
+from advpipe.pipeline.sensors.world import Hits
+
+Float32 = npt.NDArray[np.float32]
+
+ROUGHNESS_RAD = np.deg2rad(20.0)
+_VARIANCE = ROUGHNESS_RAD**2
+GRAZING_SHARE = np.float32(0.45 * _VARIANCE / (_VARIANCE + 0.09) / (1 - 0.5 * _VARIANCE / (_VARIANCE + 0.33)))
+"""What a rough surface returns at grazing incidence, as a share of that at its normal: 0.30.
+
+Oren and Nayar, Generalization of Lambert's reflectance model (SIGGRAPH 1994), with light and eye in the
+same place: A cos + B sin^2, here over A. Facets of 20 degrees are those of asphalt and plaster.
+"""
+
+RETRO_SIGNAL = np.float32(220.0)
+"""Signal of a retroreflector. Sheeting of class RA1 returns 70 cd/lx/m^2 (EN 12899-1), a white
+Lambertian surface 1/pi: 220 times as much. It saturates the receiver, so its intensity is 1."""
+
+RETROREFLECTIVE_LIMIT_RAD = np.deg2rad(40.0)
+"""Sheeting returns strongly up to an entrance angle of some 40 degrees (EN 12899-1 asks for 5 to 40)."""
+
+DETECTED_AT_RANGE = 0.9
+"""Share of the pulses that come back from a target of `range_reflectivity` at `range`: the probability
+of detection for which makers state the range."""
+
+
+def signal(hits: Hits, seen: npt.NDArray[np.intp], attenuation_per_m: float) -> Float32:
+    """Signal (len(seen),) float32 of the rays `seen`, as that of a diffuse target: 1 is a white one, facing.
+
+    Reflectivity x incidence (Oren-Nayar) x what panes on the way leave x exp(-a d), as CARLA has it.
+    The range itself takes nothing: sensors report calibrated reflectivity, not power.
+    """
+    cos = hits.cos_incidence[seen]
+    answer = cos + GRAZING_SHARE * (1 - cos * cos)
+    answer *= hits.reflectivity[seen]
+    mirrors = hits.retroreflective[seen] & (cos >= np.float32(np.cos(RETROREFLECTIVE_LIMIT_RAD)))
+    answer[mirrors] = RETRO_SIGNAL
+    answer *= hits.transmission[seen]
+    answer *= np.exp(hits.range_m[seen] * np.float32(-attenuation_per_m))
+    return answer
+
+
+def noise_floor(sensor: LidarSensor, range_m: Float32, reflectivity: float | None = None) -> Float32:
+    """Signal (N,) that is detected nine times in ten at each range: it grows with the range squared."""
+    at_range = sensor.range_reflectivity if reflectivity is None else reflectivity
+    floor: Float32 = np.square(range_m * np.float32(np.sqrt(at_range) / sensor.range))
+    return floor
+
+
+def detected_share(margin: Float32) -> Float32:
+    """Probability (N,) of detection of a signal that is `margin` (N,) times the noise floor.
+
+    1 - (1 - 0.9)^(margin^2), a smooth step of ours through the one point that makers state.
+    """
+    lost: Float32 = np.exp(np.square(np.minimum(margin, 1e3)) * np.float32(np.log(1 - DETECTED_AT_RANGE)))
+    return 1 - lost
+
+
+def kept_share(sensor: LidarSensor, intensity: Float32) -> Float32:
+    """Share (N,) of returns that CARLA's `dropoff_*` keep.
+
+    Some are lost at random, and of the weak ones a share that falls linearly from
+    `dropoff_zero_intensity` at intensity 0 to nothing at `dropoff_intensity_limit`.
+    """
+    share = np.full(len(intensity), 1 - sensor.dropoff_general_rate, np.float32)
+    if sensor.dropoff_intensity_limit > 0:
+        weakness = np.maximum(1 - intensity / np.float32(sensor.dropoff_intensity_limit), 0)
+        share *= 1 - np.float32(sensor.dropoff_zero_intensity) * weakness
+    return share

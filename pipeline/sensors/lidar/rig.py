@@ -1,0 +1,62 @@
+"""The LiDARs of one instrumented vehicle, and what they see in one step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.core.seeding import named_generator
+from advpipe.pipeline.geometry.boxes import Boxes, count_points
+from advpipe.pipeline.geometry.transforms import Float64, invert
+from advpipe.pipeline.messages.cloud import Cloud
+from advpipe.pipeline.sensors.lidar.lidar import Lidar
+from advpipe.pipeline.sensors.lidar.section import LidarSensor
+from advpipe.pipeline.sensors.sensor import Drive, Instant
+
+
+@dataclass(frozen=True)
+class View:
+    """What the LiDARs of a vehicle saw: `clouds` by LiDAR, and the truth about M road users in range.
+
+    boxes: in the map's frame. lidar_points: (M,) int64, returns on each, of all clouds. occlusion: (M,) in
+    [0, 1], for the LiDAR that sees it best.
+    """
+
+    clouds: Mapping[str, Cloud]
+    boxes: Boxes
+    lidar_points: npt.NDArray[np.int64]
+    occlusion: Float64
+
+
+class Rig:
+    """The LiDARs of one vehicle, by name."""
+
+    def __init__(self, vehicle: str, sections: Mapping[str, LidarSensor], drive: Drive) -> None:
+        self._vehicle, self._seed = vehicle, drive.seed
+        self.lidars = {
+            name: Lidar(section, drive.step_s, drive.weather) for name, section in sections.items()
+        }
+        self._range_m = max((section.range for section in sections.values()), default=0.0)
+
+    def look(self, instant: Instant) -> View | None:
+        """Turns those LiDARs whose turn ends at this instant; None where there is none."""
+        due = {name: lidar for name, lidar in self.lidars.items() if lidar.is_due(instant.frame)}
+        if not due:
+            return None
+        motion, world = instant.motion, instant.world
+        boxes = world.road_users(self._range_m)
+        twist = np.concatenate([motion.base_velocity_mps, motion.turn_rate_radps])
+        clouds: dict[str, Cloud] = {}
+        points, occlusion = np.zeros(len(boxes.ids), np.int64), np.ones(len(boxes.ids))
+        for name, lidar in due.items():
+            hits = world.cast(lidar.rays(motion.map_SE3_base, twist), self._range_m)
+            map_SE3_lidar = motion.map_SE3_base @ lidar.base_SE3_lidar
+            rng = named_generator(self._seed, "lidar", self._vehicle, name, instant.frame)
+            clouds[name] = lidar.measure(hits, rng, boxes.velocity_mps @ map_SE3_lidar[:3, :3])
+            in_lidar = boxes.transformed(invert(map_SE3_lidar))
+            points += count_points(lidar.undistorted(clouds[name], twist), in_lidar.geometry)
+            occlusion = np.minimum(occlusion, hits.occlusion)
+        return View(clouds, boxes, points, occlusion)

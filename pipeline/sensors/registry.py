@@ -1,0 +1,18 @@
+"""The kinds of sensors by their key in the scenario's section `sensors`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from advpipe.pipeline.sensors.lidar.lidars import Lidars
+from advpipe.pipeline.sensors.onboard import Gnss, Imu, WheelOdometry
+from advpipe.pipeline.sensors.sensor import Sensor
+
+SENSORS: Mapping[str, type[Sensor[Any]]] = {
+    "lidars": Lidars,
+    "gnss": Gnss,
+    "imu": Imu,
+    "wheel_odometry": WheelOdometry,
+}
+"""In the order in which the scenario file has them and a drive records them."""

@@ -1,0 +1,57 @@
+"""What every station of a drive received, instrumented or not: data sets such as VeReMi want all of them."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.receptions import recorded_receptions
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.messages.topics import VehicleTopics
+from advpipe.pipeline.replay.v2x_drive import V2xDrive, V2xStep
+from advpipe.stages.evaluate.v2x.receptions import refuse_strangers, true_senders
+
+
+class StationReception(NamedTuple):
+    """One message, `number` in /v2x/sent, at one receiver; station ids of both. power_dbm: may be NaN."""
+
+    receiver: int
+    sender: int
+    number: int
+    arrival_ns: int
+    power_dbm: float
+
+
+def receptions_of_all(reader: BagReader, drive: V2xDrive) -> Iterator[tuple[V2xStep, list[StationReception]]]:
+    """Each step with what arrives in it, of each receiver by arrival.
+
+    What the instrumented vehicles received is in the bag; for all others the drive is sent again. Raises
+    UsageError for a bag that does not tell who truly sent what was received.
+    """
+    listeners = dict(drive.listeners)
+    recorded = {station: deque(_recorded(reader, name, station)) for station, name in listeners.items()}
+    ids = {name: station for station, name in drive.stations.items()}
+    for step, replayed in drive.sent_again(drive.stations.keys() - listeners.keys()):
+        heard = [
+            StationReception(ids[one.listener], sent.station_id, sent.number, one.arrival_ns, one.power_dbm)
+            for one in replayed
+            for sent in (one.sent,)
+        ]
+        for waiting in recorded.values():
+            while waiting and (step.end_ns is None or waiting[0].arrival_ns <= step.end_ns):
+                heard.append(waiting.popleft())
+        yield step, heard
+
+
+def _recorded(reader: BagReader, name: str, station: int) -> Iterator[StationReception]:
+    received = recorded_receptions(reader, name)
+    refuse_strangers(reader, name, received, true_senders(reader) or {})
+    for one in received:
+        if one.number is None or one.station_id is None:
+            raise UsageError(
+                f"{reader.path}: {VehicleTopics(name).true_receptions.name} does not say which sent message "
+                f"{name} received at {one.arrival_ns} ns; record the drive again with this version"
+            )
+        yield StationReception(station, one.station_id, one.number, one.arrival_ns, one.power_dbm)

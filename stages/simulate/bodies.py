@@ -1,0 +1,122 @@
+"""Bodies of road users: what traffic, labels and radios need of them. What they look like is the world's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from advpipe.pipeline.scenario.traffic import UserBody
+from advpipe.stages.simulate.mesh_file import read_mesh_file
+
+
+@dataclass(frozen=True)
+class Body:
+    """A kind of road user; it fills a box of length x width x height that stands on the ground.
+
+    label: its class in the ground truth. Side mirrors stick out of the box.
+    """
+
+    name: str
+    label: str
+    length_m: float
+    width_m: float
+    height_m: float
+    max_speed_mps: float
+    acceleration_mps2: float
+
+
+BODIES = {
+    body.name: body
+    for body in (
+        Body("sedan", "car", 4.75, 1.83, 1.45, 50.0, 2.6),
+        Body("hatchback", "car", 4.05, 1.76, 1.5, 50.0, 2.6),
+        Body("estate", "car", 4.75, 1.83, 1.48, 50.0, 2.6),
+        Body("suv", "car", 4.7, 1.92, 1.72, 50.0, 2.6),
+        Body("pickup", "car", 5.3, 1.98, 1.85, 50.0, 2.4),
+        Body("van", "truck", 5.4, 2.05, 2.3, 40.0, 2.0),
+        Body("minibus", "truck", 6.0, 2.02, 2.65, 36.0, 1.8),
+        Body("box_truck", "truck", 8.2, 2.5, 3.3, 28.0, 1.3),
+        Body("semi_trailer", "truck", 16.5, 2.55, 4.0, 25.0, 0.9),
+        Body("bus", "truck", 11.9, 2.55, 3.1, 25.0, 1.2),
+        Body("motorcycle", "cyclist", 2.15, 0.8, 1.6, 45.0, 3.5),
+        Body("scooter", "cyclist", 1.85, 0.7, 1.65, 22.0, 2.5),
+        Body("bicycle", "cyclist", 1.8, 0.62, 1.75, 5.5, 1.2),
+        Body("pedestrian", "pedestrian", 0.65, 0.6, 1.72, 1.5, 1.0),
+        Body("pedestrian_backpack", "pedestrian", 0.72, 0.6, 1.75, 1.5, 1.0),
+        Body("pedestrian_suitcase", "pedestrian", 1.1, 0.62, 1.7, 1.4, 1.0),
+        Body("pedestrian_umbrella", "pedestrian", 1.0, 1.0, 2.05, 1.4, 1.0),
+        Body("child", "pedestrian", 0.5, 0.44, 1.2, 1.3, 1.0),
+    )
+}
+"""Every body by name; `traffic.mix` and `vehicles.*.body` use those that drive on the road.
+
+Sizes are those of common models: small cars of 4.05 m to the European limits of 16.5 x 2.55 x 4 m.
+"""
+
+PAINTS = (
+    "paint_black",
+    "paint_grey",
+    "paint_blue",
+    "paint_green",
+    "paint_red",
+    "paint_silver",
+    "paint_yellow",
+    "paint_white",
+)
+
+LARGEST_M = np.array([16.5, 2.6, 4.0])
+"""Nothing on the road is longer, wider or higher by law (directive 96/53/EC)."""
+
+VARIANTS = 6
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One of a few sizes and colours that a body comes in; its name is like `sedan.3`.
+
+    paint: the material of its skin. pose: in [0, 1], how whoever is in or on it sits or walks.
+    """
+
+    name: str
+    body: Body
+    length_m: float
+    width_m: float
+    height_m: float
+    paint: str
+    pose: float = 0.5
+
+
+def draw_variants(
+    rng: np.random.Generator, user_bodies: Mapping[str, UserBody] | None = None
+) -> dict[str, Variant]:
+    """`VARIANTS` of each body, sizes within about 6 % of the body's, by name; one of each of the user's.
+
+    Raises AdvpipeError for a mesh file of the user's that cannot be used.
+    """
+    variants = {}
+    for body in BODIES.values():
+        for index in range(VARIANTS):
+            factors = np.clip(rng.normal(1.0, 0.03, size=3), 0.93, 1.07)
+            size = np.minimum(np.array([body.length_m, body.width_m, body.height_m]) * factors, LARGEST_M)
+            length_m, width_m, height_m = (round(float(side), 2) for side in size)
+            paint, pose = PAINTS[int(rng.integers(len(PAINTS)))], float(rng.random())
+            name = f"{body.name}.{index}"
+            variants[name] = Variant(name, body, length_m, width_m, height_m, paint, pose)
+    for name, given in (user_bodies or {}).items():
+        variants[f"{name}.0"] = _user_variant(name, given)
+    return variants
+
+
+def variants_of(variants: Mapping[str, Variant], body: str) -> list[str]:
+    """Names of the variants of a body, in order."""
+    return [name for name, variant in variants.items() if variant.body.name == body]
+
+
+def _user_variant(name: str, given: UserBody) -> Variant:
+    """As large as its mesh."""
+    vertices_m, _ = read_mesh_file(given.mesh, f"bodies.{name}", given.scale)
+    length_m, width_m, height_m = (float(side) for side in np.ptp(vertices_m, axis=0))
+    body = Body(name, given.label, length_m, width_m, height_m, given.max_speed_mps, given.acceleration_mps2)
+    return Variant(f"{name}.0", body, length_m, width_m, height_m, given.material)

@@ -1,0 +1,123 @@
+"""ETSI ITS-G5 in this process: stations that send CAMs, the radio between them, and the master clock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+import shapely
+
+from advpipe.pipeline.core.seeding import named_generator
+from advpipe.pipeline.localisation.estimate import Estimate
+from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.messages.v2x import RadioPlace, stations_of
+from advpipe.pipeline.scenario.models import Scenario
+from advpipe.pipeline.v2x.air import Air, Sent
+from advpipe.pipeline.v2x.facilities.generation import switched_on_ns
+from advpipe.pipeline.v2x.facilities.ldm import Snapshot
+from advpipe.pipeline.v2x.radio.buildings import Buildings
+from advpipe.pipeline.v2x.radio.draws import message_keys
+from advpipe.pipeline.v2x.statistics import Statistics
+from advpipe.stages.simulate.network.embedded.station import Station, station_type, update_states
+from advpipe.stages.simulate.network.protocol import Exchange
+from advpipe.stages.simulate.traffic.road_users import RoadUser
+
+
+class EmbeddedNetwork:
+    """See `Network`. Each step of its clock sends what is due, and then moves the traffic."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        step_traffic: Callable[[], None],
+        footprints: Sequence[shapely.Polygon] | None = None,
+    ) -> None:
+        self._clock, self._v2x = scenario.simulation, scenario.v2x
+        self._step_traffic = step_traffic
+        self._instrumented = tuple(sorted(scenario.vehicles))
+        origin = scenario.map.origin
+        self._geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
+        self._ids: dict[str, int] = {}
+        self._equipped: dict[str, bool] = {}
+        listeners = {self._id_of(name): name for name in self._instrumented}
+        buildings = None if footprints is None else Buildings(footprints)
+        self.air = Air(self._v2x, self._clock.seed, self._geodesy, listeners, buildings)
+        self._stations: dict[str, Station] = {}
+        self._by_id: list[Station] = []
+        self._now_ns = self._clock.stamp_ns(0)
+        self._messages = 0
+        self.radios: tuple[RadioPlace, ...] = ()
+
+    def simulate_until(self, stamp_ns: int) -> Exchange:
+        exchange = self._exchange(stamp_ns)
+        self._step_traffic()
+        self._now_ns = stamp_ns
+        return exchange
+
+    def update(self, drivers: Mapping[str, RoadUser], estimates: Mapping[str, Estimate]) -> None:
+        if not self._v2x.enabled:
+            return
+        clock, before = self._clock, self._stations
+        self._stations = {}
+        for name, user in drivers.items():
+            if self._is_equipped(name, user):
+                self._stations[name] = before.get(name) or self._new_station(name, user)
+                self._stations[name].user = user
+        self._by_id = sorted(self._stations.values(), key=lambda station: station.id)
+        update_states(self._by_id, estimates, self._now_ns, self._v2x, clock.step_s, self._geodesy)
+        self.radios = tuple(station.place for station in self._by_id)
+
+    def local_dynamic_maps(self) -> list[tuple[str, Snapshot]]:
+        names = [name for name in self._instrumented if name in self._stations]
+        return [(name, self.air.snapshot(name, self._now_ns)) for name in names]
+
+    def finish(self) -> Exchange:
+        heard = self.air.finish(self._now_ns, stations_of(self._v2x, self.radios))
+        return Exchange(self._now_ns, received=heard.received)
+
+    def statistics(self) -> Statistics | None:
+        return self.air.statistics() if self._v2x.enabled else None
+
+    def _exchange(self, until_ns: int) -> Exchange:
+        if until_ns == self._now_ns or not self._v2x.enabled:  # the first frame: nobody is known yet
+            return Exchange(until_ns)
+        stations = self._by_id
+        due = [(cam, station) for station in stations for cam in station.cams_before(until_ns)]
+        due.sort(key=lambda item: (item[0].time_ns, item[1].id))
+        times_ns = np.array([cam.time_ns for cam, _ in due], np.int64)
+        keys = message_keys(np.array([station.id for _, station in due], np.int64), times_ns)
+        power_dbm = self._v2x.radio.transmit_power_dbm
+        sent = tuple(
+            Sent(number, key, station.id, cam.time_ns, cam.payload, power_dbm)
+            for number, (key, (cam, station)) in enumerate(
+                zip(keys.tolist(), due, strict=True), start=self._messages
+            )
+        )
+        self._messages += len(sent)
+        heard = self.air.advance(until_ns, stations_of(self._v2x, self.radios), sent)
+        for load in heard.loads:
+            for station, busy_ratio in zip(stations, load.busy_ratio.tolist(), strict=True):
+                station.hear_load(busy_ratio)
+        return Exchange(until_ns, sent, heard.received)
+
+    def _new_station(self, name: str, user: RoadUser) -> Station:
+        clock = self._clock
+        active_ns = switched_on_ns(self._now_ns, clock.stamp_ns(0), clock.seed, name)
+        return Station(self._v2x, clock.seed, clock.step_s, self._id_of(name), user, active_ns)
+
+    def _is_equipped(self, name: str, user: RoadUser) -> bool:
+        """Instrumented vehicles always are; of the others that can be, the scenario's share."""
+        if name not in self._equipped:
+            chance = named_generator(self._clock.seed, "v2x", "equipped", name).random()
+            can_be = station_type(user) is not None
+            self._equipped[name] = name in self._instrumented or (can_be and chance < self._v2x.penetration)
+        return self._equipped[name]
+
+    def _id_of(self, name: str) -> int:
+        """A 31-bit number drawn for the vehicle, as stations choose theirs; never one that is taken."""
+        if name not in self._ids:
+            rng, taken = named_generator(self._clock.seed, "v2x", "station id", name), set(self._ids.values())
+            while (station_id := int(rng.integers(1, 2**31))) in taken:
+                pass
+            self._ids[name] = station_id
+        return self._ids[name]

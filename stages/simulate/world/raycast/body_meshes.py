@@ -1,0 +1,93 @@
+"""What the bodies of road users look like: a mesh for each variant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from advpipe.pipeline.scenario.traffic import UserBody
+from advpipe.stages.simulate.bodies import Variant
+from advpipe.stages.simulate.world.raycast import cars, people, trucks, two_wheelers
+from advpipe.stages.simulate.world.raycast.mesh import Mesh, box, merge
+from advpipe.stages.simulate.world.raycast.user_mesh import load_mesh
+
+Build = Callable[[float, float, float, str, float], Mesh]
+"""Length, width, height, paint and a pose in [0, 1] to a mesh; `hull` makes it fit the box."""
+
+MIRROR_M = (0.12, 0.2, 0.14)
+MIRROR_OUT_M = 0.09
+"""Mirrors stick so far out of the box on each side: boxes of the known data sets leave mirrors out."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """How a body is built; the mesh without mirrors fills its box, standing on z = 0.
+
+    mirrors: where the side mirrors sit, as shares of length (from the middle) and height.
+    """
+
+    build: Build
+    mirrors: tuple[float, float] | None = None
+
+
+SHAPES: Mapping[str, Shape] = {
+    "sedan": Shape(cars.SEDAN, (0.17, 0.66)),
+    "hatchback": Shape(cars.HATCHBACK, (0.19, 0.64)),
+    "estate": Shape(cars.ESTATE, (0.17, 0.65)),
+    "suv": Shape(cars.SUV, (0.17, 0.63)),
+    "pickup": Shape(cars.PICKUP, (0.16, 0.6)),
+    "van": Shape(cars.VAN, (0.37, 0.52)),
+    "minibus": Shape(cars.MINIBUS, (0.38, 0.5)),
+    "box_truck": Shape(trucks.box_truck, (0.47, 0.5)),
+    "semi_trailer": Shape(trucks.semi_trailer, (0.485, 0.5)),
+    "bus": Shape(cars.BUS, (0.48, 0.62)),
+    "motorcycle": Shape(two_wheelers.motorcycle),
+    "scooter": Shape(two_wheelers.scooter),
+    "bicycle": Shape(two_wheelers.bicycle),
+    "pedestrian": Shape(people.walking),
+    "pedestrian_backpack": Shape(people.with_backpack),
+    "pedestrian_suitcase": Shape(people.with_suitcase),
+    "pedestrian_umbrella": Shape(people.with_umbrella),
+    "child": Shape(people.walking),
+}
+"""By the name of the body."""
+
+
+def body_meshes(variants: Mapping[str, Variant], user_bodies: Mapping[str, UserBody]) -> dict[str, Mesh]:
+    """The mesh of each variant in base_link, mirrors included, by the variant's name.
+
+    Raises AdvpipeError for a mesh or material of the user's that cannot be used.
+    """
+    return {
+        name: _user_mesh(variant.body.name, user_bodies[variant.body.name])
+        if variant.body.name in user_bodies
+        else body_mesh(variant)
+        for name, variant in variants.items()
+    }
+
+
+def body_mesh(variant: Variant) -> Mesh:
+    """The whole mesh of one of our bodies, mirrors included, in base_link."""
+    mirrors = SHAPES[variant.body.name].mirrors
+    if mirrors is None:
+        return hull(variant)
+    x_m, z_m = mirrors[0] * variant.length_m, mirrors[1] * variant.height_m
+    y_m = variant.width_m / 2 + MIRROR_OUT_M - MIRROR_M[1] / 2
+    mirror = box(MIRROR_M, variant.paint)
+    return merge([hull(variant), mirror.moved(x_m, y_m, z_m), mirror.moved(x_m, -y_m, z_m)])
+
+
+def hull(variant: Variant) -> Mesh:
+    """The mesh without mirrors, in base_link: x forward, origin on the ground below the box's centre."""
+    size_m = variant.length_m, variant.width_m, variant.height_m
+    mesh = SHAPES[variant.body.name].build(*size_m, variant.paint, variant.pose)
+    low, high = mesh.vertices_m.min(axis=0), mesh.vertices_m.max(axis=0)
+    scale = np.array(size_m) / (high - low)
+    centred = mesh.moved(-(low[0] + high[0]) / 2, -(low[1] + high[1]) / 2, -low[2])
+    return centred.scaled(scale[0], scale[1], scale[2])
+
+
+def _user_mesh(name: str, given: UserBody) -> Mesh:
+    return load_mesh(given.mesh, f"bodies.{name}", given.material, given.scale)

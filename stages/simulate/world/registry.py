@@ -1,0 +1,34 @@
+"""The worlds by the name that the scenario's key `world` gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.implementation import find_implementation
+from advpipe.pipeline.scenario.models import Scenario
+from advpipe.stages.simulate.bodies import Variant
+from advpipe.stages.simulate.road_network.network import RoadNetwork
+from advpipe.stages.simulate.world.protocol import NewWorld, World
+
+
+def _raycast(scenario: Scenario, network: RoadNetwork, variants: dict[str, Variant]) -> World:
+    from advpipe.stages.simulate.world.raycast.world import RaycastWorld
+
+    return RaycastWorld(scenario, network, variants)
+
+
+WORLDS: Mapping[str, NewWorld] = {"raycast": _raycast}
+
+
+def build_world(scenario: Scenario, network: RoadNetwork, variants: dict[str, Variant]) -> World:
+    """The world that the scenario names; raises UsageError where none fits its sensors."""
+    name = scenario.world
+    made = find_implementation("world", name, WORLDS)(scenario, network, variants)
+    if not isinstance(made, World):
+        raise UsageError(f"world {name} is no world: it lacks what stages/simulate/world/protocol.py asks")
+    for vehicle in scenario.vehicles:
+        for key, kind in scenario.sensors.mounted_by(vehicle):
+            if missing := sorted(kind.needs - made.offers):
+                raise UsageError(f"sensors.{key} need {missing[0]}, which the world {name} does not offer")
+    return made
