@@ -6,10 +6,11 @@ from collections.abc import Iterator
 from hashlib import blake2b
 from typing import Any, NamedTuple
 
+from advpipe.pipeline.labels.messages import FILE
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import V2X_SENT, VehicleTopics
 from advpipe.pipeline.v2x.codec.btp import btp_packet
-from advpipe.stages.verify.checks.attacked import MESSAGE_LABELS
+from advpipe.stages.verify.checks.attacked import FILE
 from advpipe.stages.verify.checks.base import MessageCheck, Seen
 from advpipe.stages.verify.checks.rates import RECOVERED_KEY
 from advpipe.stages.verify.result import Fault, Gap, Result
@@ -51,7 +52,7 @@ class Receptions(MessageCheck):
         self._sent: dict[int, _Sent] = {}
         self._arrivals: dict[str, _Arrival] = {}
         kinds = {_received(name)[1] for name in bag.reader.topics}
-        is_copy = bag.is_attack and not (bag.path / MESSAGE_LABELS).is_file()
+        is_copy = bag.is_attack and not (bag.path / FILE).is_file()
         self._is_asked = bag.is_own and not is_copy and _PACKETS in kinds
         self._is_told = _TRUTHS in kinds
 

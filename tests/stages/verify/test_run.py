@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -20,10 +19,9 @@ from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.mcap.channel import RawMessage, Topic
 from advpipe.pipeline.messages import build
-from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_from_cdr, cloud_to_cdr
+from advpipe.pipeline.messages.cloud import cloud_from_cdr, cloud_to_cdr
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.messages.types import serialise, typestore
-from advpipe.stages.verify.checks.points import Labels, excesses
 from advpipe.stages.verify.run import verify
 
 EGO = VehicleTopics("ego")
@@ -212,23 +210,6 @@ def test_a_drive_recorded_before_receptions_were(data_set: Path, rewrite: Rewrit
     assert result.findings == []
     (gap,) = (gap for gap in result.unchecked if gap.check == "receptions")
     assert "which of the sent messages were received is not told" in gap.what
-
-
-def test_a_budget_that_was_not_kept() -> None:
-    """The same labels, under budgets that hold and budgets that do not."""
-    cloud = cloud_from_cdr(cloud_to_cdr(np.zeros(100, POINT_DTYPE), 0, "x")).cloud
-    labels = Labels("t", 0, np.arange(2), np.array(["moved"] * 2), np.array([0.05, 0.1000001]))
-    assert excesses(cloud, labels, [{"eps_cm": 10.0}]) == []
-    assert excesses(cloud, labels, [{"eps_cm": 9.9}]) == ["a point moved 0.100000 m, beyond eps_cm 9.9"]
-    assert excesses(cloud, labels, [{"eps_cm": 9.9}, {"eps_cm": 10.0}]) == []
-    removed = Labels("t", 0, np.arange(2), np.array(["removed"] * 2), np.full(2, np.nan))
-    assert excesses(cloud, removed, [{"ratio": 0.02}]) == []
-    assert excesses(cloud, removed, [{"ratio": 0.01}]) == [
-        "2 points were removed, more than 1, the ratio 0.01"
-    ]
-    added = Labels("t", 0, np.full(2, -1), np.array(["added"] * 2), np.array([0.1, 0.6]))
-    assert excesses(cloud, added, [{"points": 2, "eps_m": 0.6}]) == []
-    assert excesses(cloud, added, [{"points": 3}]) == ["2 points were added, not 3"]
 
 
 def test_files_that_tell_something_else(data_set: Path) -> None:
