@@ -9,8 +9,8 @@ import numpy as np
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.sensors.world import Float32, Hits
 from advpipe.stages.simulate.road_network.network import RoadNetwork
+from advpipe.stages.simulate.road_network.roads import lay_out_roads
 from advpipe.stages.simulate.traffic.road_users import RoadUser, boxes_of
-from advpipe.stages.simulate.world.raycast.roads import lay_out_roads
 
 
 class Flat:
