@@ -18,6 +18,7 @@ PURPOSES = {
     "libusb-package": "open3d 0.20 on systems without libusb",
     "eclipse-sumo": "netconvert, netgenerate and sumo as programs: maps and demand",
     "libsumo": "the traffic of `simulate`, step by step",
+    "traci": "the same, where SUMO is a server",
     "pycrate": "CAMs in UPER; one of its 300 ASN.1 modules",
     "pyarrow": "labels, results and trajectories in Parquet",
     "scipy": "filters, statistics, nearest neighbours",

@@ -34,6 +34,7 @@ from common import finish, machine, scratch
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.jobs import map_jobs
+from advpipe.pipeline.labels.messages import lies, read_labels
 from advpipe.pipeline.misbehaviour.catch import TUNED_CATCH, CatchParameters
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
 from advpipe.pipeline.misbehaviour.detector import judge_all
@@ -43,11 +44,12 @@ from advpipe.pipeline.replay.v2x_attackers import Cast
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
-from advpipe.stages.attack.registry import ATTACKS
+from advpipe.stages.attack.gnss.base import gnss_traits
+from advpipe.stages.attack.gnss.registry import GNSS_ATTACKS
 from advpipe.stages.attack.request import AttackRequest
 from advpipe.stages.attack.run import attack
-from advpipe.stages.evaluate.v2x.detection import Detection, attack_parameters, detect
-from advpipe.stages.evaluate.v2x.labels import lies, read_labels
+from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
+from advpipe.stages.evaluate.v2x.detection import Detection, detect, published_f1
 from advpipe.stages.evaluate.v2x.receptions import read_receptions
 from advpipe.stages.simulate.run import simulate
 
@@ -101,7 +103,7 @@ HONEST = (Site("highway", 3, "highway"),)
 
 def main() -> None:
     given = _parser().parse_args()
-    words = given.only or [word for word in ATTACKS if word.startswith(("cam-", "gnss-"))]
+    words = given.only or [*GNSS_ATTACKS, *V2X_ATTACKS]
     print(machine())
     with scratch() as temporary:
         bench = Bench(given.keep or Path(temporary), given.seconds, words, given.workers)
@@ -205,11 +207,11 @@ def _specs(word: str, clean: Path, seed: int) -> tuple[AttackSpec, ...]:
     strikes the listener alone.
     """
     schedule = Schedule(from_s=FROM_S)
-    if word.startswith("cam-"):
+    if word in V2X_ATTACKS:
         parameters = LIKE_NEXTGEN.get(word, {})
         return (AttackSpec(type=word, parameters=parameters, schedule=schedule, victim="ego"),)
     victims = ["other"]
-    if word != "gnss-drift-aware":
+    if not gnss_traits(GNSS_ATTACKS[word]).needs_filter:
         cast = Cast(V2xDrive(BagReader(clean)), str(clean), seed)
         victims += [cast.names[number] for number in cast.attackers(AttackSpec(type="cam-drop"))]
     return tuple(AttackSpec(type=word, schedule=schedule, victim=victim) for victim in victims)
@@ -230,8 +232,8 @@ def _streams(bag: Path, word: str) -> list[Stream]:
 
 def _detection(config: DetectorConfig, parameters: CatchParameters, bag: Path, word: str) -> Detection:
     reader = BagReader(bag)
-    told = attack_parameters(reader.provenance)
-    return detect(read_receptions(reader), read_labels(bag), config, parameters, told)
+    published = published_f1(reader.provenance)
+    return detect(read_receptions(reader), read_labels(bag), config, parameters, published)
 
 
 def _print_attacks(found: dict[str, Detection]) -> tuple[float, float]:

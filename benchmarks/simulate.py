@@ -31,7 +31,7 @@ from advpipe.pipeline.sensors.lidar.lidar import Lidar
 from advpipe.stages.simulate import run
 from advpipe.stages.simulate.recorder import Recorder
 from advpipe.stages.simulate.traffic.road_users import RoadUser
-from advpipe.stages.simulate.traffic.sumo.traffic import Traffic
+from advpipe.stages.simulate.traffic.sumo.traffic import SumoTraffic
 from advpipe.stages.simulate.world.raycast.body_meshes import body_mesh
 from advpipe.stages.simulate.world.raycast.mesh import Mesh, merge
 from advpipe.stages.simulate.world.raycast.scene import Scene
@@ -133,8 +133,8 @@ def main() -> int:
     bare = BareCasting(watch)
     bare.install()
     for owner, method, name in (
-        (Traffic, "step", "SUMO"),
-        (Traffic, "road_users", "road users"),
+        (SumoTraffic, "step", "SUMO"),
+        (SumoTraffic, "road_users", "road users"),
         (Lidar, "rays", "rays"),
         (Lidar, "measure", "measure"),
         (OnBoard, "step", "localisation"),

@@ -42,7 +42,7 @@ from advpipe.pipeline.v2x.section import V2x
 from advpipe.stages.simulate import recorder, run
 from advpipe.stages.simulate.network.embedded.network import EmbeddedNetwork
 from advpipe.stages.simulate.recorder import Recorder
-from advpipe.stages.simulate.traffic.sumo.traffic import Traffic
+from advpipe.stages.simulate.traffic.sumo.traffic import SumoTraffic
 
 REACH = 1.3
 START_NS = 1_767_268_800_000_000_000
@@ -83,7 +83,7 @@ class Clock:
             self.wrap(owner, name, "codec")
         for owner, name in V2X:
             self.wrap(owner, name, "v2x")
-        self.wrap(Traffic, "step", "sumo")
+        self.wrap(SumoTraffic, "step", "sumo")
         self.wrap(BagWriter, "write_cdr", "v2x", _is_v2x)
         run.track = self.track  # type: ignore[assignment]
 

@@ -21,7 +21,7 @@ from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.sensors.lidar.lidar import Lidar
 from advpipe.stages.simulate.bodies import draw_variants
 from advpipe.stages.simulate.road_network.network import load_network
-from advpipe.stages.simulate.traffic.sumo.traffic import Traffic
+from advpipe.stages.simulate.traffic.registry import open_traffic
 from advpipe.stages.simulate.traffic.walkers import draw_walkers
 from advpipe.stages.simulate.world.raycast.materials import SEMANTIC, SEMANTIC_CLASSES
 from advpipe.stages.simulate.world.raycast.world import RaycastWorld, within
@@ -49,7 +49,7 @@ def main() -> None:
         network = load_network(scenario.map, Path(scratch), seed)
         variants = draw_variants(named_generator(seed, "bodies"), scenario.bodies)
         world = RaycastWorld(scenario, network, variants)
-        with Traffic(scenario, network, variants, Path(scratch)) as traffic:
+        with open_traffic(scenario, network, variants, Path(scratch)) as traffic:
             route_m = traffic.route_m(sensor.vehicle)
             walkers = draw_walkers(scenario, world.roads, variants, [route_m], network.pavements_m)
             for _ in range(given.frame + 1):

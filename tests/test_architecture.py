@@ -120,6 +120,25 @@ def test_layers_of_the_pipeline() -> None:
             assert height[one.split(".")[1]] >= height[other.split(".")[1]], f"{one} imports {other}"
 
 
+SUMO = "stages.simulate.traffic.sumo."
+
+
+def test_only_its_own_folder_speaks_to_sumo() -> None:
+    speaking = set()
+    for module, path in modules().items():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            if {name.partition(".")[0] for name in names} & {"libsumo", "traci"}:
+                speaking.add(module)
+    assert speaking == {f"{SUMO}connection", f"{SUMO}server"}
+
+
+def test_of_sumos_folder_only_the_registry_knows() -> None:
+    others = {one for one, other in edges() if other.startswith(SUMO) and not one.startswith(SUMO)}
+    assert others == {"stages.simulate.traffic.registry"}
+
+
 @pytest.mark.parametrize("module", ["pipeline.cli", "pipeline.campaigns.sweep"])
 def test_the_top_is_seen(module: str) -> None:
     assert module.replace("pipeline", "top") in modules()

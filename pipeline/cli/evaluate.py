@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from advpipe.pipeline.cli.shared import Answer, BaselineTries, Device, LidarTopic, Overwrite, Workers
+
+if TYPE_CHECKING:
+    from advpipe.stages.evaluate.run import Report
 
 
 def evaluate(
@@ -68,9 +71,10 @@ def evaluate(
     from advpipe.pipeline.bag.locate import adversarial_bags, newest_dataset, resolve_bag
     from advpipe.pipeline.core.errors import wrong_use
     from advpipe.pipeline.core.verbosity import detail
+    from advpipe.pipeline.detector.registry import detector_slug
     from advpipe.pipeline.process.folder import here, refuse_undecodable
+    from advpipe.stages.evaluate.options import Options
     from advpipe.stages.evaluate.run import evaluate as run
-    from advpipe.stages.evaluate.run import print_report
 
     with wrong_use():
         given = bags or [newest_dataset(here("datasets"))]
@@ -89,27 +93,33 @@ def evaluate(
         clean,
         adversarial,
         target,
-        detector=detectors,
-        seed=seed,
-        baseline=baseline,
-        baseline_tries=baseline_tries,
-        defences=defence or (),
-        frames=chosen,
+        Options(
+            detectors=tuple(detectors),
+            seed=seed,
+            baseline=baseline,
+            baseline_tries=baseline_tries,
+            defences=tuple(defence or ()),
+            frames=chosen,
+            lidar_topic=lidar,
+            detections=write_detections or with_clouds,
+            with_clouds=with_clouds,
+            device=device,
+        ),
         overwrite=overwrite,
-        lidar_topic=lidar,
         workers=workers,
-        detections=write_detections or with_clouds,
-        with_clouds=with_clouds,
-        device=device,
     )
+
+    return evaluated(report, target)
+
+
+def evaluated(report: Report, folder: Path) -> Answer:
+    """The tables of a report, and where its page is."""
+    from advpipe.stages.evaluate.run import print_report
+
+    page = folder / "report.html"
 
     def show() -> None:
         print_report(report)
-        print(f"report: {target / 'report.html'}")
+        print(f"report: {page}")
 
-    return Answer({"report": target / "report.html", **json.loads(report.to_json())}, show)
-
-
-def detector_slug(detector: str) -> str:
-    """A detector's name as the name of a folder: `small`, `my-model`, `package.module-Class`."""
-    return Path(detector).stem if detector.endswith(".safetensors") else detector.replace(":", "-")
+    return Answer({"report": page, **json.loads(report.to_json())}, show)

@@ -1,8 +1,9 @@
-"""The command that prints the JSON Schema of scenario files."""
+"""The command that prints the JSON Schemas of scenario files and of reports."""
 
 from __future__ import annotations
 
 import json
+from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
@@ -11,20 +12,33 @@ import typer
 from advpipe.pipeline.cli.shared import Answer, Overwrite, line
 
 
+class Of(str, Enum):
+    """What there is a schema of."""
+
+    scenario = "scenario"
+    report = "report"
+
+
 def schema(
+    of: Annotated[
+        Of, typer.Option("--of", help="Scenario files, or the report.json of `evaluate`.")
+    ] = Of.scenario,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="File to write.", show_default="standard output")
     ] = None,
     overwrite: Overwrite = False,
 ) -> Answer:
-    """The JSON Schema of scenario files, for editors and checkers.
+    """The JSON Schema of scenario files, for editors and checkers; or that of reports.
 
     Editors with a YAML language server complete and check a scenario that starts with the line
     `# yaml-language-server: $schema=FILE`.
     """
-    from advpipe.pipeline.scenario.schema import schema_json, write_schema
+    from advpipe.pipeline.core.whole_file import write_new
+    from advpipe.pipeline.results.schema import report_schema_json
+    from advpipe.pipeline.scenario.schema import schema_json
 
+    text = report_schema_json() if of is Of.report else schema_json()
     if out is None:
-        return Answer(json.loads(schema_json()), line(schema_json()))
-    write_schema(out, overwrite)
+        return Answer(json.loads(text), line(text))
+    write_new(out, f"{text}\n", overwrite)
     return Answer({"schema": out}, line(out))

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from advpipe.pipeline.cli.shared import Answer, Overwrite
+
+if TYPE_CHECKING:
+    from advpipe.stages.simulate.run import SimulationSummary
 
 
 def simulate(
@@ -31,7 +34,11 @@ def simulate(
         loaded = load_scenario(scenario, settings or ())
     detail(f"scenario {loaded.name} of {scenario}, seed {loaded.simulation.seed}")
     folder = out or here("datasets") / loaded.name
-    summary = run(loaded, folder, overwrite=overwrite)
+    return simulated(run(loaded, folder, overwrite=overwrite), folder)
+
+
+def simulated(summary: SimulationSummary, folder: Path) -> Answer:
+    """The bag of a drive, and what is in it."""
 
     def show() -> None:
         print(

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from advpipe.pipeline.core.errors import OutputExistsError, writing
 from advpipe.pipeline.core.lock import lock_of_dead, one_at_a_time, take_lock
 
 MARK = ".advpipe-partial-"
@@ -45,6 +46,14 @@ def write_whole(path: Path, content: bytes) -> None:
     """The file is the old one or the new one, never half of it."""
     with whole_file(path) as beside:
         beside.write_bytes(content)
+
+
+def write_new(path: Path, text: str, overwrite: bool = False) -> None:
+    """Writes a text whole or not at all; raises AdvpipeError for a file that exists, unless `overwrite`."""
+    if path.exists() and not overwrite:
+        raise OutputExistsError(path)
+    with writing(path):
+        write_whole(path, text.encode())
 
 
 def _remove_leftovers(path: Path) -> None:

@@ -59,6 +59,13 @@ def detector_sha256(name_or_path: str) -> str:
     return sha256_of(file) if file else ""
 
 
+def detector_slug(name_or_path: str) -> str:
+    """A detector's name as the name of a folder: `small`, `my-model`, `package.module-Class`."""
+    if name_or_path.endswith(".safetensors"):
+        return Path(name_or_path).stem
+    return name_or_path.replace(":", "-")
+
+
 def _source_file(name: str) -> Path | None:
     module, _, attribute = name.partition(":")
     try:

@@ -275,8 +275,8 @@ def check_ends(path: Path) -> None:
         _, _, summary_start, _, summary_crc = _FOOTER.unpack(footer)
         if not summary_crc or not summary_start:
             return
-        stream.seek(summary_start)
         length, crc = size - magic_bytes - 4 - summary_start, 0
+        stream.seek(min(summary_start, size))  # no system seeks to any 64-bit number
         while length > 0 and (block := stream.read(min(length, _BLOCK_BYTES))):
             length, crc = length - len(block), zlib.crc32(block, crc)
         if length or crc != summary_crc:

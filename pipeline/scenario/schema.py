@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
-from advpipe.pipeline.core.errors import OutputExistsError, writing
-from advpipe.pipeline.core.whole_file import write_whole
 from advpipe.pipeline.scenario.models import Scenario
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -35,11 +32,3 @@ def _closed(node: Any) -> Any:
 
 def schema_json() -> str:
     return json.dumps(scenario_schema(), indent=2, ensure_ascii=False)
-
-
-def write_schema(path: Path, overwrite: bool = False) -> None:
-    """Writes the file whole or not at all; one that exists is refused unless `overwrite`."""
-    if path.exists() and not overwrite:
-        raise OutputExistsError(path)
-    with writing(path):
-        write_whole(path, f"{schema_json()}\n".encode())

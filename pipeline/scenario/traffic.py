@@ -43,9 +43,36 @@ class UserBody(Section):
     acceleration_mps2: AccelerationMps2 = 2.6
 
 
-class Traffic(Section):
-    """Who is on the road besides the instrumented vehicles; SUMO drives them."""
+class SumoServer(Section):
+    """SUMO as a server of its own, which other programs may share; with `transport: traci` alone."""
 
+    join: str | None = Field(
+        None,
+        pattern=r"^[A-Za-z0-9.-]{1,253}:[0-9]{1,5}$",
+        description="host:port of a SUMO that runs already; one is started if left out",
+    )
+    port: Whole | None = Field(None, ge=1, le=65535, description="where ours listens; a free one if left out")
+    clients: Whole = Field(1, ge=1, le=100, description="programs that step ours together, advpipe included")
+    order: Whole = Field(1, ge=1, le=2**31 - 1, description="advpipe's turn among the clients in each step")
+
+    @model_validator(mode="after")
+    def _whose(self) -> SumoServer:
+        if self.join is not None and (self.port is not None or self.clients > 1):
+            raise ValueError("port and clients are of a server of ours; leave them out beside join")
+        return self
+
+
+class Traffic(Section):
+    """Who is on the road besides the instrumented vehicles, and what moves them."""
+
+    source: Word = Field(
+        "sumo",
+        description="sumo; trajectories (those of the table and nobody else); or module:Class of your own",
+    )
+    transport: Literal["libsumo", "traci"] = Field(
+        "libsumo", description="SUMO in this process, or a server; both give the same traffic"
+    )
+    server: SumoServer = SumoServer()
     vehicles: Whole = Field(80, ge=0, le=5000, description="kept on the network all the time")
     mix: dict[Word, Annotated[NotNegative, Field(le=1e6)]] = Field(
         {
@@ -83,6 +110,8 @@ class Traffic(Section):
             raise ValueError("mix needs at least one share above zero")
         if self.routes is not None and self.sumo_config is not None:
             raise ValueError("give at most one of routes and sumo_config")
+        if self.server != SumoServer() and self.transport != "traci":
+            raise ValueError("server is of transport traci; set transport: traci beside it")
         return self
 
 

@@ -12,7 +12,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.jobs import run_jobs
-from advpipe.pipeline.core.plugins import own_words, told
+from advpipe.pipeline.core.plugins import mistakes_told, own_words, told
 from advpipe.pipeline.detector.device import frames_at_once
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.labels.clouds import Frame, PointTables
@@ -68,8 +68,8 @@ def attack(
     resolved = resolved_text(provenance)
     summary = AttackSummary(out)
     gnss, v2x = request.of("gnss"), request.of("v2x")
-    changes = change_messages(reader, gnss, v2x, request.seed)
-    with open_job(out, resolved) as job:
+    with mistakes_told(own_words(spec.type for spec in (*gnss, *v2x))), open_job(out, resolved) as job:
+        changes = change_messages(reader, gnss, v2x, request.seed)
         if plan is not None:
             _attack_clouds(reader.path, plan, request, job, workers)
         with writer as bag:

@@ -10,13 +10,13 @@ import numpy as np
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.core.code import CLOUDS, code_sha256
-from advpipe.pipeline.core.versions import installed
+from advpipe.pipeline.core.code import CLOUDS
 from advpipe.pipeline.detector.protocol import Detector
+from advpipe.pipeline.detector.registry import detector_sha256
+from advpipe.pipeline.results.origin import CleanBag, ComparedBag, DetectorOrigin
 from advpipe.stages.evaluate.detection.comparison import Comparison, bag_name
-from advpipe.stages.evaluate.detection.figures import Row
 
-SCORING = (*CLOUDS, "pipeline/defences", "stages/evaluate/detection")
+SCORING = (*CLOUDS, "pipeline/defences", "pipeline/results", "stages/evaluate/detection")
 """The code that decides the figures of detection."""
 
 REPORTING = (
@@ -34,41 +34,38 @@ REPORTING = (
 """The code that decides what a report says."""
 
 
-def describe_bags(
-    clean: Path, clean_sha256: str, comparisons: Sequence[Comparison], others: Sequence[Path]
-) -> Row:
-    """The bags, their checksums, and which frames of them were scored, counted in the clean bag.
+def compared_bags(comparisons: Sequence[Comparison], others: Sequence[Path]) -> tuple[ComparedBag, ...]:
+    """The bags beside the clean one, their checksums, and which frames of the clean bag were scored.
 
     others: bags whose clouds nobody attacked, and of which none were scored.
     """
     unseen = [Comparison(bag, BagReader(bag).provenance, ()) for bag in others]
-    scenario = BagReader(clean).provenance.get("scenario_name")
-    return {
-        "advpipe": installed("advpipe"),
-        "code_sha256": code_sha256(*REPORTING),
-        "clean": {"bag": bag_name(clean), "sha256": clean_sha256, "scenario": scenario},
-        "compared": [
-            {
-                "bag": each.name,
-                "sha256": parent_sha256(each.bag) if each.bag else None,
-                "provenance": {key: value for key, value in each.provenance.items() if key != "scenario"},
-                "frames": [frame.index for frame in each.frames],
-            }
-            for each in (*comparisons, *unseen)
-        ],
-    }
+    return tuple(
+        ComparedBag(
+            each.name,
+            parent_sha256(each.bag) if each.bag else None,
+            {key: value for key, value in each.provenance.items() if key != "scenario"},
+            tuple(frame.index for frame in each.frames),
+        )
+        for each in (*comparisons, *unseen)
+    )
 
 
-def describe_detector(name: str, detector: Detector, sha256: str, is_training_map: bool | None = None) -> Row:
+def clean_bag(clean: Path, clean_sha256: str) -> CleanBag:
+    """The clean bag, as its own record has it."""
+    return CleanBag(bag_name(clean), clean_sha256, BagReader(clean).provenance.get("scenario_name"))
+
+
+def detector_origin(name: str, detector: Detector, is_training_map: bool | None = None) -> DetectorOrigin:
     """The detector by name, checksum (see `detector_sha256`), classes and range, and whether it was trained
     on drives on the map of the clean bag; None where nobody can say."""
-    return {
-        "name": Path(name).name,
-        "sha256": sha256,
-        "classes": list(detector.classes),
-        "range_m": vars(detector.range_m),
-        "is_training_map": is_training_map,
-    }
+    return DetectorOrigin(
+        name=Path(name).name,
+        sha256=detector_sha256(name),
+        classes=tuple(detector.classes),
+        range_m=vars(detector.range_m),
+        is_training_map=is_training_map,
+    )
 
 
 def transfer_remark(comparison: Comparison) -> list[str]:

@@ -22,7 +22,8 @@ from advpipe.stages.simulate.instrumented import Instrumented, Snapshot
 from advpipe.stages.simulate.network.registry import open_network
 from advpipe.stages.simulate.recorder import Recorder
 from advpipe.stages.simulate.road_network.network import RoadNetwork, load_network
-from advpipe.stages.simulate.traffic.sumo.traffic import Traffic
+from advpipe.stages.simulate.traffic.protocol import TrafficSource
+from advpipe.stages.simulate.traffic.registry import open_traffic
 from advpipe.stages.simulate.traffic.walkers import draw_walkers
 from advpipe.stages.simulate.world.protocol import World
 from advpipe.stages.simulate.world.registry import build_world
@@ -75,14 +76,14 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
     Raises AdvpipeError for a map that is none, a network without room, or an output that exists.
     """
     text, seed = dump_scenario(scenario), scenario.simulation.seed
-    own = own_words((scenario.world, scenario.v2x.network))
+    own = own_words((scenario.traffic.source, scenario.world, scenario.v2x.network))
     with staged_folder(out, overwrite, DATA_SET) as folder, scratch_folder() as scratch, mistakes_told(own):
         (folder / "scenario.yaml").write_text(text, encoding="utf-8")
         with wrong_use():  # nothing but what the scenario names has been read so far
             roads = load_network(scenario.map, scratch, seed)
             variants = draw_variants(named_generator(seed, "bodies"), scenario.bodies)
             place = _Place(roads, build_world(scenario, roads, variants), variants)
-            prepared = Traffic(scenario, roads, variants, scratch)
+            prepared = open_traffic(scenario, roads, variants, scratch)
         provenance = clean_provenance(scenario.name, text, seed, roads.map_sha256)
         compression = scenario.recording.compression
         with (
@@ -96,7 +97,7 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
 
 
 def _drive(
-    scenario: Scenario, place: _Place, traffic: Traffic, recorder: Recorder
+    scenario: Scenario, place: _Place, traffic: TrafficSource, recorder: Recorder
 ) -> tuple[_Tally, Statistics | None]:
     """The main loop of Algorithm 1: the network's clock goes ahead and moves the traffic, the world follows,
     the sensors look at it, and the stations learn where they are."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import NamedTuple
 
+from advpipe.pipeline.labels.messages import ACTIONS, ADDED, AXES, CHANGED, CORRUPT, DELAYED, DROPPED
 from advpipe.pipeline.v2x.facilities.cam_values import (
     FIELDS,
     Values,
@@ -19,15 +20,10 @@ from advpipe.pipeline.v2x.facilities.effect import matters
 from advpipe.stages.verify.ledger import Ledger, Message, Row, Story
 from advpipe.stages.verify.liars import Liars
 
-ACTIONS = ("added", "changed", "delayed", "dropped", "corrupt")
-NEWER = ("part", "fields")
-"""Columns that older versions left out, or wrote as lists."""
-
 ROUNDING_M = 1e-6
 """Between two machines' projections."""
 
-_AXES = ("x_m", "y_m")
-_BYTES = ("changed", "corrupt")
+_BYTES = (CHANGED, CORRUPT)
 
 
 class _State(NamedTuple):
@@ -72,15 +68,15 @@ class MessageLabels:
         is_late = False
         for row in story.labels:
             origin = before
-            if row["action"] == "changed" and recorded is not None:
+            if row["action"] == CHANGED and recorded is not None:
                 # What was delayed into another step is judged by what it was then.
                 origin = before if is_late and row["time_ns"] != recorded.request_ns else recorded
             yield from _action(row, before, story.forged)
             yield from self._who(row, before)
             yield from _times(row, origin)
             yield from _values(row, "true", self._honest(row, origin))
-            is_late |= row["action"] == "delayed"
-            after = None if row["action"] == "dropped" else _after(row)
+            is_late |= row["action"] == DELAYED
+            after = None if row["action"] == DROPPED else _after(row)
             if after is None:
                 yield from _values(row, "false", None)
             if row is story.labels[-1]:
@@ -118,7 +114,7 @@ class MessageLabels:
 
     def _honest(self, row: Row, origin: _State | None) -> Values | None:
         """What an honest one would have said: of a new or late one, the last of who it claims to be."""
-        if row["action"] not in ("added", "delayed"):
+        if row["action"] not in (ADDED, DELAYED):
             return None if origin is None else origin.values
         station_id = row["false_station_id"]
         payload = None if station_id is None else self.ledger.last_of(station_id, row["sent_ns"])
@@ -137,7 +133,7 @@ class MessageLabels:
         if told.request_ns != forged.request_ns:
             yield f"was sent at {forged.request_ns} ns, not {told.request_ns}"
         is_same = clean is not None and clean.payload == forged.payload
-        if len(story.labels) == 1 and is_same == (row["action"] == "changed") and row["action"] in _BYTES:
+        if len(story.labels) == 1 and is_same == (row["action"] == CHANGED) and row["action"] in _BYTES:
             yield f"is labelled {row['action']}, which it is not"
         yield from _values(row, "false", values_of_payload(forged.payload))
 
@@ -145,7 +141,7 @@ class MessageLabels:
         """x and y, which follow from latitude and longitude."""
         expected_m = places_m(self.liars.geodesy, [_told(row, "true"), _told(row, "false")])
         for kind, place_m in zip(("true", "false"), expected_m.T.tolist(), strict=True):
-            for axis, value_m in zip(_AXES, place_m, strict=True):
+            for axis, value_m in zip(AXES, place_m, strict=True):
                 told_m = _number(row[f"{kind}_{axis}"])
                 if math.isnan(told_m) != math.isnan(value_m) or abs(told_m - value_m) > ROUNDING_M:
                     yield f"is not where {kind}_{axis} tells"
@@ -154,18 +150,18 @@ class MessageLabels:
         """`fields` and `mattered`, which follow from the other columns."""
         true, false = _told(row, "true"), _told(row, "false")
         fields, said = "", None if before is None else before.values
-        if row["action"] == "changed" and said is not None and false is not None:
+        if row["action"] == CHANGED and said is not None and false is not None:
             fields = changed_fields(said, false)
         if row.get("fields", fields) != fields:
             yield f"has its {fields or 'nothing'} changed, not {row['fields'] or 'nothing'}"
         always = self.liars.every_message_matters(row["attack"], row["station_id"], row.get("part", ""))
-        mattered = row["action"] == "dropped" or bool(always)
+        mattered = row["action"] == DROPPED or bool(always)
         if not mattered:
-            moved_m = math.hypot(*(_number(row[f"true_{a}"]) - _number(row[f"false_{a}"]) for a in _AXES))
+            moved_m = math.hypot(*(_number(row[f"true_{a}"]) - _number(row[f"false_{a}"]) for a in AXES))
             mattered = matters(true, false, moved_m, self.liars.expiry_s)
         if always is None and not mattered:
             return
-        if row["mattered"] is not (mattered and row["action"] != "corrupt"):
+        if row["mattered"] is not (mattered and row["action"] != CORRUPT):
             yield f"mattered: {row['mattered']} is told, the rule says {not row['mattered']}"
 
 
@@ -174,25 +170,25 @@ def _action(row: Row, before: _State | None, forged: Message | None) -> Iterator
     action, known = row["action"], before or forged
     if action not in ACTIONS:
         yield f"is labelled {action}, which is none of {', '.join(ACTIONS)}"
-    if (action == "added") != (before is None):
+    if (action == ADDED) != (before is None):
         yield f"is labelled {action}; the clean bag disagrees"
     if known is None:
         yield "is told of, and neither bag holds it"
     elif row["station_id"] != known.station_id:
         yield f"is from {known.station_id}, not {row['station_id']}"
-    if action == "corrupt" and before is not None and before.values is not None:
+    if action == CORRUPT and before is not None and before.values is not None:
         yield "is labelled corrupt, and is a CAM"
 
 
 def _times(row: Row, origin: _State | None) -> Iterator[str]:
     action, time_ns, sent_ns = row["action"], row["time_ns"], row["sent_ns"]
-    if (sent_ns is None) != (action == "dropped"):
+    if (sent_ns is None) != (action == DROPPED):
         yield f"is labelled {action}, and was sent at {sent_ns} ns"
     if origin is not None and time_ns != origin.request_ns:
         yield f"was recorded at {origin.request_ns} ns, not {time_ns}"
-    if action in ("added", "corrupt") and sent_ns != time_ns:
+    if action in (ADDED, CORRUPT) and sent_ns != time_ns:
         yield f"is labelled {action}, recorded at {time_ns} ns and sent at {sent_ns} ns"
-    if action == "delayed" and sent_ns <= time_ns:
+    if action == DELAYED and sent_ns <= time_ns:
         yield f"is labelled delayed, from {time_ns} ns to {sent_ns} ns"
 
 

@@ -16,6 +16,7 @@ from advpipe.stages.verify.checks.points import Points
 from advpipe.stages.verify.checks.provenance import Provenance
 from advpipe.stages.verify.checks.qos import QualityOfService
 from advpipe.stages.verify.checks.rates import Rates
+from advpipe.stages.verify.checks.receptions import Receptions
 from advpipe.stages.verify.checks.reports import Reports
 from advpipe.stages.verify.checks.scenario import ScenarioFiles
 from advpipe.stages.verify.checks.signature import Signature
@@ -39,6 +40,7 @@ CHECKS: dict[str, type[FolderCheck] | type[BagCheck]] = {
     "time": Time,
     "transforms": Transforms,
     "boxes": BoxesHoldPoints,
+    "receptions": Receptions,
     "copies": Copies,
     "points": Points,
     "cams": Cams,

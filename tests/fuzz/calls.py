@@ -100,11 +100,10 @@ def plot(bag: Path, out: Path) -> None:
 
 def evaluated(clean: Path, bag: Path, out: Path) -> None:
     """A report of one adversarial bag, without a detector that takes its time."""
-    from advpipe.stages.evaluate.run import evaluate, print_report
+    from advpipe.stages.evaluate.run import Options, evaluate, print_report
 
-    report = evaluate(
-        clean, [bag], out / "report", detector="tests.fuzz.blind:BlindDetector", workers=1, bootstrap_draws=10
-    )
+    options = Options(detectors=("tests.fuzz.blind:BlindDetector",), bootstrap_draws=10)
+    report = evaluate(clean, [bag], out / "report", options, workers=1)
     shown(lambda: print_report(report))
 
 

@@ -109,7 +109,7 @@ def put_together(nodes: Iterable[Node]) -> bytes:
     for node in nodes:
         moved.setdefault(node.start, (place, 9 + len(node.body)))
         place += 9 + len(node.body)
-    data, summary_start, data_end = MCAP0_MAGIC, 0, len(MCAP0_MAGIC)
+    data, summary_start = bytearray(MCAP0_MAGIC), 0
     for node in nodes:
         body = _mended(node, moved)
         if node.opcode == Opcode.DATA_END and len(body) == 4:
@@ -120,8 +120,7 @@ def put_together(nodes: Iterable[Node]) -> bytes:
             crc = zlib.crc32(data[summary_start:] + struct.pack("<BQ", node.opcode, 20) + head)
             body = head + struct.pack("<I", crc)
         data += _bytes(Node(node.opcode, body))
-        data_end = len(data)
-    return data[:data_end] + MCAP0_MAGIC
+    return bytes(data) + MCAP0_MAGIC
 
 
 def _mended(node: Node, moved: dict[int, tuple[int, int]]) -> bytes:

@@ -248,6 +248,12 @@ def bad_qos(folder: Path) -> Case:
     return Case("recover", container.MCAP, put_together(nodes))
 
 
+def far_summary(folder: Path) -> Case:
+    """A bag whose footer has the summary begin exabytes behind its end."""
+    data = (folder / base.DRIVE / "clean" / container.MCAP).read_bytes()
+    return Case("recover", container.MCAP, data[:-28] + struct.pack("<Q", (1 << 63) - 1) + data[-20:])
+
+
 def long_name(folder: Path) -> Case:
     """An archive, good but for a file whose name no file system takes."""
     return Case("unpack", tar.ARCHIVE, tar.archive({"n" * 300: b""}))
@@ -310,6 +316,7 @@ SEEDS = (
         group_of_other_names("export gnss", "gnss/v2x_labels.parquet", b"\x06number"),
     ),
     Seed("QoS of no kind, recover", "container", bad_qos),
+    Seed("summary beyond all files, recover", "container", far_summary),
     Seed("name of 300 letters", "tar", long_name),
     Seed("zip of zeros", "checkpoint", zip_bomb),
     Seed("checkpoint of a deep text", "checkpoint", checkpoint_about(lambda about: DEEP)),

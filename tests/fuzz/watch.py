@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -113,15 +113,19 @@ class Watch:
     def _look_after(
         self, process: subprocess.Popen[bytes], status: Status, end_s: float | None
     ) -> Fault | None:
-        last, last_s, looks = status.read(), time.monotonic(), 0
+        last, last_s, looks, waited_before_s = status.read(), time.monotonic(), 0, 0.0
         while process.poll() is None:
             time.sleep(LOOK_S)
             now_s, progress, looks = time.monotonic(), status.read(), looks + 1
             self.on_tick(progress)
             if end_s is not None and now_s > end_s:
                 return None
+            if progress.started_s != last.started_s:
+                waited_before_s = waited_s(process.pid)
             if progress.started_s and now_s - progress.started_s > self.limits.hang_s:
-                return self._stopped(process, "hang", f"still busy after {self.limits.hang_s:g} s")
+                waited = longest_wait_s(process.pid, waited_before_s)
+                if now_s - progress.started_s - waited > self.limits.hang_s:
+                    return self._stopped(process, "hang", f"still busy after {self.limits.hang_s:g} s")
             used = rss_bytes(process.pid) if looks % SESSION_LOOKS else session_bytes(process.pid)
             if used > self.limits.memory_bytes:
                 return self._stopped(
@@ -162,15 +166,37 @@ def kill(process: subprocess.Popen[bytes]) -> None:
 
 def session_bytes(session: int) -> int:
     """Resident memory of all processes of a session."""
-    total = 0
+    return sum(rss_bytes(pid) for pid in _processes(session))
+
+
+def longest_wait_s(session: int, before_s: float) -> float:
+    """How long one process of a session has waited for a core: beside other work, that is nobody's fault.
+
+    before_s: how long its leader had waited when the input began; the others began with it.
+    """
+    waits_s = [waited_s(pid) - (before_s if int(pid) == session else 0.0) for pid in _processes(session)]
+    return max(waits_s, default=0.0)
+
+
+def waited_s(pid: int | str) -> float:
+    """How long the thread of a process that waited most has waited for a core."""
+    waits_ns = [0]
+    with suppress(OSError):
+        for task in os.listdir(f"/proc/{pid}/task"):
+            with suppress(OSError), open(f"/proc/{pid}/task/{task}/schedstat", encoding="ascii") as file:
+                waits_ns.append(int(file.read().split()[1]))
+    return max(waits_ns) / 1e9
+
+
+def _processes(session: int) -> Iterator[str]:
     for pid in filter(str.isdigit, os.listdir("/proc")):
         try:
             with open(f"/proc/{pid}/stat", encoding="utf-8", errors="replace") as file:
                 fields: Sequence[str] = file.read().rpartition(")")[2].split()
         except OSError:
             continue
-        total += rss_bytes(pid) if len(fields) > 3 and int(fields[3]) == session else 0
-    return total
+        if len(fields) > 3 and int(fields[3]) == session:
+            yield pid
 
 
 def _ending(code: int) -> str:

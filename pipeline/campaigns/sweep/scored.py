@@ -16,13 +16,13 @@ from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
+from advpipe.pipeline.results.evaluation import plain
 from advpipe.stages.evaluate.detection.arm import Arm
 from advpipe.stages.evaluate.detection.comparison import FrameResult
 from advpipe.stages.evaluate.detection.figures import Row, ratio_draws
 from advpipe.stages.evaluate.detection.looking import Looking
 from advpipe.stages.evaluate.detection.scoring import known_classes
 from advpipe.stages.evaluate.detection.summary import summarise
-from advpipe.stages.evaluate.report.report import plain
 
 DRAWS = 1000
 

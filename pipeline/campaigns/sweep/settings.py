@@ -9,6 +9,7 @@ from advpipe.pipeline.bag.frames import FrameSlice, count_frames, has_ground_tru
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.campaigns.sweep.cell import Cell, Settings
+from advpipe.pipeline.campaigns.sweep.options import USUAL_FRAMES, SweepOptions
 from advpipe.pipeline.core.code import code_sha256
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.versions import installed
@@ -23,41 +24,32 @@ CODE = (
 """The code that decides a cell's figures and its bag, from the attack to the score."""
 
 
-def sweep_settings(
-    clean: Path,
-    detector: str,
-    frames: str | None,
-    seed: int,
-    baseline_tries: int | None,
-    lidar_topic: str | None,
-    usual_frames: int,
-    device: str = CPU,
-) -> Settings:
-    """The settings of a sweep; without `frames`, at most `usual_frames` equally spaced ones.
+def sweep_settings(clean: Path, options: SweepOptions) -> Settings:
+    """The settings of a sweep; without frames, at most `USUAL_FRAMES` equally spaced ones.
 
     Raises AdvpipeError for an adversarial bag, one without clouds or ground truth, frames that it does not
     have, and an unknown detector or device.
     """
     if BagReader(clean).provenance.is_attack:
         raise UsageError(f"{clean} is an adversarial bag; give the clean bag that it was made from")
-    count = count_frames(clean, lidar_topic)
-    step = max(1, -(-count // usual_frames))
-    chosen = FrameSlice(step=step) if frames is None else FrameSlice.parse(frames)
+    count = count_frames(clean, options.lidar_topic)
+    step = max(1, -(-count // USUAL_FRAMES))
+    chosen = FrameSlice(step=step) if options.frames is None else FrameSlice.parse(options.frames)
     chosen.indices(count)
-    if not has_ground_truth(clean, lidar_topic):
+    if not has_ground_truth(clean, options.lidar_topic):
         raise UsageError(f"{clean} has no ground truth; give the clean bag that holds it")
-    load_detector(detector, device)
+    load_detector(options.detector, options.device)
     settings = Settings(
         clean_sha256=parent_sha256(clean),
-        detector=Path(detector).name,
-        detector_sha256=detector_sha256(detector),
+        detector=Path(options.detector).name,
+        detector_sha256=detector_sha256(options.detector),
         frames=str(chosen),
-        seed=seed,
-        baseline_tries=baseline_tries,
-        lidar_topic=lidar_topic,
+        seed=options.seed,
+        baseline_tries=options.baseline_tries,
+        lidar_topic=options.lidar_topic,
         advpipe="",
         code_sha256="",
-        device=device.partition(":")[0],
+        device=options.device.partition(":")[0],
     )
     return with_this_code(settings)
 

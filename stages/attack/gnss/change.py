@@ -11,6 +11,7 @@ from typing import Any
 from advpipe.pipeline.bag.localisation import estimate_message
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.labels import fixes
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import MAP_FRAME, TF, V2X_STATIONS, VehicleTopics
@@ -21,7 +22,7 @@ from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.gnss.base import gnss_traits
 from advpipe.stages.attack.gnss.estimated_cams import EstimatedCams
-from advpipe.stages.attack.gnss.labels import FILE_NAME, write_labels
+from advpipe.stages.attack.gnss.labels import write_labels
 from advpipe.stages.attack.gnss.registry import GNSS_ATTACKS
 from advpipe.stages.attack.gnss.reported_cams import ReportedCams
 from advpipe.stages.attack.gnss.strikes import Strikes
@@ -57,13 +58,13 @@ class GnssChange:
 
     def messages(self) -> Iterator[RawMessage]:
         """All messages of `topics`, in the bag's order and at its times."""
-        fixes = {VehicleTopics(one.vehicle).gnss_fix.name: iter(one.fixes) for one in self.vehicles}
+        spoofed = {VehicleTopics(one.vehicle).gnss_fix.name: iter(one.fixes) for one in self.vehicles}
         odometry = {VehicleTopics(one.vehicle).odometry.name: one for one in self.vehicles}
         if not self.topics:
             return
         for raw in self._reader.raw_messages(sorted(self.topics)):
-            if raw.topic.name in fixes:
-                yield next(fixes[raw.topic.name])
+            if raw.topic.name in spoofed:
+                yield next(spoofed[raw.topic.name])
             elif raw.topic.name in odometry:
                 victim = odometry[raw.topic.name]
                 estimate = victim.estimates[raw.log_time_ns]
@@ -74,7 +75,7 @@ class GnssChange:
 
     def write_labels(self, folder: Path) -> None:
         """gnss_labels.parquet; see `labels.write_labels`. Of CAMs, V2X's own labels tell."""
-        write_labels(self.vehicles, folder / FILE_NAME)
+        write_labels(self.vehicles, folder / fixes.FILE)
 
     def counts(self) -> Counter[str]:
         """How many fixes the attacks made false, and how many they took away."""

@@ -8,45 +8,21 @@ from pathlib import Path
 import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.labels.columns import schema
+from advpipe.pipeline.labels.fixes import FIX_COLUMNS, GEOGRAPHIC, OFFSETS
 from advpipe.pipeline.localisation.gnss import squared_sigmas
 from advpipe.pipeline.v2x.facilities.effect import fix_matters
 from advpipe.stages.attack.gnss.victim import FixRecord, SpoofedVehicle
-
-FILE_NAME = "gnss_labels.parquet"
 
 Row = dict[str, object]
 
 
 def write_labels(vehicles: Sequence[SpoofedVehicle], path: Path) -> None:
-    """One row for each fix of each victim, by victim and then by time.
-
-    vehicle; fix: counts the vehicle's fixes; stamp_ns; attack: its word, null where none was on; true and
-    false latitude_deg, longitude_deg, altitude_m: what the receiver would have said and what it says, null
-    without a fix; offset_east_m, offset_north_m, offset_up_m: false minus true; squared_sigmas: the offset in
-    the receiver's own covariance; mattered: whether it is missing, or as far off as matters in messages, too
-    (`pipeline/v2x/facilities/effect.py`). Who spoofs is no station of the bag, and so no column.
-    """
+    """One row for each fix of each victim; see `labels.fixes.FIX_COLUMNS`."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    numbers = (
-        *(f"{kind}_{name}" for kind in ("true", "false") for name in _GEOGRAPHIC),
-        *("offset_east_m", "offset_north_m", "offset_up_m", "squared_sigmas"),
-    )
-    schema = pa.schema(
-        [
-            ("vehicle", pa.string()),
-            ("fix", pa.int32()),
-            ("stamp_ns", pa.int64()),
-            ("attack", pa.string()),
-            *((name, pa.float64()) for name in numbers),
-            ("mattered", pa.bool_()),
-        ]
-    )
-    pq.write_table(pa.Table.from_pylist(list(_rows(vehicles)), schema), str(path))
-
-
-_GEOGRAPHIC = ("latitude_deg", "longitude_deg", "altitude_m")
+    pq.write_table(pa.Table.from_pylist(list(_rows(vehicles)), schema(FIX_COLUMNS)), str(path))
 
 
 def _rows(vehicles: Sequence[SpoofedVehicle]) -> Iterator[Row]:
@@ -67,10 +43,9 @@ def label(record: FixRecord) -> Row:
     }
     for kind, place in (("true", record.genuine), ("false", record.told)):
         values = [None] * 3 if place is None else place.tolist()
-        row |= {f"{kind}_{name}": value for name, value in zip(_GEOGRAPHIC, values, strict=True)}
+        row |= {f"{kind}_{name}": value for name, value in zip(GEOGRAPHIC, values, strict=True)}
     parts = [None] * 3 if offset_m is None else offset_m.tolist()
-    names = ("offset_east_m", "offset_north_m", "offset_up_m")
-    return row | dict(zip(names, parts, strict=True))
+    return row | dict(zip(OFFSETS, parts, strict=True))
 
 
 def _offset_m(record: FixRecord) -> Float64 | None:

@@ -27,7 +27,7 @@ from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
 from advpipe.stages.attack.lidar.crossing import Crossing, Tactics
 from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners, with_decoys
 from advpipe.stages.attack.lidar.keeper import Keeper
-from advpipe.stages.attack.lidar.pgd import descend, displaced
+from advpipe.stages.attack.lidar.pgd import Descent, descend, displaced
 from advpipe.stages.attack.lidar.selection import NoGradientError
 from advpipe.stages.attack.lidar.targets import detection_loss
 
@@ -178,26 +178,29 @@ class Perturb(LidarAttack):
     def _moved(
         self, points: Float32, goal: Goal, detector: Detector, rules: Rules, rng: np.random.Generator
     ) -> tuple[Float32, str]:
-        """The points (N, 4) after the attack, and what the user must know."""
+        """The points (N, 4) after the attack, by its recipe, and what the user must know."""
+        note, owner = "", owners(points[:, :3], goal.regions, self.tactics.margin_m)
         if self.recipe == "paper":
-            return descend(points, goal, detector, rules, self.eps_m, self.steps, self.weight, rng), ""
-        if self.recipe == "random":
-            return _shaken(points, rules, self.eps_m, rng), ""
-        if self.recipe in TACTICS and isinstance(detector, VoxelDetector):
-            crossing = Crossing(points, goal, detector, rules, self.eps_m, self.tactics, rng)
-            return crossing.run(self.steps), ""
-        owner = owners(points[:, :3], goal.regions, self.tactics.margin_m)
-        near = owner >= 0
-        if self.recipe == "random-near":
-            return _shaken(points, rules, self.eps_m, rng, near), ""
-        keeper = Keeper(goal, detector, points, owner)
-        if self.recipe == "random-best":
+            moved = descend(points, goal, detector, rules, Descent(self.eps_m, self.steps, self.weight), rng)
+        elif self.recipe == "random":
+            moved = _shaken(points, rules, self.eps_m, rng)
+        elif self.recipe == "random-near":
+            moved = _shaken(points, rules, self.eps_m, rng, owner >= 0)
+        elif self.recipe == "random-best":
+            keeper = Keeper(goal, detector, points, owner)
             for _ in range(self.steps):
-                keeper.show(_shaken(points, rules, self.eps_m, rng, near))
-            return keeper.settle(), ""
-        note = f"recipe {self.recipe} needs a detector with occupancy_loss; used PGD with the best iterate"
-        note = told(note, "which leaves intensities alone" if rules.constraints.intensity else "")
-        return descend(points, goal, detector, rules, self.eps_m, self.steps, 0.0, rng, keeper), note
+                keeper.show(_shaken(points, rules, self.eps_m, rng, owner >= 0))
+            moved = keeper.settle()
+        elif isinstance(detector, VoxelDetector):
+            moved = Crossing(points, goal, detector, rules, self.eps_m, self.tactics, rng).run(self.steps)
+        else:
+            note = (
+                f"recipe {self.recipe} needs a detector with occupancy_loss; used PGD with the best iterate"
+            )
+            note = told(note, "which leaves intensities alone" if rules.constraints.intensity else "")
+            keeper = Keeper(goal, detector, points, owner)
+            moved = descend(points, goal, detector, rules, Descent(self.eps_m, self.steps), rng, keeper)
+        return moved, note
 
 
 def _shaken(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,14 +27,22 @@ STEP_SHARE = 1 / 30
 """Of the reach, a step (section IV-B of the paper: alpha = eps / 30)."""
 
 
+@dataclass(frozen=True)
+class Descent:
+    """How far points may move, in how many steps, and the weight of their squared displacements beside the
+    loss, in its units a square metre."""
+
+    reach_m: float
+    steps: int
+    weight: float = 0.0
+
+
 def descend(
     points: Float32,
     goal: Goal,
     detector: Detector,
     rules: Rules,
-    reach_m: float,
-    steps: int,
-    weight: float,
+    descent: Descent,
     rng: np.random.Generator,
     keeper: Keeper | None = None,
 ) -> Float32:
@@ -44,11 +53,11 @@ def descend(
     for each point, and is projected again. With a keeper, its best iterate, and only points of its
     objects move; else the last one. Raises NoGradientError where the loss depends on no point from the start.
     """
-    start = torch.from_numpy(points)
+    reach_m, start = descent.reach_m, torch.from_numpy(points)
     allowed = np.ones(len(points), bool) if keeper is None else keeper.owner >= 0
     drawn = torch.from_numpy(rng.uniform(-reach_m, reach_m, (len(points), 3)).astype(np.float32))
     offset = torch.zeros_like(drawn)
-    for number in range(steps):
+    for number in range(descent.steps):
         if number == 0:  # who moves is known after the first gradient only where they are limited
             allowed &= _most_salient(points, goal, detector, rules)
             offset = _permitted(project(drawn, reach_m), rules, allowed)
@@ -58,7 +67,7 @@ def descend(
             if number == 0:
                 raise
             break  # nothing more to follow
-        total = -goal.sign * gradient + 2 * weight * offset
+        total = -goal.sign * gradient + 2 * descent.weight * offset
         length = total.norm(dim=1, keepdim=True)
         unit = total / length.clamp(min=1e-30)
         offset = _permitted(project(offset - STEP_SHARE * reach_m * unit, reach_m), rules, allowed)

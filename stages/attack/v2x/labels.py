@@ -9,6 +9,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from advpipe.pipeline.labels.columns import schema
+from advpipe.pipeline.labels.messages import (
+    ADDED,
+    AXES,
+    CHANGED,
+    CORRUPT,
+    DELAYED,
+    DROPPED,
+    FILE,
+    MESSAGE_COLUMNS,
+)
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.pipeline.v2x.facilities.cam_values import FIELDS, Values, changed_fields, places_m, values
@@ -16,7 +27,6 @@ from advpipe.pipeline.v2x.facilities.effect import matters
 from advpipe.stages.attack.v2x.base import MessageEditor, V2xAttack
 from advpipe.stages.attack.v2x.cams import Cams, told
 
-FILE_NAME = "v2x_labels.parquet"
 _BLOCK = 1000
 
 
@@ -40,17 +50,7 @@ class _Row(NamedTuple):
 class Labels:
     """Compares what editors get with what they hand on, message by message.
 
-    Columns of `v2x_labels.parquet`: `number` and `station_id` of the message as in /v2x/sent (the radio's,
-    whatever is claimed), `time_ns` when it was handed to the radio (as recorded), `sent_ns` the same after
-    the attack (null: never), `attack`, `part` (of a mix, the attack that its attacker carries out; else
-    empty), `attacker` (the vehicle or roadside unit; empty where it is not the sender who lies, as with a
-    spoofed GPS), `sender`, `action` (changed, added, delayed, dropped, or corrupt: no CAM, left as it is),
-    `fields` that the attack changed, with commas between them ("other" for what has no column), `mattered`
-    (see `pipeline/v2x/facilities/effect.py`), and `true_...` and `false_...` of each field of a CAM, with x
-    and y in the map's frame.
-
-    True values are those of the recorded message. Of one that was added or delayed, they are what the station
-    that it claims to be from had said itself by then; null for a station that does not exist.
+    The columns of `v2x_labels.parquet`: `labels.messages.MESSAGE_COLUMNS`.
 
     touching: places, among all editors, of those that touched any message. counts: of the messages by
     action, and "made invalid": of those, how many were CAMs and no longer are.
@@ -91,12 +91,12 @@ class Labels:
                 self._arrived(place, one)
             elif one is old or one == old:
                 if isinstance(editor, V2xAttack) and self._is_corrupt(editor, one):
-                    self._add(place, "corrupt", one, one.request_ns, one.payload, one.payload)
+                    self._add(place, CORRUPT, one, one.request_ns, one.payload, one.payload)
             elif one.payload == old.payload and one.request_ns != old.request_ns:
-                self._add(place, "delayed", one, old.request_ns, old.payload, self._honest(one))
+                self._add(place, DELAYED, one, old.request_ns, old.payload, self._honest(one))
             else:
                 original = self._step.get(one.number, old)
-                self._add(place, "changed", one, original.request_ns, old.payload, original.payload)
+                self._add(place, CHANGED, one, original.request_ns, old.payload, original.payload)
         for number, one in olds.items():
             self._held[place, number] = one
         if len(self._rows) >= _BLOCK:
@@ -108,7 +108,7 @@ class Labels:
         import pyarrow.parquet as pq
 
         for (place, _), one in self._held.items():
-            self._add(place, "dropped", one, one.request_ns, one.payload, one.payload, False)
+            self._add(place, DROPPED, one, one.request_ns, one.payload, one.payload, False)
             if len(self._rows) >= _BLOCK:
                 self._close_block()
                 self.cams.forget()
@@ -116,15 +116,15 @@ class Labels:
         self._close_block()
         table = pa.concat_tables(self._tables)
         order = [("time_ns", "ascending"), ("number", "ascending"), ("attack", "ascending")]
-        pq.write_table(table.sort_by(order), folder / FILE_NAME)
+        pq.write_table(table.sort_by(order), folder / FILE)
 
     def _arrived(self, place: int, one: Sent) -> None:
         held = self._held.pop((place, one.number), None)
         honest = self._honest(one)
         if held is None:
-            self._add(place, "added", one, one.request_ns, None, honest)
+            self._add(place, ADDED, one, one.request_ns, None, honest)
         else:
-            self._add(place, "delayed", one, held.request_ns, held.payload, honest)
+            self._add(place, DELAYED, one, held.request_ns, held.payload, honest)
 
     def _is_corrupt(self, attack: V2xAttack, one: Sent) -> bool:
         return attack.context.acts(one) and self.cams.open(one.payload) is None
@@ -185,48 +185,36 @@ class Labels:
         )
         moved_m = np.hypot(*(true_m - false_m)).tolist()
         columns: dict[str, Any] = {
-            "number": pa.array([row.one.number for row in rows], pa.uint64()),
-            "station_id": pa.array([row.one.station_id for row in rows], pa.uint32()),
-            "time_ns": pa.array([row.time_ns for row in rows], pa.int64()),
-            "sent_ns": pa.array(
-                [None if row.action == "dropped" else row.one.request_ns for row in rows], pa.int64()
-            ),
+            "number": [row.one.number for row in rows],
+            "station_id": [row.one.station_id for row in rows],
+            "time_ns": [row.time_ns for row in rows],
+            "sent_ns": [None if row.action == DROPPED else row.one.request_ns for row in rows],
             **{
-                name: pa.array([getattr(row, name) for row in rows], pa.string())
+                name: [getattr(row, name) for row in rows]
                 for name in ("attack", "part", "attacker", "sender", "action")
             },
-            "fields": pa.array([_changed(row) for row in rows], pa.string()),
-            "mattered": pa.array(
-                [self._mattered(row, moved) for row, moved in zip(rows, moved_m, strict=True)], pa.bool_()
-            ),
+            "fields": [_changed(row) for row in rows],
+            "mattered": [self._mattered(row, moved) for row, moved in zip(rows, moved_m, strict=True)],
         }
         for kind, kind_m in (("true", true_m), ("false", false_m)):
-            for axis, values_m in zip(("x_m", "y_m"), kind_m, strict=True):
+            for axis, values_m in zip(AXES, kind_m, strict=True):
                 columns[f"{kind}_{axis}"] = pa.array(values_m, pa.float64(), from_pandas=True)
             for field in FIELDS:
-                column = [None if (said := getattr(row, kind)) is None else said[field] for row in rows]
-                columns[f"{kind}_{field}"] = pa.array(column, _column_type(field))
-        self._tables.append(pa.table(columns))
+                columns[f"{kind}_{field}"] = [
+                    None if (said := getattr(row, kind)) is None else said[field] for row in rows
+                ]
+        self._tables.append(pa.Table.from_pydict(columns, schema(MESSAGE_COLUMNS)))
 
     def _mattered(self, row: _Row, moved_m: float) -> bool:
-        if row.action == "corrupt":
+        if row.action == CORRUPT:
             return False
-        if row.always_matters or row.action == "dropped":
+        if row.always_matters or row.action == DROPPED:
             return True
         return matters(row.true, row.false, moved_m, self._expiry_s)
 
 
 def _changed(row: _Row) -> str:
     """The fields that this attack changed, by what it was given."""
-    if row.action != "changed" or row.before is None or row.false is None:
+    if row.action != CHANGED or row.before is None or row.false is None:
         return ""
     return changed_fields(row.before, row.false)
-
-
-def _column_type(field: str) -> Any:
-    import pyarrow as pa
-
-    return pa.float64() if field.rpartition("_")[2] in _UNITS else pa.int64()
-
-
-_UNITS = ("deg", "m", "rad", "mps", "mps2", "radps")

@@ -12,10 +12,10 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.messages.topics import V2X_STATIONS, VehicleTopics
-from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.stages.evaluate.cooperative.pair import poses
 from advpipe.stages.evaluate.coordinated.struck import Int64, touched_points
 from advpipe.stages.evaluate.v2x.ldm_error import ldm_error, moments
+from advpipe.stages.evaluate.v2x.recording import read_recording
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def _own_place(reader: BagReader, vehicle: str, window: Window) -> Series:
 
 
 def _map(reader: BagReader, vehicle: str, window: Window) -> Series:
-    expiry_s = V2xDrive(reader, window.end_ns).v2x.ldm.expiry_s
+    expiry_s = read_recording(reader, window.end_ns).expiry_s
     found = ldm_error(moments(reader, vehicle, expiry_s, window))
     return Series(found.time_ns, found.ghosts + found.missing + found.displaced)
 

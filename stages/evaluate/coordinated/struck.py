@@ -16,12 +16,12 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.core.bounded_parquet import Kind, batches, rows
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.labels.clouds import FRAMES, POINTS
+from advpipe.pipeline.labels.messages import read_labels
 from advpipe.pipeline.replay.recorded_filter import vehicles_with_filter
-from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns
-from advpipe.stages.evaluate.v2x.labels import read_labels
+from advpipe.stages.evaluate.v2x.recording import read_recording
 
-CLOUDS, POINTS = "frames.parquet", "labels.parquet"
 COLUMNS: dict[str, Kind] = {"topic": "text", "stamp_ns": "whole"}
 
 Int64 = npt.NDArray[np.int64]
@@ -60,7 +60,7 @@ def touched_points(bag: Path, vehicle: str) -> dict[int, int]:
     """How many points were touched of each of a vehicle's clouds in the bag, by stamp; 0 where none was."""
     import pyarrow
 
-    if not _beside(bag, CLOUDS).exists():
+    if not _beside(bag, FRAMES).exists():
         return {}
     counts = {row["stamp_ns"]: 0 for row in _clouds_of(bag) if _vehicle(row["topic"]) == vehicle}
     with _labels(bag, POINTS) as path:
@@ -89,7 +89,7 @@ def _messages(
     sent = [one for one in told if one.family == "v2x"]
     names = {one.type for one in sent}
     labels = [label for label in read_labels(bag) if label.attack in names] if sent else []
-    for vehicle in V2xDrive(reader, until_ns).listeners.values() if labels else ():
+    for vehicle in read_recording(reader, until_ns).listeners if labels else ():
         words = {one.type for one in sent if one.victim in (None, vehicle)}
         own = [label for label in labels if label.attack in words and label.attacker != vehicle]
         if own:
@@ -98,7 +98,7 @@ def _messages(
 
 
 def _clouds(bag: Path) -> Iterator[Struck]:
-    if not _beside(bag, CLOUDS).exists():
+    if not _beside(bag, FRAMES).exists():
         return
     struck = [row for row in _clouds_of(bag) if row["attack"]]
     for vehicle in sorted({_vehicle(row["topic"]) for row in struck}):
@@ -108,7 +108,7 @@ def _clouds(bag: Path) -> Iterator[Struck]:
 
 
 def _clouds_of(bag: Path) -> list[dict[str, Any]]:
-    with _labels(bag, CLOUDS) as path:
+    with _labels(bag, FRAMES) as path:
         return list(rows(path, {**COLUMNS, "attack": "text"}))
 
 

@@ -18,12 +18,12 @@ from advpipe.pipeline.metrics.average_precision import (
 )
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap, percentile_interval
 from advpipe.pipeline.metrics.matching import MatchTable
+from advpipe.pipeline.results.figures import Interval
 from advpipe.stages.evaluate.detection.comparison import FrameResult
 from advpipe.stages.evaluate.detection.scoring import CRITERIA
 from advpipe.stages.evaluate.detection.strata import STRATA, Measures
 
 Float64 = npt.NDArray[np.float64]
-Interval = tuple[float, float] | None
 
 WHOLE = "all"
 """The stratum of all objects."""

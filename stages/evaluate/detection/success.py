@@ -8,10 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap, percentile_interval
+from advpipe.pipeline.results.records import SuccessRecord
+from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.arm import WHOLE
-from advpipe.stages.evaluate.detection.comparison import Comparison, FrameResult
-from advpipe.stages.evaluate.detection.figures import Row, above_0, ratio
+from advpipe.stages.evaluate.detection.comparison import FrameResult
+from advpipe.stages.evaluate.detection.figures import above_0, ratio
 from advpipe.stages.evaluate.detection.frame_row import lost_objects, new_false_positives
+from advpipe.stages.evaluate.detection.scored import Scored
 from advpipe.stages.evaluate.detection.scoring import found_objects, labelled
 from advpipe.stages.evaluate.detection.strata import STRATA, Stratum, range_m
 
@@ -22,45 +25,44 @@ RANGES = (EVERYWHERE, *(stratum for stratum in STRATA if stratum.by == "range"))
 EVERY_CLASS = "all"
 
 
-def success_rows(
-    comparison: Comparison,
-    row: Row,
-    words: Sequence[str],
-    classes: Sequence[str],
-    min_score: float,
-    bootstrap: BlockBootstrap,
-) -> Iterator[Row]:
-    """A row for each cloud of `words`, class and range: objects found on the clean clouds and lost on these.
+def success_records(scored: Scored, result: ResultRow, words: Sequence[str]) -> Iterator[SuccessRecord]:
+    """A record for each cloud of `words`, class and range: objects found on clean clouds and lost on these.
 
-    Found and lost are at loose overlap, those named `strict_` at strict overlap, both with a score of at
-    least `min_score`. attack_success_percent: lost of found, with its interval from the bootstrap.
-    new_false_positives are told by their own class and range.
+    lost of found in percent has its interval from the bootstrap. new_false_positives are told by their own
+    class and range.
     """
     for word in words:
-        for name in (EVERY_CLASS, *classes):
+        for name in (EVERY_CLASS, *scored.classes):
             for stratum in RANGES:
-                counts = np.array(
-                    [_counts(frame, word, name, stratum, min_score) for frame in comparison.frames]
-                )  # (F, 5): found, lost and new at loose overlap, found and lost at strict overlap
-                found, lost, new, strictly_found, strictly_lost = (int(count) for count in counts.sum(axis=0))
-                yield {
-                    **{
-                        key: row[key] for key in ("bag", "detector", "attack", "recipe", "parameter", "value")
-                    },
-                    "cloud": word,
-                    "class": name,
-                    "range": stratum.name,
-                    "min_score": min_score,
-                    "found_clean": found,
-                    "lost": lost,
-                    "attack_success_percent": 100 * ratio(lost, found),
-                    "attack_success_ci95": percentile_interval(_rate_draws(counts[:, :2], bootstrap)),
-                    "strict_found_clean": strictly_found,
-                    "strict_lost": strictly_lost,
-                    "strict_attack_success_percent": 100 * ratio(strictly_lost, strictly_found),
-                    "strict_attack_success_ci95": percentile_interval(_rate_draws(counts[:, 3:], bootstrap)),
-                    "new_false_positives": new,
-                }
+                yield _record(scored, result, word, name, stratum)
+
+
+def _record(scored: Scored, result: ResultRow, word: str, name: str, stratum: Stratum) -> SuccessRecord:
+    frames, bootstrap, attack = scored.comparison.frames, scored.bootstrap, result.attack
+    counts = np.array([_counts(frame, word, name, stratum, scored.min_score) for frame in frames])
+    # (F, 5): found, lost and new at loose overlap, found and lost at strict overlap
+    found, lost, new, strictly_found, strictly_lost = (int(count) for count in counts.sum(axis=0))
+    return SuccessRecord(
+        result.bag,
+        result.detector,
+        attack.attack,
+        attack.recipe,
+        attack.parameter,
+        attack.value,
+        cloud=word,
+        class_name=name,
+        range=stratum.name,
+        min_score=scored.min_score,
+        found_clean=found,
+        lost=lost,
+        attack_success_percent=100 * ratio(lost, found),
+        attack_success_ci95=percentile_interval(_rate_draws(counts[:, :2], bootstrap)),
+        strict_found_clean=strictly_found,
+        strict_lost=strictly_lost,
+        strict_attack_success_percent=100 * ratio(strictly_lost, strictly_found),
+        strict_attack_success_ci95=percentile_interval(_rate_draws(counts[:, 3:], bootstrap)),
+        new_false_positives=new,
+    )
 
 
 def _counts(frame: FrameResult, word: str, name: str, stratum: Stratum, min_score: float) -> tuple[int, ...]:

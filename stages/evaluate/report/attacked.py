@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from advpipe.pipeline.results.records import BaselineRecord, SuccessRecord, record_of
+from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.arm import WHOLE
 from advpipe.stages.evaluate.detection.baseline import baseline_title
-from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.detection.strata import STRATA
 from advpipe.stages.evaluate.detection.success import EVERY_CLASS
 from advpipe.stages.evaluate.detection.summary import Summary
@@ -23,7 +24,7 @@ ANSWER = {True: "yes", False: "no", None: NOTHING}
 def attacked_sections(summaries: Sequence[Summary]) -> Iterator[Section]:
     """Those that there is something to say in."""
     attacked = [summary for summary in summaries if summary.comparison.bag]
-    if any(summary.row["baselines"] for summary in attacked):
+    if any(summary.result.baselines for summary in attacked):
         yield baselines_section(attacked)
     if attacked:
         yield success_section(attacked)
@@ -52,17 +53,17 @@ def baselines_section(summaries: Sequence[Summary]) -> Section:
     )
     lines = []
     for summary in summaries:
-        row, title = summary.row, title_of(summary, summaries)
-        for word in _words(row):
+        title = title_of(summary, summaries)
+        for word, baseline in summary.result.baselines.items():
             lines.append(
                 (
                     title,
                     baseline_title(word),
-                    number(row[f"{word}_map_ratio_percent"], 2),
-                    interval(row[f"{word}_map_ratio_ci95"]),
-                    number(row[f"map_ratio_minus_{word}"], 2),
-                    interval(row[f"map_ratio_minus_{word}_ci95"]),
-                    ANSWER[_flag(row[f"beats_{word}"])],
+                    number(baseline.figures.map_ratio_percent, 2),
+                    interval(baseline.figures.map_ratio_ci95),
+                    number(baseline.map_ratio_minus, 2),
+                    interval(baseline.map_ratio_minus_ci95),
+                    ANSWER[baseline.is_beaten],
                 )
             )
             title = ""
@@ -73,21 +74,28 @@ def baselines_section(summaries: Sequence[Summary]) -> Section:
         f"the 95 % interval of the difference lies below 0. {RANDOM_BEST}",
         (Table("", heads, tuple(lines)),),
         records=tuple(
-            {
-                **{
-                    key: summary.row[key]
-                    for key in ("bag", "detector", "attack", "recipe", "parameter", "value")
-                },
-                "baseline": word,
-                "map_ratio_percent": summary.row[f"{word}_map_ratio_percent"],
-                "map_ratio_ci95": summary.row[f"{word}_map_ratio_ci95"],
-                "minus": summary.row[f"map_ratio_minus_{word}"],
-                "minus_ci95": summary.row[f"map_ratio_minus_{word}_ci95"],
-                "beats": summary.row[f"beats_{word}"],
-            }
+            record_of(_baseline_record(summary.result, word))
             for summary in summaries
-            for word in _words(summary.row)
+            for word in summary.result.baselines
         ),
+    )
+
+
+def _baseline_record(result: ResultRow, word: str) -> BaselineRecord:
+    attack, baseline = result.attack, result.baselines[word]
+    return BaselineRecord(
+        result.bag,
+        result.detector,
+        attack.attack,
+        attack.recipe,
+        attack.parameter,
+        attack.value,
+        baseline=word,
+        map_ratio_percent=baseline.figures.map_ratio_percent,
+        map_ratio_ci95=baseline.figures.map_ratio_ci95,
+        minus=baseline.map_ratio_minus,
+        minus_ci95=baseline.map_ratio_minus_ci95,
+        beats=baseline.is_beaten,
     )
 
 
@@ -102,20 +110,20 @@ def success_section(summaries: Sequence[Summary]) -> Section:
     )
     tables = []
     for summary in summaries:
-        found = {(row["cloud"], row["class"], row["range"]): row for row in summary.success}
+        found = {(each.cloud, each.class_name, each.range): each for each in summary.success}
         names = [name for _, name, place in found if place == WHOLE and ("adv", name, place) in found]
         lines = []
         for name in dict.fromkeys(names):
             mine = [found["adv", name, place] for place in ranges]
-            random = found.get(("baseline", name, WHOLE), {})
+            random = found.get(("baseline", name, WHOLE))
             lines.append(
                 (
                     "every class" if name == EVERY_CLASS else str(name),
-                    _share(mine[0], "strict_"),
-                    *(_share(row) for row in mine),
+                    _strict_share(mine[0]),
+                    *(_share(each) for each in mine),
                     _share(random),
-                    number(mine[0]["new_false_positives"], 0),
-                    number(random.get("new_false_positives"), 0),
+                    number(mine[0].new_false_positives, 0),
+                    number(random.new_false_positives if random else None, 0),
                 )
             )
         tables.append(Table(title_of(summary, summaries), heads, tuple(lines)))
@@ -127,7 +135,7 @@ def success_section(summaries: Sequence[Summary]) -> Section:
         f"that stands above the column ({OVERLAPS}). A new FP is a detection that finds nothing, where none "
         "was before. The random draw, anywhere, is the weakest of the baselines.",
         tuple(tables),
-        records=tuple(row for summary in summaries for row in summary.success),
+        records=tuple(record_of(each) for summary in summaries for each in summary.success),
     )
 
 
@@ -139,7 +147,7 @@ def change_section(summaries: Sequence[Summary]) -> Section:
     )  # fmt: skip
     tables = []
     for summary in summaries:
-        words = ["", *(f"{word}_" for word in _words(summary.row))]
+        words = ["", *(f"{word}_" for word in summary.result.baselines)]
         lines = tuple(
             (
                 baseline_title(prefix.removesuffix("_")) if prefix else "attacked",
@@ -217,13 +225,13 @@ def defences_section(summaries: Sequence[Summary]) -> Section:
             lines.append(
                 (
                     "",
-                    str(each["defence"]),
-                    number(each["map_clean"], 3),
-                    number(each["kept_percent"], 1),
-                    number(each.get("map_adv"), 3),
-                    number(each.get("map_ratio_percent"), 2),
-                    interval(each.get("map_ratio_ci95")),
-                    number(each.get("map_adv_percent"), 2),
+                    each.defence,
+                    number(each.map_clean, 3),
+                    number(each.kept_percent, 1),
+                    number(each.attacked and each.attacked.map_adv, 3),
+                    number(each.attacked and each.attacked.map_ratio_percent, 2),
+                    interval(each.attacked and each.attacked.map_ratio_ci95),
+                    number(each.attacked and each.attacked.map_adv_percent, 2),
                 )
             )
     return Section(
@@ -233,22 +241,21 @@ def defences_section(summaries: Sequence[Summary]) -> Section:
         "Kept: mAP on clean clouds under the defence, in percent of that without. Ratio: attacked to clean, "
         "both under the defence.",
         (Table("", heads, tuple(lines)),),
-        records=tuple(row for summary in summaries for row in summary.defended),
+        records=tuple(each.record() for summary in summaries for each in summary.defended),
     )
 
 
-def _words(row: Row) -> list[str]:
-    words = row["baselines"]
-    return [str(word) for word in words] if isinstance(words, list) else []
-
-
-def _share(row: Row, prefix: str = "") -> str:
-    if not row or not row[f"{prefix}found_clean"]:
+def _share(record: SuccessRecord | None) -> str:
+    """The objects lost at loose overlap, of those found."""
+    if record is None or not record.found_clean:
         return NOTHING
-    counts = f"{number(row[f'{prefix}lost'], 0)} of {number(row[f'{prefix}found_clean'], 0)}"
-    percent, bounds = row[f"{prefix}attack_success_percent"], row[f"{prefix}attack_success_ci95"]
-    return f"{with_interval(percent, bounds, 0)} % ({counts})"
+    percent = with_interval(record.attack_success_percent, record.attack_success_ci95, 0)
+    return f"{percent} % ({number(record.lost, 0)} of {number(record.found_clean, 0)})"
 
 
-def _flag(value: object) -> bool | None:
-    return value if isinstance(value, bool) else None
+def _strict_share(record: SuccessRecord) -> str:
+    """Those lost at strict overlap."""
+    if not record.strict_found_clean:
+        return NOTHING
+    percent = with_interval(record.strict_attack_success_percent, record.strict_attack_success_ci95, 0)
+    return f"{percent} % ({number(record.strict_lost, 0)} of {number(record.strict_found_clean, 0)})"

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from advpipe.pipeline.geometry.boxes import CLASSES
+from advpipe.pipeline.results.evaluation import plain
 from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.clean import (
@@ -18,7 +19,7 @@ from advpipe.stages.evaluate.report.clean import (
 )
 from advpipe.stages.evaluate.report.numbers import number
 from advpipe.stages.evaluate.report.page import rendered
-from advpipe.stages.evaluate.report.report import Report, plain
+from advpipe.stages.evaluate.report.report import Report
 from advpipe.stages.evaluate.report.scene import attack_title
 from advpipe.stages.evaluate.report.section import ATTACK, CLEAN, OVERVIEW, Picture
 from advpipe.stages.evaluate.report.table import lines, lost_of, remarks
@@ -30,8 +31,8 @@ def write_html(report: Report, summaries: Sequence[Summary], pictures: Sequence[
     """Write report.html: tables, pictures, formulas and provenance."""
     page = rendered(
         TEMPLATE.read_text(encoding="utf-8"),
-        title=report.provenance["clean"],
-        detectors=report.provenance["detectors"],
+        title=report.origin.clean,
+        detectors=report.origin.detectors,
         is_attacked=any(summary.comparison.bag for summary in summaries) or bool(report.sections),
         lines=lines(report),
         remarks=remarks(report),
@@ -58,8 +59,8 @@ def write_html(report: Report, summaries: Sequence[Summary], pictures: Sequence[
             for summary in of_first_detector(summaries)
             if summary.comparison.bag
         ],
-        formulas=report.all_formulas(),
-        provenance=json.dumps(plain(report.provenance), indent=2, sort_keys=True),
+        formulas=report.formulas,
+        provenance=json.dumps(plain(report.origin.record()), indent=2, sort_keys=True),
     )
     path.write_text(page, encoding="utf-8")
 

@@ -1,14 +1,13 @@
-"""The report of an evaluation: its figures, where they come from, and the files that hold them."""
+"""The report of an evaluation: its figures, what they mean, and what every family adds."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
-import numpy as np
-
-from advpipe.stages.evaluate.detection.figures import Row
+from advpipe.pipeline.results.evaluation import Evaluation
+from advpipe.pipeline.results.origin import Origin
+from advpipe.pipeline.results.records import PrecisionRecord
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.section import Section
 from advpipe.stages.evaluate.report.wording import RANDOM_BEST, WHITE_BOX
@@ -47,77 +46,51 @@ FORMULAS: Mapping[str, str] = {
 }
 """What the figures mean, in words that go into every report."""
 
-SIGNIFICANT_DIGITS = 8
 
+@dataclass(frozen=True, kw_only=True)
+class Report(Evaluation):
+    """An evaluation as people read it. sections: what every family adds: tables, pictures and records."""
 
-@dataclass(frozen=True)
-class Report:
-    """All figures of an evaluation.
-
-    rows: one an adversarial bag, or one for the clean bag alone. provenance: detector, bags, seeds.
-    average_precision: one record a bag, detector, cloud (`clean`, `adv`, or a baseline's word), class,
-    criterion and stratum. sections: what every family adds; the records of each are listed by its key.
-    banners: what must be read before any figure.
-    """
-
-    rows: tuple[Row, ...]
-    provenance: Row
-    formulas: Mapping[str, str]
-    average_precision: tuple[Row, ...] = ()
     sections: tuple[Section, ...] = ()
-    banners: tuple[str, ...] = ()
-
-    def to_json(self) -> str:
-        """The same text for the same figures: sorted keys, rounded numbers, null for what is undefined.
-
-        The records of `average_precision` and of sections take one line each.
-        """
-        document = {
-            "banners": self.banners,
-            "formulas": self.all_formulas(),
-            "provenance": self.provenance,
-            "rows": self.rows,
-        }
-        text = json.dumps(plain(document), indent=2, sort_keys=True, allow_nan=False)
-        records = {"average_precision": self.average_precision}
-        records |= {each.key: each.records for each in self.sections if each.records}
-        listed = "".join(f'\n  "{key}": {_one_a_line(each)},' for key, each in sorted(records.items()))
-        return f"{{{listed}{text[1:]}\n"
-
-    def all_formulas(self) -> dict[str, str]:
-        """What the figures mean, those of sections too."""
-        formulas = dict(self.formulas)
-        for section in self.sections:
-            formulas |= dict(section.formulas)
-        return formulas
 
 
-def precision_records(summaries: Sequence[Summary]) -> tuple[Row, ...]:
-    """What `report.json` lists as `average_precision`; of all objects: `by` is empty, `stratum` all."""
-    return tuple(
-        {
-            "bag": summary.row["bag"],
-            "detector": summary.row["detector"],
-            "cloud": cloud,
-            **{"class" if key == "name" else key: value for key, value in asdict(precision).items()},
-        }
-        for summary in summaries
-        for cloud, precisions in summary.precisions.items()
-        for precision in precisions
+def report_of(
+    summaries: Sequence[Summary],
+    sections: Sequence[Section],
+    origin: Origin,
+    formulas: Mapping[str, str],
+    banners: Sequence[str],
+) -> Report:
+    """The report of scored comparisons; the formulas of sections join the others."""
+    of_sections = {name: text for section in sections for name, text in section.formulas}
+    return Report(
+        results=tuple(summary.result for summary in summaries),
+        origin=origin,
+        formulas={**formulas, **of_sections},
+        average_precision=precision_records(summaries),
+        records={each.key: each.records for each in sections if each.records},
+        banners=tuple(banners),
+        sections=tuple(sections),
     )
 
 
-def _one_a_line(records: Sequence[Row]) -> str:
-    lines = [json.dumps(plain(record), sort_keys=True, allow_nan=False) for record in records]
-    return "[" + ",".join(f"\n    {line}" for line in lines) + "\n  ]"
-
-
-def plain(value: object) -> object:
-    """A value that JSON knows: numbers rounded to `SIGNIFICANT_DIGITS`, None for NaN."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, float | np.floating):
-        return float(f"{value:.{SIGNIFICANT_DIGITS}g}") if np.isfinite(value) else None
-    return value
+def precision_records(summaries: Sequence[Summary]) -> tuple[PrecisionRecord, ...]:
+    """What `report.json` lists as `average_precision`."""
+    return tuple(
+        PrecisionRecord(
+            summary.result.bag,
+            summary.result.detector,
+            cloud,
+            each.name,
+            each.criterion,
+            each.by,
+            each.stratum,
+            each.boxes,
+            each.ap_r40,
+            each.ap_r40_ci95,
+            each.ap_r11,
+        )
+        for summary in summaries
+        for cloud, precisions in summary.precisions.items()
+        for each in precisions
+    )

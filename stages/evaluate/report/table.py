@@ -153,34 +153,32 @@ def lost_of(report: Report) -> str:
 
 def clean_lines(report: Report) -> list[dict[str, str]]:
     """A line a class: average precision on the clean clouds of the first bag, and by range."""
-    if not report.rows:
+    if not report.results:
         return []
-    bag, detector = report.rows[0]["bag"], report.rows[0]["detector"]
+    bag, detector = report.results[0].bag, report.results[0].detector
     found = {
-        (each["class"], each["criterion"], each["by"], each["stratum"]): each
+        (each.class_name, each.criterion, each.by, each.stratum): each
         for each in report.average_precision
-        if (each["bag"], each["detector"]) == (bag, detector)
-        and each["cloud"] == "clean"
-        and each["by"] in ("", "range")
+        if (each.bag, each.detector, each.cloud) == (bag, detector, CLEAN) and each.by in ("", "range")
     }
     ranges = list(dict.fromkeys(stratum for _, _, by, stratum in found if by))
     return [
         {
-            "class": str(name),
-            "boxes": number(found[name, "strict", "", WHOLE]["boxes"], 0),
-            "AP": number(found[name, "strict", "", WHOLE]["ap_r40"], 3),
-            "95 %": interval(found[name, "strict", "", WHOLE]["ap_r40_ci95"], 2),
-            "R11": number(found[name, "strict", "", WHOLE]["ap_r11"], 3),
-            "BEV": number(found[name, "bev", "", WHOLE]["ap_r40"], 3),
-            "loose": number(found[name, "loose", "", WHOLE]["ap_r40"], 3),
-            **{_short(r): number(found[name, "strict", "range", r]["ap_r40"], 3) for r in ranges},
+            "class": name,
+            "boxes": number(found[name, "strict", "", WHOLE].boxes, 0),
+            "AP": number(found[name, "strict", "", WHOLE].ap_r40, 3),
+            "95 %": interval(found[name, "strict", "", WHOLE].ap_r40_ci95, 2),
+            "R11": number(found[name, "strict", "", WHOLE].ap_r11, 3),
+            "BEV": number(found[name, "bev", "", WHOLE].ap_r40, 3),
+            "loose": number(found[name, "loose", "", WHOLE].ap_r40, 3),
+            **{_short(r): number(found[name, "strict", "range", r].ap_r40, 3) for r in ranges},
         }
         for name in dict.fromkeys(name for name, *_ in found)
     ]
 
 
-def _short(stratum: object) -> str:
-    return str(stratum).replace("over ", ">").removesuffix(" m")
+def _short(stratum: str) -> str:
+    return stratum.replace("over ", ">").removesuffix(" m")
 
 
 def print_report(report: Report) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
+from advpipe.pipeline.labels.messages import MessageLabel, lies
 from advpipe.pipeline.misbehaviour.catch import (
     TUNED_CATCH,
     CatchParameters,
@@ -21,7 +22,6 @@ from advpipe.pipeline.misbehaviour.catch import (
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
 from advpipe.pipeline.misbehaviour.detector import judge_all
 from advpipe.pipeline.misbehaviour.scores import Bools, Scores, scores
-from advpipe.stages.evaluate.v2x.labels import MessageLabel, lies
 from advpipe.stages.evaluate.v2x.receptions import Receptions
 
 

@@ -13,6 +13,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.v2x_statistics import read_statistics
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.labels.messages import MessageLabel, read_labels
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.misbehaviour.catch import CatchParameters
@@ -20,7 +21,6 @@ from advpipe.pipeline.misbehaviour.config import DetectorConfig
 from advpipe.pipeline.misbehaviour.roads import RoadMap
 from advpipe.stages.evaluate.v2x.collision import Warnings, known_of_radio, warnings
 from advpipe.stages.evaluate.v2x.detection import Detection, detect, published_f1
-from advpipe.stages.evaluate.v2x.labels import MessageLabel, read_labels
 from advpipe.stages.evaluate.v2x.ldm_error import Known, LdmError, Moment, ldm_error, moments
 from advpipe.stages.evaluate.v2x.radio import Heard, RadioRow, radio_row
 from advpipe.stages.evaluate.v2x.receptions import read_receptions, roads_of_bag

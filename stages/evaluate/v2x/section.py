@@ -12,6 +12,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.receptions import receiving_vehicles
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.core.progress import track
+from advpipe.pipeline.labels.messages import has_labels, read_labels
 from advpipe.pipeline.messages.topics import LANES, V2X_SENT, V2X_STATIONS
 from advpipe.pipeline.misbehaviour import tuned
 from advpipe.pipeline.misbehaviour.catch import TUNED_CATCH, CatchParameters
@@ -23,7 +24,6 @@ from advpipe.stages.evaluate.report.numbers import number
 from advpipe.stages.evaluate.report.pictures import to_png
 from advpipe.stages.evaluate.report.section import SECTION, Picture, Section
 from advpipe.stages.evaluate.v2x.drive import Drive, read_drive
-from advpipe.stages.evaluate.v2x.labels import has_labels, read_labels
 from advpipe.stages.evaluate.v2x.picture import draw_detection, draw_errors, draw_maps
 from advpipe.stages.evaluate.v2x.tables import (
     baseline_table,

@@ -20,6 +20,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.partial import FolderKind, staged_folder
 from advpipe.pipeline.labels.declaration import Published
+from advpipe.pipeline.labels.messages import DROPPED, MessageLabel, read_labels
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.misbehaviour.claim import Claim, claims_of_cams
@@ -29,7 +30,6 @@ from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.facilities.cam import Cam
 from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam
 from advpipe.stages.evaluate.v2x.all_receivers import StationReception, receptions_of_all
-from advpipe.stages.evaluate.v2x.labels import NOT_SENT, MessageLabel, read_labels
 
 FORMS: Mapping[str, Callable[[Published], int | None]] = {
     "extension": lambda published: published.veremi_extension,
@@ -75,7 +75,7 @@ def export_veremi(bag: Path, out: Path, *, form: str = "extension", overwrite: b
         raise UsageError(f"no form of VeReMi is named {form}; known: {', '.join(FORMS)}")
     reader = BagReader(bag)
     drive = V2xDrive(reader)
-    labels = [label for label in read_labels(bag) if label.action != NOT_SENT]
+    labels = [label for label in read_labels(bag) if label.action != DROPPED]
     numbers = attack_numbers(sorted({label.word for label in labels}), reader.provenance, form)
     with staged_folder(out, overwrite, _KIND) as folder:
         (folder / TRACE).mkdir()

@@ -10,8 +10,7 @@ import numpy as np
 from advpipe.pipeline.geometry.transforms import Float64, se3_from_yaw, wrap_angle, yaw_of
 from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.traffic.lane_path import SPACING_M, LanePath
-from advpipe.stages.simulate.traffic.road_users import RoadUser
-from advpipe.stages.simulate.traffic.sumo.pose import footprints
+from advpipe.stages.simulate.traffic.road_users import RoadUser, footprints
 
 LightState = Callable[[str, int], str]
 """The letter that a traffic light shows to one of its links: r, y, g, ... as SUMO writes them."""

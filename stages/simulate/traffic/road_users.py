@@ -46,3 +46,11 @@ def boxes_of(users: Sequence[RoadUser]) -> Boxes:
     labels = np.array([CLASSES.index(user.variant.body.label) for user in users], dtype=np.int64)
     velocity = np.array([user.velocity_mps for user in users])
     return Boxes(geometry, labels, tuple(user.id for user in users), velocity)
+
+
+def footprints(poses: Float64, sizes_m: Sequence[tuple[float, float]] | Float64) -> Float64:
+    """Corners (N, 4, 2) in x, y of boxes with poses (N, 4, 4) and sizes (N, 2): length, width."""
+    halves = np.asarray(sizes_m, dtype=np.float64)[:, None, :] / 2
+    corners = halves * np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]])
+    placed: Float64 = np.einsum("nij,nkj->nki", poses[:, :2, :2], corners) + poses[:, None, :2, 3]
+    return placed

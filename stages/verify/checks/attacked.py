@@ -13,14 +13,13 @@ import numpy.typing as npt
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.bounded_parquet import rows
 from advpipe.pipeline.core.frame_slice import FrameSlice
+from advpipe.pipeline.labels import fixes
 from advpipe.pipeline.labels.clouds import FRAMES
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.topics import TF, V2X_SENT, V2X_STATIONS, V2X_STATISTICS, VehicleTopics
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.verify.liars import MessageAttack
 from advpipe.stages.verify.subject import Bag
-
-MESSAGE_LABELS, FIX_LABELS = "v2x_labels.parquet", "gnss_labels.parquet"
 
 
 class Attacked:
@@ -83,8 +82,8 @@ class Attacked:
         """The topics that attacks on messages may have written anew."""
         names: set[str] = set()
         victims: set[str] = set()
-        if self.table(FIX_LABELS).is_file():
-            victims = {row["vehicle"] for row in rows(self.table(FIX_LABELS), ["vehicle"])}
+        if self.table(fixes.FILE).is_file():
+            victims = {row["vehicle"] for row in rows(self.table(fixes.FILE), ["vehicle"])}
         for victim in map(VehicleTopics, victims):
             names |= {victim.gnss_fix.name, victim.odometry.name, TF.name}
         if self.has_messages:

@@ -8,20 +8,15 @@ from contextlib import closing
 from pathlib import Path
 
 from advpipe.pipeline.core.bounded_parquet import flat_columns, rows
+from advpipe.pipeline.labels.messages import FILE, MESSAGE_COLUMNS, NEWER
 from advpipe.pipeline.messages.topics import V2X_SENT
 from advpipe.pipeline.messages.v2x import sent_of_message
-from advpipe.pipeline.v2x.facilities.cam_values import FIELDS
-from advpipe.stages.verify.checks.attacked import MESSAGE_LABELS, Attacked
+from advpipe.stages.verify.checks.attacked import Attacked
 from advpipe.stages.verify.checks.base import BagCheck
 from advpipe.stages.verify.ledger import Ledger
 from advpipe.stages.verify.liars import Liars
-from advpipe.stages.verify.message_labels import NEWER, MessageLabels
+from advpipe.stages.verify.message_labels import MessageLabels
 from advpipe.stages.verify.result import NOT_DECLARED, Fault, Gap, Result
-
-_COLUMNS = (
-    *("number", "station_id", "time_ns", "sent_ns", "attack", "attacker", "sender", "action", "mattered"),
-    *(f"{kind}_{name}" for kind in ("true", "false") for name in ("x_m", "y_m", *FIELDS)),
-)
 
 
 class Cams(BagCheck):
@@ -34,7 +29,7 @@ class Cams(BagCheck):
         if not self.bag.is_attack or self.bag.parent is None:
             return
         attacked = Attacked(self.bag, self.bag.parent)
-        path = attacked.table(MESSAGE_LABELS)
+        path = attacked.table(FILE)
         where = self.bag.subject.place(path)
         if V2X_SENT.name not in attacked.clean.topics or not attacked.has_messages:
             return
@@ -61,10 +56,10 @@ class Cams(BagCheck):
                 if not ledger.add("clean" if name == "clean" else "forged", sent):
                     yield Fault(topic, f"the {name} bag has two messages {sent.number}")
         known = flat_columns(path)
-        newer = [name for name in NEWER if name in known]
+        columns = [name for name in MESSAGE_COLUMNS if name not in NEWER or name in known]
         if strange := [name for name in NEWER if name not in known]:
             yield Gap(where, f"{' and '.join(strange)}: not as this version writes them")
-        for row in rows(path, (*_COLUMNS, *newer)):
+        for row in rows(path, columns):
             ledger.add_label(liars.place(row["attack"], row["station_id"]), row)
         reacts = any(one.spec.dcc_reacts for one in attacked.on_messages)
         told = MessageLabels(ledger, liars, reacts)

@@ -12,6 +12,7 @@ import numpy as np
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.bounded_parquet import rows
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.labels.fixes import FILE, GEOGRAPHIC, OFFSETS
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.localisation.gnss import squared_sigmas
 from advpipe.pipeline.messages import build
@@ -20,14 +21,12 @@ from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.replay.recorded_filter import read_filter
 from advpipe.pipeline.scenario.acting import Acting, acting_on_fixes
 from advpipe.pipeline.v2x.facilities.effect import fix_matters
-from advpipe.stages.verify.checks.attacked import FIX_LABELS, Attacked
+from advpipe.stages.verify.checks.attacked import Attacked
 from advpipe.stages.verify.checks.base import BagCheck
 from advpipe.stages.verify.ledger import Row
 from advpipe.stages.verify.liars import victims
 from advpipe.stages.verify.result import Fault, Gap, Result
 
-_PLACE = ("latitude_deg", "longitude_deg", "altitude_m")
-_OFFSETS = ("offset_east_m", "offset_north_m", "offset_up_m")
 ROUNDING = 1e-6
 """In metres, and of an offset: degrees are rounded."""
 
@@ -44,7 +43,7 @@ class Fixes(BagCheck):
         if not self.bag.is_attack or self.bag.parent is None:
             return
         attacked = Attacked(self.bag, self.bag.parent)
-        path = attacked.table(FIX_LABELS)
+        path = attacked.table(FILE)
         if not path.is_file():
             return
         where = self.bag.subject.place(path)
@@ -99,7 +98,7 @@ class _Receiver:
         if {build.stamp_ns(clean), build.stamp_ns(false)} != {row["stamp_ns"]}:
             yield "has another stamp than is told"
         for kind, place in (("true", genuine), ("false", told)):
-            if [row[f"{kind}_{name}"] for name in _PLACE] != (
+            if [row[f"{kind}_{name}"] for name in GEOGRAPHIC] != (
                 place if place is not None else [None, None, None]
             ):
                 yield f"is not where {kind}_... tells"
@@ -115,7 +114,7 @@ class _Receiver:
         self, row: Row, genuine: list[float] | None, told: list[float] | None, clean: Any
     ) -> Iterator[str]:
         """The columns that follow from where it was and where it is."""
-        offsets = [row[name] for name in _OFFSETS]
+        offsets = [row[name] for name in OFFSETS]
         if told is None or genuine is None:
             if any(value is not None for value in (*offsets, row["squared_sigmas"])):
                 yield "has no offset, and one is told"

@@ -43,13 +43,13 @@ def _each(call: Call) -> Call:
 
 def campaign(tree: Path, out: Path) -> None:
     """What `run` asks of a data set that is there already."""
-    from advpipe.pipeline.cli.run import _attack, _has_drive
+    from advpipe.pipeline.campaigns.run import has_drive, is_made_by
     from advpipe.pipeline.scenario import load_scenario
     from advpipe.pipeline.scenario.attacks import attack_spec
     from advpipe.stages.attack.run import AttackRequest
 
-    _has_drive(tree, load_scenario("smoke", base.SETTINGS), overwrite=True)
-    calls.shown(lambda: _attack(tree / "clean", tree / "cam", _request(AttackRequest, attack_spec), 1, False))
+    has_drive(tree, load_scenario("smoke", base.SETTINGS), overwrite=True)
+    is_made_by(_request(AttackRequest, attack_spec), tree / "clean", tree / "cam", overwrite=False)
 
 
 def _request(made: Callable[..., Any], spec: Callable[..., Any]) -> Any:

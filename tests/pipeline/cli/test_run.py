@@ -58,7 +58,7 @@ def test_all_stages_and_again(
 
     # Other code would report otherwise.
     with monkeypatch.context() as other:
-        other.setattr("advpipe.pipeline.core.code.code_sha256", lambda *parts: "7" * 64)
+        other.setattr("advpipe.pipeline.campaigns.run.code_sha256", lambda *parts: "7" * 64)
         with pytest.raises(AdvpipeError, match="out/reports/small exists already"):
             run(str(scenario), made)
     assert stamps(made) == before

@@ -18,13 +18,14 @@ from sweep_drive import DETECTOR, write_drive
 
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.campaigns.sweep import settings
+from advpipe.pipeline.campaigns.sweep.run import commands_of
 from advpipe.pipeline.campaigns.sweep.store import Store
 from advpipe.pipeline.campaigns.sweep.tables import NOT_RUN
-from advpipe.pipeline.cli.sweep import _commands, sweep
+from advpipe.pipeline.cli.sweep import sweep
 from advpipe.pipeline.core.code import source_commit
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.stages.evaluate.report.wording import RANDOM_BEST
-from advpipe.stages.evaluate.run import evaluate
+from advpipe.stages.evaluate.run import Options, evaluate
 
 # 1 % of 600 points are six, so that one of the car's seven is left; 1.5 % are nine.
 DETACH = ["detach-1,detach-1.5"]
@@ -61,12 +62,12 @@ def test_one_point_decides(swept: Path) -> None:
 def test_rows_are_those_of_the_evaluation(swept: Path, clean: Path, tmp_path: Path) -> None:
     """The bag that was kept, scored by `advpipe evaluate`."""
     bag = resolve_bag(swept / "bags" / "best-detach-1.5")
-    report = evaluate(clean, [bag], tmp_path / "report", detector=DETECTOR, workers=1)
+    report = evaluate(clean, [bag], tmp_path / "report", Options(detectors=(DETECTOR,)), workers=1)
     (row,) = json.loads((tmp_path / "report" / "report.json").read_text())["rows"]
     (cell,) = [cell for cell in Store(swept).cells() if cell.budget == "detach-1.5"]
     stored = json.loads(cell.to_json())
     assert stored["row"] == row
-    assert stored["bag_sha256"] == report.provenance["compared"][0]["sha256"]  # type: ignore[index]
+    assert stored["bag_sha256"] == report.origin.compared[0].sha256
 
 
 def test_tables_hold_the_figures_of_the_cells(swept: Path) -> None:
@@ -198,7 +199,7 @@ def test_four_panels_of_another_recipe(swept: Path, clean: Path) -> None:
 def test_the_command_names_the_clouds(swept: Path, clean: Path) -> None:
     (cell, *_) = Store(swept).cells()
     chosen = replace(cell, settings=replace(cell.settings, lidar_topic="/ego/lidar/points"))
-    assert _commands(clean, "paper", [chosen]).endswith("--baseline-tries 1 --lidar /ego/lidar/points")
+    assert commands_of(clean, "paper", [chosen]).endswith("--baseline-tries 1 --lidar /ego/lidar/points")
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from advpipe.pipeline.core.errors import OutputExistsError
 from advpipe.pipeline.core.leftover_names import has_leftover_name
-from advpipe.pipeline.core.whole_file import whole_file, write_whole
+from advpipe.pipeline.core.whole_file import whole_file, write_new, write_whole
 
 
 def test_a_file_appears_whole(tmp_path: Path) -> None:
@@ -50,3 +51,14 @@ def test_what_a_killed_run_left_goes_with_the_next_and_a_living_ones_stays(tmp_p
 def test_errors_name_the_file_that_was_asked_for(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=re.escape(str(tmp_path / "no" / "a.json"))):
         write_whole(tmp_path / "no" / "a.json", b"")
+
+
+def test_a_new_text_is_written_whole_and_not_over_another(tmp_path):
+    path = tmp_path / "scenario.schema.json"
+    write_new(path, "first\n")
+    with pytest.raises(OutputExistsError):
+        write_new(path, "second\n")
+    assert path.read_text() == "first\n"
+    write_new(path, "second\n", overwrite=True)
+    assert path.read_text() == "second\n"
+    assert [item.name for item in tmp_path.iterdir()] == [path.name]

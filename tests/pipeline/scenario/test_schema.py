@@ -8,9 +8,9 @@ import jsonschema
 import pytest
 import yaml
 
-from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario import dump_scenario, load_scenario, shipped_scenarios
-from advpipe.pipeline.scenario.schema import scenario_schema, schema_json, write_schema
+from advpipe.pipeline.scenario.schema import scenario_schema, schema_json
 
 
 class PlainLoader(yaml.SafeLoader):
@@ -81,13 +81,3 @@ def test_paths_are_marked_and_defaults_told() -> None:
     assert opendrive["description"] == "path of an OpenDRIVE .xodr file"
     assert definitions["UserBody"]["properties"]["mesh"]["format"] == "path"
     assert definitions["Simulation"]["properties"]["duration_s"]["default"] == 20.0
-
-
-def test_a_file_is_written_whole_and_not_over_another(tmp_path: Path) -> None:
-    path = tmp_path / "scenario.schema.json"
-    write_schema(path)
-    assert json.loads(path.read_text()) == scenario_schema()
-    with pytest.raises(OutputExistsError):
-        write_schema(path)
-    write_schema(path, overwrite=True)
-    assert [item.name for item in tmp_path.iterdir()] == [path.name]

@@ -6,16 +6,18 @@ from functools import partial
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from jsonschema import Draft202012Validator
 from place_drive import DETECTOR, FRAMES, clean_cloud, hide_first_car, rows, write_bag
+from scored import evaluate as evaluate_with
 
 from advpipe.pipeline.bag.frames import FrameSlice
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.geometry.boxes import count_points
 from advpipe.pipeline.messages.cloud import xyz
-from advpipe.stages.evaluate.run import evaluate as evaluate_anywhere
+from advpipe.pipeline.results.schema import report_schema
 from advpipe.stages.evaluate.run import print_report
 
-evaluate = partial(evaluate_anywhere, workers=1, detector=DETECTOR)
+evaluate = partial(evaluate_with, detector=DETECTOR)
 KEEN = "place_drive:KeenDetector"
 
 
@@ -296,3 +298,17 @@ def test_a_frame_without_points_is_none_to_lose(tmp_path):
     evaluate(clean, [write_bag(tmp_path / "attacked", about, clouds)], tmp_path / "report")
     (row,) = rows(tmp_path / "report")
     assert (row["frames"], row["map_ratio_percent"], row["chamfer_distance_m2"]) == (FRAMES, 100.0, 0.0)
+
+
+def test_a_real_report_keeps_to_the_published_schema(clean, attacked, tmp_path):
+    """With baselines, a defence, two detectors and so transfer; and one of the clean bag alone."""
+    bags = [attacked(hide_first_car)]
+    out = tmp_path / "attacked"
+    evaluate(clean, bags, out, detector=[DETECTOR, KEEN], defences=["flip"], baseline_tries=2)
+    evaluate(clean, [], tmp_path / "alone", defences=["flip"])
+    validator = Draft202012Validator(report_schema())
+    for folder in (out, tmp_path / "alone"):
+        report = json.loads((folder / "report.json").read_text())
+        assert report["schema"] == "advpipe-report-1"
+        assert [error.message for error in validator.iter_errors(report)] == []
+    assert {"attack_success", "baselines", "defences"} <= json.loads((out / "report.json").read_text()).keys()

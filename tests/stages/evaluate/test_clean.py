@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 import shapely
 from rosbags.highlevel import AnyReader
+from scored import evaluate
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
@@ -21,9 +21,7 @@ from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr
 from advpipe.pipeline.messages.topics import CLOCK, VehicleTopics
 from advpipe.pipeline.messages.types import typestore
-from advpipe.stages.evaluate.run import evaluate as evaluate_anywhere
 
-evaluate = partial(evaluate_anywhere, workers=1)
 FRAMES, PERIOD_NS = 24, 500_000_000  # 12 s: two blocks
 EGO = VehicleTopics("ego")
 SIZES = np.array([[4.0, 2.0, 1.5], [8.0, 2.5, 3.0], [1.8, 0.7, 1.7], [0.8, 0.8, 1.8]])
@@ -267,7 +265,7 @@ def test_the_report_does_not_fake_kittis_difficulty(report):
 def test_several_processes_write_the_same_bytes(bag, report, tmp_path, monkeypatch):
     monkeypatch.chdir(Path(__file__).parents[3])  # from where a process can import this module
     out = tmp_path / "again"
-    evaluate_anywhere(bag, [], out, detector=DETECTOR, detections=True, workers=2)
+    evaluate(bag, [], out, detector=DETECTOR, detections=True, workers=2)
     files = [path.relative_to(report) for path in sorted(report.rglob("*")) if path.is_file()]
     assert len(files) == len([path for path in out.rglob("*") if path.is_file()]) > 8
     for file in files:

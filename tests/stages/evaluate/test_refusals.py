@@ -1,10 +1,9 @@
 """Stage 3 refuses what it cannot score, in one line, and leaves nothing behind."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 from place_drive import DETECTOR, FRAMES, clean_cloud, hide_first_car, write_bag
+from scored import evaluate
 
 from advpipe.pipeline.bag.frames import FrameSlice
 from advpipe.pipeline.bag.writer import BagWriter
@@ -14,9 +13,6 @@ from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import CLOCK
 from advpipe.stages.evaluate import run
 from advpipe.stages.evaluate.detection.scoring import Eye
-from advpipe.stages.evaluate.run import evaluate as evaluate_anywhere
-
-evaluate = partial(evaluate_anywhere, workers=1)
 
 
 def refused(tmp_path, match, *args, **kwargs):

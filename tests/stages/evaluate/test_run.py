@@ -2,20 +2,17 @@
 
 import json
 import re
-from functools import partial
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from place_drive import DETECTOR, FRAMES, clean_cloud, hide_first_car, rows
 from scipy.spatial.distance import cdist
+from scored import evaluate
 
 from advpipe.pipeline.core.errors import OutputExistsError
 from advpipe.pipeline.messages.cloud import xyz
-from advpipe.stages.evaluate.run import evaluate as evaluate_anywhere
 from advpipe.stages.evaluate.run import print_report
-
-evaluate = partial(evaluate_anywhere, workers=1)  # starting a process takes longer than these bags
 
 
 def test_figures_by_hand(clean, attacked, tmp_path, capsys):

@@ -1,16 +1,14 @@
 """The banner of a report on a map that the detector was trained on, and the reports that have none."""
 
 import json
-from functools import partial
 
 import map_detectors
 import pytest
 from place_drive import FRAMES, clean_cloud, write_bag
+from scored import evaluate
 
-from advpipe.stages.evaluate.run import evaluate as evaluate_anywhere
 from advpipe.stages.evaluate.run import print_report
 
-evaluate = partial(evaluate_anywhere, workers=1)
 BANNER = "Training map: the detector map_detectors:TrainedHere was trained on drives on this map."
 
 

@@ -1,20 +1,17 @@
 """A report says by which overlap and from which score objects are lost, and what its baselines are not."""
 
 import json
-from functools import partial
 
 import numpy as np
 import pytest
 from place_drive import FRAMES, PLACES, PlaceDetector, hide_first_car
+from scored import evaluate
 
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.geometry.boxes import count_points
 from advpipe.pipeline.messages.cloud import xyz
 from advpipe.stages.evaluate.report.wording import RANDOM_BEST, WHITE_BOX
-from advpipe.stages.evaluate.run import evaluate as evaluate_anywhere
 from advpipe.stages.evaluate.run import print_report
-
-evaluate = partial(evaluate_anywhere, workers=1)
 
 
 class MisplacingDetector(PlaceDetector):

@@ -13,8 +13,8 @@ from advpipe.pipeline.scenario import Scenario
 from advpipe.stages.simulate.bodies import Variant, draw_variants
 from advpipe.stages.simulate.road_network.file import sumo_program
 from advpipe.stages.simulate.road_network.network import load_network
+from advpipe.stages.simulate.traffic.registry import open_traffic
 from advpipe.stages.simulate.traffic.road_users import RoadUser
-from advpipe.stages.simulate.traffic.sumo.traffic import Traffic
 
 Drive = list[dict[str, RoadUser]]
 
@@ -73,10 +73,10 @@ def drive(tmp_path: Path, variants: dict[str, Variant]) -> Callable[[Scenario, i
     def run(scenario: Scenario, steps: int) -> Drive:
         network = load_network(scenario.map, tmp_path, scenario.simulation.seed)
         states = []
-        with Traffic(scenario, network, variants, tmp_path) as traffic:
+        with open_traffic(scenario, network, variants, tmp_path) as traffic:
             for _ in range(steps):
                 traffic.step()
-                states.append(traffic.road_users())
+                states.append(dict(traffic.road_users()))
         return states
 
     return run

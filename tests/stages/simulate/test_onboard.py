@@ -11,7 +11,7 @@ from advpipe.pipeline.localisation.rotations import rotation_vector
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.stages.simulate.bodies import draw_variants
 from advpipe.stages.simulate.road_network.network import load_network
-from advpipe.stages.simulate.traffic.sumo.traffic import Traffic
+from advpipe.stages.simulate.traffic.registry import open_traffic
 
 STEPS = 250
 
@@ -25,7 +25,7 @@ def squares(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
     geodesy = Geodesy(48.0, 11.0, 0.0)
     boards: dict[str, OnBoard] = {}
     found: dict[str, list[list[float]]] = {}
-    with Traffic(scenario, network, variants, scratch) as traffic:
+    with open_traffic(scenario, network, variants, scratch) as traffic:
         for step in range(STEPS):
             traffic.step()
             users = traffic.road_users()

@@ -11,7 +11,7 @@ from advpipe.pipeline.detector.checkpoint import load_checkpoint
 from advpipe.pipeline.detector.families import FAMILIES, family_named
 from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.detector.registry import load_detector
-from advpipe.stages.evaluate.run import evaluate
+from advpipe.stages.evaluate.run import Options, evaluate
 from advpipe.stages.train.config import TrainConfig
 from advpipe.stages.train.run import train
 
@@ -49,7 +49,9 @@ def test_a_second_family_is_trained_saved_loaded_and_evaluated(drive, record, tm
     assert points.grad is not None
     assert points.grad.abs().sum() > 0
 
-    report = evaluate(drive, [], tmp_path / "report", detector=str(summary.checkpoint), workers=1)
+    report = evaluate(
+        drive, [], tmp_path / "report", Options(detectors=(str(summary.checkpoint),)), workers=1
+    )
     assert report.rows[0]["frames"] == 6
 
 

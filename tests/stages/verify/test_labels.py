@@ -13,11 +13,13 @@ import pyarrow.parquet as pq
 import pytest
 
 from advpipe.pipeline.bag.provenance_record import Provenance
+from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.stages.attack.run import AttackRequest, attack
 from advpipe.stages.verify.checks.base import BagCheck
 from advpipe.stages.verify.checks.cams import Cams
 from advpipe.stages.verify.checks.fixes import Fixes
+from advpipe.stages.verify.checks.points import Points
 from advpipe.stages.verify.result import Fault
 from advpipe.stages.verify.run import verify
 from advpipe.stages.verify.subject import find_subject
@@ -125,6 +127,70 @@ def test_labels_of_another_attack(
 ) -> None:
     """The bag names attackers, or a time, that labels do not keep to."""
     assert words in " ".join(faults(data_set / bag, check, change))
+
+
+def bounded_by(**bounds: list[float]) -> Callable[[Attacks], None]:
+    def change(attacks: Attacks) -> None:
+        attacks[0]["declared"]["bounds"] = bounds
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("bag", "bounds", "words"),
+    [
+        ("perturb", {"max_displacement_m": [0, 1e-4]}, "m, where 0 to 0.0001 m is declared"),
+        ("attach", {"points_added": [1, 1]}, "points added: "),
+        ("attach", {"max_added_distance_m": [0, 1e-4]}, "how far an added point stands from the clean cloud"),
+        ("detach", {"share_removed": [0, 1e-4]}, "least share of the points"),
+    ],
+)
+def test_bounds_that_were_not_kept(
+    data_set: Path, bag: str, bounds: dict[str, list[float]], words: str
+) -> None:
+    assert faults(data_set / bag, Points) == []
+    assert words in " ".join(faults(data_set / bag, Points, bounded_by(**bounds)))
+    twice = json.loads(BagReader(data_set / bag).provenance["attacks"])
+
+    def one_of_two(attacks: Attacks) -> None:
+        """Whichever of two attacks of one name it was, one of them may have done it."""
+        bounded_by(**bounds)(attacks)
+        attacks += twice
+
+    assert faults(data_set / bag, Points, one_of_two) == []
+
+
+def unchecked(bag: Path, check: type[BagCheck], change: Callable[[Attacks], None]) -> str:
+    (subject,) = find_subject(bag).bags
+    attacks = json.loads(subject.provenance["attacks"])
+    change(attacks)
+    subject.provenance = Provenance({**subject.provenance, "attacks": json.dumps(attacks)})
+    found = list(check(subject).check())
+    assert not [one for one in found if isinstance(one, Fault)]
+    return " ".join(one.what for one in found)
+
+
+@pytest.mark.parametrize(
+    ("bag", "check", "words"),
+    [
+        ("detach", Points, "bounds of detach not checked: the bag is of a version"),
+        ("dos", Cams, "parts and mattered of cam-dos not checked: the bag is of a version"),
+    ],
+)
+def test_what_older_versions_did_not_declare(
+    data_set: Path, bag: str, check: type[BagCheck], words: str
+) -> None:
+    def undeclared(attacks: Attacks) -> None:
+        del attacks[0]["declared"]
+
+    assert words in unchecked(data_set / bag, check, undeclared)
+
+
+def test_bounds_that_nobody_measures(data_set: Path) -> None:
+    """Of a later version, or made up."""
+    said = unchecked(data_set / "detach", Points, bounded_by(points_painted=[0, 3]))
+    assert "points_painted of detach not checked: this version measures no such" in said
+    assert "detach declares no bounds" in unchecked(data_set / "detach", Points, bounded_by())
 
 
 def test_labels_as_older_versions_wrote_them(data_set: Path) -> None:

@@ -12,6 +12,7 @@ from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.stages.simulate.bodies import Variant, variants_of
 from advpipe.stages.simulate.road_network.network import Edge, RoadNetwork
+from advpipe.stages.simulate.traffic.sumo.connection import SumoConnection
 from advpipe.stages.simulate.traffic.sumo.routes import Routes
 
 SPAWN_DISTANCE_M = 150.0
@@ -36,12 +37,14 @@ class Population:
 
     def __init__(
         self,
+        sumo: SumoConnection,
         scenario: Scenario,
         network: RoadNetwork,
         variants: Mapping[str, Variant],
         routes: Routes,
         rng: np.random.Generator,
     ) -> None:
+        self._sumo = sumo
         self._scenario, self._network, self._variants = scenario, network, variants
         self._routes, self._rng = routes, rng
         simulation = scenario.simulation
@@ -65,8 +68,6 @@ class Population:
 
     def insert_instrumented(self, name: str) -> None:
         """Adds a vehicle that carries sensors, on its own route or one drawn on a wide road."""
-        import libsumo
-
         vehicle = self._scenario.vehicles[name]
         if vehicle.route is not None:
             route = self._routes.checked(vehicle.route, f"vehicles.{name}.route")
@@ -78,13 +79,11 @@ class Population:
         is_short = sum(self._network.edges[edge].length_m for edge in route) < SHORT_ROUTE_M
         self._add(name, f"{vehicle.body}.0", route, lane, speed="0" if is_short else "max")
         if vehicle.speed_mps is not None:
-            libsumo.vehicle.setMaxSpeed(name, vehicle.speed_mps)
+            self._sumo.vehicle.setMaxSpeed(name, vehicle.speed_mps)
 
     def fill_up(self, others: Collection[str], keep_away_m: Sequence[Float64]) -> None:
         """Adds what is missing beside `others`, no vehicle within `SPAWN_DISTANCE_M` of places (3,)."""
-        import libsumo
-
-        loaded = set(libsumo.vehicle.getLoadedIDList())
+        loaded = set(self._sumo.vehicle.getLoadedIDList())
         missing = self._scenario.traffic.vehicles - len(loaded - set(others))
         if missing <= 0:
             return
@@ -109,9 +108,7 @@ class Population:
 
         A driver who finds no gap to the lane that he needs blocks his own for ever otherwise.
         """
-        import libsumo
-
-        vehicle = libsumo.vehicle
+        vehicle = self._sumo.vehicle
         for name in names:
             if vehicle.getSpeed(name) > 0.1:
                 self._waited_s.pop(name, None)
@@ -135,15 +132,13 @@ class Population:
 
         SUMO takes the first time that a route comes to the stop's edge, so it is told at the last one.
         """
-        import libsumo
-
-        vehicle = libsumo.vehicle
+        vehicle = self._sumo.vehicle
         ahead = vehicle.getRoute(name)[max(vehicle.getRouteIndex(name), 0) :]
         if len(ahead) > STOP_EDGES or ahead.count(ahead[-1]) > 1 or vehicle.getStops(name, 1):
             return
         edge = self._network.edges[ahead[-1]]
         stop_m = max(edge.length_m - 1.0, 0.5 * edge.length_m)
-        with suppress(libsumo.TraCIException):  # too close to brake
+        with suppress(*self._sumo.refusals):  # too close to brake
             vehicle.setStop(name, edge.id, pos=stop_m, laneIndex=edge.car_lane, duration=1e6)
 
     def _add(
@@ -155,11 +150,9 @@ class Population:
         position_m: float | None = None,
         speed: str = "max",
     ) -> None:
-        import libsumo
-
-        if f"route.{name}" not in libsumo.route.getIDList():
-            libsumo.route.add(f"route.{name}", route)
-        libsumo.vehicle.add(
+        if f"route.{name}" not in self._sumo.route.getIDList():
+            self._sumo.route.add(f"route.{name}", route)
+        self._sumo.vehicle.add(
             name,
             f"route.{name}",
             typeID=variant,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import numpy.typing as npt
 
@@ -38,11 +36,3 @@ def front_of(map_SE3_base: Float64, length_m: float) -> tuple[Float64, float, fl
     slope_deg = np.rad2deg(np.arctan2(forward[2], np.hypot(forward[0], forward[1])))
     front_m: Float64 = map_SE3_base[:3, 3] + forward * length_m / 2
     return front_m, float(angle_deg % 360.0), float(slope_deg)
-
-
-def footprints(poses: Float64, sizes_m: Sequence[tuple[float, float]] | Float64) -> Float64:
-    """Corners (N, 4, 2) in x, y of boxes with poses (N, 4, 4) and sizes (N, 2): length, width."""
-    halves = np.asarray(sizes_m, dtype=np.float64)[:, None, :] / 2
-    corners = halves * np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]])
-    placed: Float64 = np.einsum("nij,nkj->nki", poses[:, :2, :2], corners) + poses[:, None, :2, 3]
-    return placed

@@ -56,20 +56,24 @@ def vehicle_types_xml(variants: Mapping[str, Variant]) -> str:
     """
     lines = []
     for name, variant in variants.items():
-        body = variant.body
-        attributes = {
-            "id": name,
-            "vClass": "passenger",  # bodies differ in size and speed; who may use a lane is the road's matter
-            "length": variant.length_m,
-            "width": variant.width_m,
-            "height": variant.height_m,
-            "maxSpeed": body.max_speed_mps,
-            "accel": body.acceleration_mps2,
-            "latAlignment": "right" if body.label == "cyclist" else "center",
-            "minGapLat": 0.4,
-            "lcMaxSpeedLatStanding": 0.0,
-            "lcMaxSpeedLatFactor": 0.25,
-        }
+        attributes = {"id": name, **type_attributes(variant)}
         text = " ".join(f"{key}={quoteattr(str(value))}" for key, value in attributes.items())
         lines.append(f"  <vType {text}/>")
     return "<additional>\n" + "\n".join(lines) + "\n</additional>\n"
+
+
+def type_attributes(variant: Variant) -> dict[str, str | float]:
+    """Of the vehicle type that stands for a variant, as SUMO's files name them."""
+    body = variant.body
+    return {
+        "vClass": "passenger",  # bodies differ in size and speed; who may use a lane is the road's matter
+        "length": variant.length_m,
+        "width": variant.width_m,
+        "height": variant.height_m,
+        "maxSpeed": body.max_speed_mps,
+        "accel": body.acceleration_mps2,
+        "latAlignment": "right" if body.label == "cyclist" else "center",
+        "minGapLat": 0.4,
+        "lcMaxSpeedLatStanding": 0.0,
+        "lcMaxSpeedLatFactor": 0.25,
+    }

@@ -11,15 +11,18 @@ from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.road_network.network import RoadNetwork
 from advpipe.stages.simulate.traffic.road_users import RoadUser
+from advpipe.stages.simulate.traffic.sumo.connection import SumoConnection
 from advpipe.stages.simulate.traffic.sumo.pose import base_poses
 from advpipe.stages.simulate.traffic.sumo.vehicle_types import stand_in
 
 
 class SumoVehicles:
-    """Reads poses and velocities from the simulation that runs in this process."""
+    """Reads their poses and velocities from SUMO."""
 
-    def __init__(self, network: RoadNetwork, variants: Mapping[str, Variant], seed: int) -> None:
-        self._network, self._variants, self._seed = network, variants, seed
+    def __init__(
+        self, sumo: SumoConnection, network: RoadNetwork, variants: Mapping[str, Variant], seed: int
+    ) -> None:
+        self._sumo, self._network, self._variants, self._seed = sumo, network, variants, seed
         self._variant_of: dict[str, Variant] = {}
         self._is_flat = all(
             np.ptp(lane.centre_m[:, 2]) == 0 for edge in network.edges.values() for lane in edge.lanes
@@ -27,9 +30,7 @@ class SumoVehicles:
 
     def now(self, without: Collection[str]) -> dict[str, RoadUser]:
         """Everybody whom SUMO has on the road, sorted by id, except some; they move where they look."""
-        import libsumo
-
-        vehicle = libsumo.vehicle
+        vehicle = self._sumo.vehicle
         names = [name for name in sorted(vehicle.getIDList()) if name not in without]
         if not names:
             return {}
@@ -47,17 +48,13 @@ class SumoVehicles:
 
     def position_m(self, name: str) -> Float64:
         """The front bumper (3,) of one vehicle, in the map's frame."""
-        import libsumo
-
-        place: Float64 = np.array(libsumo.vehicle.getPosition3D(name)) - self._network.offset_m
+        place: Float64 = np.array(self._sumo.vehicle.getPosition3D(name)) - self._network.offset_m
         return place
 
     def _variant(self, name: str) -> Variant:
         """The body of a vehicle; one of the user's becomes as large as its stand-in."""
-        import libsumo
-
         if name not in self._variant_of:
-            vehicle = libsumo.vehicle
+            vehicle = self._sumo.vehicle
             variant = self._variants.get(vehicle.getTypeID(name))
             if variant is None:
                 rng = named_generator(self._seed, "own traffic", name)

@@ -14,6 +14,7 @@ import pytest
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.labels.messages import FILE
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATIONS
 from advpipe.pipeline.messages.v2x import sent_message, sent_of_message, stations_of_message
@@ -22,7 +23,6 @@ from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam
 from advpipe.stages.attack.v2x.change import V2xChange, forge
-from advpipe.stages.attack.v2x.labels import FILE_NAME
 
 JAM = ("v2x.radio.bitrate_mbps=3", "v2x.radio.overhead_bytes=1500", "v2x.cam={speed_mps: 0}")
 
@@ -40,7 +40,7 @@ def by_topic(messages: Sequence[RawMessage]) -> dict[str, list[RawMessage]]:
 
 def labels_of(change: V2xChange, folder: Path) -> list[dict]:
     change.write_labels(folder)
-    return pq.read_table(folder / FILE_NAME).to_pylist()
+    return pq.read_table(folder / FILE).to_pylist()
 
 
 def vehicle(reader: BagReader, index: int = 0) -> str:

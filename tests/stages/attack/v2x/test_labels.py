@@ -7,16 +7,16 @@ from collections import Counter
 import pyarrow.parquet as pq
 import pytest
 
+from advpipe.pipeline.labels.messages import FILE
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.stages.attack.v2x.change import forge
-from advpipe.stages.attack.v2x.labels import FILE_NAME
 
 
 def rows_of(reader, folder, word, **keys):
     change = forge(reader, [attack_spec({"type": word, **keys})], 1)
     change.write_labels(folder)
-    return pq.read_table(folder / FILE_NAME).to_pylist()
+    return pq.read_table(folder / FILE).to_pylist()
 
 
 def sent_by(reader, stations):

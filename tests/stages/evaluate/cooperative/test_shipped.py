@@ -12,6 +12,7 @@ from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.stages.attack.run import AttackRequest, attack
 from advpipe.stages.evaluate.cooperative.pair import Alignment, find_pair, misalignment_m
+from advpipe.stages.evaluate.options import Options
 from advpipe.stages.evaluate.run import evaluate
 from advpipe.stages.simulate.run import simulate
 
@@ -81,7 +82,7 @@ def test_a_report_of_some_frames_is_of_these_and_of_their_time(clean: Path, scen
     localisation = []
     for chosen, frames in (("0:4", set()), ("16:18", {2})):
         out = tmp_path / chosen.replace(":", "-")
-        report = evaluate(clean, [tmp_path / "rba"], out, frames=FrameSlice.parse(chosen))
+        report = evaluate(clean, [tmp_path / "rba"], out, Options(frames=FrameSlice.parse(chosen)))
         sections = {each.key: each for each in report.sections}
         assert set(sections) == {"localisation", "cooperative"}
         assert {record["frames"] for record in sections["cooperative"].records} == frames

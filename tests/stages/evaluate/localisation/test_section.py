@@ -14,11 +14,11 @@ from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.frame_slice import FrameSlice
+from advpipe.stages.evaluate.families import added_sections
 from advpipe.stages.evaluate.localisation.figures import gate
 from advpipe.stages.evaluate.localisation.section import sections
 from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns, read_track
 from advpipe.stages.evaluate.options import Options
-from advpipe.stages.evaluate.run import added_sections
 
 FAR = {
     "type": "gnss-relocate",

@@ -13,12 +13,12 @@ import pytest
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.labels.messages import FILE, MessageLabel, lies, read_labels
 from advpipe.pipeline.misbehaviour.claim import Claim
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.request import AttackRequest
 from advpipe.stages.evaluate.v2x.detection import detect, published_f1
-from advpipe.stages.evaluate.v2x.labels import LABELS, MessageLabel, lies, read_labels
 from advpipe.stages.evaluate.v2x.receptions import read_receptions
 
 
@@ -109,11 +109,11 @@ def test_parts_of_a_mix_have_lines_of_their_own(offset: Path, tmp_path: Path) ->
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    table = pq.read_table(offset / LABELS)
+    table = pq.read_table(offset / FILE)
     words = ["cam-position-offset" if number % 2 else "cam-delay" for number in range(len(table))]
     columns = dict(zip(table.column_names, table.columns, strict=True))
     mixed = pa.table(columns | {"attack": ["cam-mix"] * len(table), "part": words})
-    pq.write_table(mixed, tmp_path / LABELS)
+    pq.write_table(mixed, tmp_path / FILE)
     published = {"cam-position-offset": 0.846, "cam-delay": 0.062}
     found = detect(read_receptions(BagReader(offset)), read_labels(tmp_path), published=published)
     parts = ["cam-mix", "cam-mix / cam-delay", "cam-mix / cam-position-offset"]
@@ -142,6 +142,6 @@ def test_published_figures(keys: dict[str, Any], published: dict[str, float]) ->
 
 
 def test_labels_that_are_none(tmp_path: Path) -> None:
-    (tmp_path / LABELS).write_bytes(b"no parquet")
+    (tmp_path / FILE).write_bytes(b"no parquet")
     with pytest.raises(AdvpipeError, match="holds no labels of messages"):
         read_labels(tmp_path)

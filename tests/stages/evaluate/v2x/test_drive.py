@@ -10,9 +10,9 @@ import pytest
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.labels.messages import MessageLabel
 from advpipe.pipeline.misbehaviour.config import DetectorConfig
 from advpipe.stages.evaluate.v2x.drive import Drive, read_drive
-from advpipe.stages.evaluate.v2x.labels import MessageLabel
 from advpipe.stages.evaluate.v2x.radio import Heard
 from advpipe.stages.evaluate.v2x.section import section
 from advpipe.stages.evaluate.v2x.tables import victim_table

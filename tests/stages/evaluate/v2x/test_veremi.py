@@ -15,11 +15,11 @@ from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.cli import app
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.labels.messages import read_labels
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.registry import ATTACKS, find_attack
 from advpipe.stages.attack.request import AttackRequest
 from advpipe.stages.attack.run import attack
-from advpipe.stages.evaluate.v2x.labels import read_labels
 from advpipe.stages.evaluate.v2x.receptions import read_receptions
 from advpipe.stages.evaluate.v2x.veremi import FIRST_OF_OURS, attack_numbers, export_veremi
 

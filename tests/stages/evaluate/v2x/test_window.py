@@ -11,17 +11,17 @@ import pytest
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window, window_of
 from advpipe.pipeline.core.frame_slice import FrameSlice
+from advpipe.pipeline.labels.messages import lies, read_labels
 from advpipe.pipeline.misbehaviour.config import DetectorConfig
 from advpipe.pipeline.misbehaviour.detector import judge_all
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.v2x.facilities.cam import Cam
 from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam
+from advpipe.stages.evaluate.families import added_sections
 from advpipe.stages.evaluate.options import Options
-from advpipe.stages.evaluate.run import added_sections
 from advpipe.stages.evaluate.v2x import receptions
 from advpipe.stages.evaluate.v2x.collision import warnings
 from advpipe.stages.evaluate.v2x.drive import Drive, read_drive
-from advpipe.stages.evaluate.v2x.labels import lies, read_labels
 from advpipe.stages.evaluate.v2x.receptions import read_receptions
 from advpipe.stages.evaluate.v2x.section import sections
 

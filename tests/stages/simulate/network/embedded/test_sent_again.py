@@ -80,6 +80,22 @@ def test_the_same_receptions_maps_and_statistics(drive: Record, settings: tuple[
     assert TypeAdapter(Statistics).validate_json(message.data) == statistics
 
 
+def test_any_station_can_listen(drive: Record) -> None:
+    """Those that record nothing hear what they would have heard; who records hears the same again."""
+    reader = drive(*DRIVES["two listeners, all equipped, everything on"])
+    recorded = V2xDrive(reader)
+    heard = defaultdict(list)
+    for step, received in recorded.sent_again(recorded.stations):
+        for one in received:
+            assert step.end_ns is None or one.arrival_ns <= step.end_ns
+            heard[one.listener].append((one.arrival_ns, one.sent.number))
+    assert len(heard) == len(recorded.stations) > 10
+    for listener in ("ego", "other"):
+        told = recorded_receptions(reader, listener)
+        assert heard[listener] == [(one.arrival_ns, one.number) for one in told]
+    assert not any(received for _, received in V2xDrive(reader).sent_again(()))
+
+
 def test_buildings_are_in_the_way(drive: Record) -> None:
     """Those that stand in the drive's world; without them, more arrives."""
     reader = drive(*DRIVES["two listeners, all equipped, everything on"])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.geometry.transforms import se3_from_yaw
-from advpipe.stages.simulate.traffic.sumo.pose import base_poses, footprints, front_of
+from advpipe.stages.simulate.traffic.sumo.pose import base_poses, front_of
 
 
 def test_a_car_that_climbs_east() -> None:
@@ -31,8 +31,3 @@ def test_there_and_back_is_the_same_pose(yaw_rad: float, pitch_rad: float) -> No
 def test_north_is_zero_and_east_is_ninety() -> None:
     assert front_of(se3_from_yaw([0, 0, 0], np.pi / 2), 4.0)[1] == pytest.approx(0.0, abs=1e-9)
     assert front_of(se3_from_yaw([0, 0, 0], 0.0), 4.0)[1] == pytest.approx(90.0)
-
-
-def test_footprint_of_a_car_that_looks_north() -> None:
-    corners = footprints(se3_from_yaw([1, 2, 0], np.pi / 2)[None], [(4.0, 2.0)])[0]
-    assert np.sort(corners, axis=0) == pytest.approx(np.array([[0, 0], [0, 0], [2, 4], [2, 4]]))

@@ -21,9 +21,9 @@ from advpipe.stages.simulate.bodies import draw_variants
 from advpipe.stages.simulate.road_network.file import sumo_program
 from advpipe.stages.simulate.road_network.network import load_network
 from advpipe.stages.simulate.road_network.roads import resample
-from advpipe.stages.simulate.traffic.road_users import RoadUser
-from advpipe.stages.simulate.traffic.sumo.pose import footprints
-from advpipe.stages.simulate.traffic.sumo.traffic import SPAWN_DISTANCE_M, Traffic
+from advpipe.stages.simulate.traffic.road_users import RoadUser, footprints
+from advpipe.stages.simulate.traffic.sumo.population import SPAWN_DISTANCE_M
+from advpipe.stages.simulate.traffic.sumo.traffic import SumoTraffic
 
 TOWN06 = Path(os.environ.get("ADVPIPE_TOWN06", "Town06.xodr"))
 BUSY = ["traffic.vehicles=150", "simulation.warmup_s=20"]
@@ -33,7 +33,7 @@ def drive(scenario: Scenario, scratch: Path, steps: int) -> list[dict[str, RoadU
     network = load_network(scenario.map, scratch)
     variants = draw_variants(np.random.default_rng(0))
     states = []
-    with Traffic(scenario, network, variants, scratch) as traffic:
+    with SumoTraffic(scenario, network, variants, scratch) as traffic:
         for _ in range(steps):
             traffic.step()
             states.append(traffic.road_users())

@@ -2,38 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.stages.simulate.road_network.network import RoadNetwork
 from advpipe.stages.simulate.traffic.controller import Controller
 from advpipe.stages.simulate.traffic.lane_path import lane_path
 from advpipe.stages.simulate.traffic.road_users import RoadUser
-from advpipe.stages.simulate.traffic.sumo.puppets import Puppets
+from advpipe.stages.simulate.traffic.sumo.connection import SumoConnection
 
 
-class Controllers:
+class ControlledVehicles:
     """One controller for each vehicle with `driver: controller`; it begins where SUMO found a free place."""
 
-    def __init__(self, scenario: Scenario, network: RoadNetwork, puppets: Puppets) -> None:
-        self._scenario, self._network, self._puppets = scenario, network, puppets
+    def __init__(self, sumo: SumoConnection, scenario: Scenario, network: RoadNetwork) -> None:
+        self._sumo, self._scenario, self._network = sumo, scenario, network
         self._names = [name for name, vehicle in scenario.vehicles.items() if vehicle.driver == "controller"]
         self._controllers: dict[str, Controller] = {}
 
     def __bool__(self) -> bool:
         return bool(self._names)
 
-    def step(self, everybody: dict[str, RoadUser]) -> dict[str, RoadUser]:
+    def step(self, everybody: Mapping[str, RoadUser]) -> dict[str, RoadUser]:
         """Where they are one step later, by id, given where everybody is now."""
-        import libsumo
-
-        inserted = set(libsumo.vehicle.getIDList())
+        inserted = set(self._sumo.vehicle.getIDList())
         for name in self._names:
             if name not in self._controllers and name in inserted:
-                self._controllers[name] = self._hand_over(name, everybody[name])
+                self._controllers[name] = self._take_over(name, everybody[name])
         step_s = self._scenario.simulation.step_s
         return {
             name: controller.step(
-                step_s, [user for other, user in everybody.items() if other != name], _light
+                step_s, [user for other, user in everybody.items() if other != name], self._light
             )
             for name, controller in self._controllers.items()
         }
@@ -42,17 +42,12 @@ class Controllers:
         """The path (K, 3) of one of them."""
         return self._controllers[name].path_m
 
-    def _hand_over(self, name: str, user: RoadUser) -> Controller:
-        import libsumo
-
-        route = libsumo.vehicle.getRoute(name)[libsumo.vehicle.getRouteIndex(name) :]
-        path = lane_path(self._network, route, libsumo.vehicle.getLaneIndex(name))
+    def _take_over(self, name: str, user: RoadUser) -> Controller:
+        vehicle = self._sumo.vehicle
+        route = vehicle.getRoute(name)[vehicle.getRouteIndex(name) :]
+        path = lane_path(self._network, route, vehicle.getLaneIndex(name))
         wished_mps = self._scenario.vehicles[name].speed_mps or user.variant.body.max_speed_mps
-        self._puppets.adopt(name)
         return Controller(name, user.variant, path, user.map_SE3_base, wished_mps)
 
-
-def _light(name: str, index: int) -> str:
-    import libsumo
-
-    return str(libsumo.trafficlight.getRedYellowGreenState(name)[index])
+    def _light(self, name: str, index: int) -> str:
+        return str(self._sumo.trafficlight.getRedYellowGreenState(name)[index])

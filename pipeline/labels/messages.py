@@ -1,4 +1,4 @@
-"""Which messages of an adversarial bag are lies, from the labels beside it."""
+"""What attacks did to messages, as Parquet beside an adversarial bag: a row for each attack on a message."""
 
 from __future__ import annotations
 
@@ -9,19 +9,53 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from advpipe.pipeline.core.bounded_parquet import Kind, flat_columns, rows
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.misbehaviour.scores import Bools
+from advpipe.pipeline.labels.columns import Columns, Type
+from advpipe.pipeline.v2x.facilities.cam_values import FIELDS
 
-LABELS = "v2x_labels.parquet"
-NOT_SENT, CORRUPT = "dropped", "corrupt"
-PART = "part"
-"""The column, where there is one, that says which attack of a mix a message was touched by."""
+FILE = "v2x_labels.parquet"
 
-COLUMNS: dict[str, Kind] = {
+ADDED, CHANGED, DELAYED, DROPPED, CORRUPT = "added", "changed", "delayed", "dropped", "corrupt"
+ACTIONS = (ADDED, CHANGED, DELAYED, DROPPED, CORRUPT)
+"""Corrupt: no CAM, left as it is."""
+
+AXES = ("x_m", "y_m")
+_UNITS = ("deg", "m", "rad", "mps", "mps2", "radps")
+
+
+def _type(field: str) -> Type:
+    return "float64" if field.rpartition("_")[2] in _UNITS else "int64"
+
+
+MESSAGE_COLUMNS: Columns = {
+    "number": "uint64",
+    "station_id": "uint32",
+    "time_ns": "int64",
+    "sent_ns": "int64",
+    **dict.fromkeys(("attack", "part", "attacker", "sender", "action", "fields"), "string"),
+    "mattered": "bool",
+    **{f"{kind}_{name}": _type(name) for kind in ("true", "false") for name in (*AXES, *FIELDS)},
+}
+"""number, station_id: of the message as in /v2x/sent (the radio's, whatever is claimed). time_ns: when it was
+handed to the radio, as recorded; sent_ns: the same after the attack, null for never. part: of a mix, what
+its attacker carries out; else empty. attacker: the vehicle or roadside unit; empty where it is not the
+sender who lies, as with a spoofed GPS. action: one of `ACTIONS`. fields: what the attack changed, with commas
+between them ("other" for what has no column). mattered: see `pipeline/v2x/facilities/effect.py`. true_...,
+false_...: of each field of a CAM, with x and y in the map's frame.
+
+True values are those of the recorded message. Of one that was added or delayed, they are what the station
+that it claims to be from had said itself by then; null for a station that does not exist.
+"""
+
+NEWER = ("part", "fields")
+"""Columns that older versions left out, or wrote as lists."""
+
+_READ: dict[str, Kind] = {
     **dict.fromkeys(("number", "time_ns", "station_id"), "whole"),
-    **dict.fromkeys(("attack", "attacker", "action", PART), "text"),
+    **dict.fromkeys(("attack", "attacker", "action", "part"), "text"),
     "mattered": "truth",
 }
 
@@ -46,7 +80,7 @@ class MessageLabel:
 
         An attacker's message that is no CAM is one: no receiver may believe it.
         """
-        return self.action != NOT_SENT and (self.mattered or self.action == CORRUPT)
+        return self.action != DROPPED and (self.mattered or self.action == CORRUPT)
 
     @property
     def word(self) -> str:
@@ -68,7 +102,7 @@ def read_labels(bag: Path) -> list[MessageLabel]:
         return []
     path = _path(bag)
     try:
-        columns = COLUMNS if PART in flat_columns(path) else {k: v for k, v in COLUMNS.items() if k != PART}
+        columns = {k: v for k, v in _READ.items() if k not in NEWER or k in flat_columns(path)}
         return [_label(row) for row in rows(path, columns)]
     except AdvpipeError as error:
         reason = str(error).removeprefix(f"{path}: ")
@@ -88,10 +122,10 @@ def has_labels(bag: Path) -> bool:
 
 
 def _path(bag: Path) -> Path:
-    return (bag if bag.is_dir() else bag.parent) / LABELS
+    return (bag if bag.is_dir() else bag.parent) / FILE
 
 
-def lies(numbers: Sequence[int | None], labels: Iterable[MessageLabel]) -> Bools:
+def lies(numbers: Sequence[int | None], labels: Iterable[MessageLabel]) -> npt.NDArray[np.bool_]:
     """Which messages (M,) are lies, by their numbers in /v2x/sent; None is of an unknown message, no lie."""
     lying = {label.number for label in labels if label.is_lie}
     return np.array([number in lying for number in numbers], bool)

@@ -1,0 +1,163 @@
+"""All stages of a scenario, one after the other; what is done already is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from advpipe.pipeline.bag.locate import adversarial_bags
+from advpipe.pipeline.bag.provenance import parent_sha256
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.core.code import code_sha256
+from advpipe.pipeline.core.document import Word, read_text, read_yaml
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError, writing
+from advpipe.pipeline.core.verbosity import detail
+from advpipe.pipeline.dataset.reports import read_report
+from advpipe.pipeline.detector.registry import detector_sha256, detector_slug
+from advpipe.pipeline.scenario import Scenario, dump_scenario
+from advpipe.stages.attack.provenance import provenance_of, resolved_text
+from advpipe.stages.attack.run import AttackRequest, AttackSummary, attack
+from advpipe.stages.evaluate.provenance import REPORTING
+from advpipe.stages.evaluate.run import Options, Report, evaluate
+from advpipe.stages.simulate.run import SimulationSummary, simulate
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A result that is there already. kind: `bag` or `report`."""
+
+    kind: str
+    path: Path
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """The report that was made, and its folder."""
+
+    report: Report
+    folder: Path
+
+
+Part = Kept | SimulationSummary | AttackSummary | Evaluated
+"""What a stage made, or that it had nothing to do."""
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A scenario's drive, its attacks and their evaluation, in the folder of a data set.
+
+    requests: by the name of the bag that each makes. What is in the place of a result and comes of anything
+    else is refused, or replaced with `overwrite`.
+    """
+
+    scenario: Scenario
+    requests: Mapping[str, AttackRequest]
+    folder: Path
+    detector: str
+    device: str
+    workers: int | None = None
+    overwrite: bool = False
+
+    @classmethod
+    def of(cls, scenario: Scenario, folder: Path, detector: str, device: str, **options: Any) -> Campaign:
+        """Raises AdvpipeError for attacks that cannot be carried out: now, not after the simulation."""
+        requests = {
+            name: AttackRequest(attacks, scenario.simulation.seed, device)
+            for name, attacks in scenario.attacks.items()
+        }
+        for name, request in requests.items():
+            request.check()
+            request.refuse_without_v2x(name, scenario)
+        return cls(scenario, requests, folder, detector, device, **options)
+
+    def run(self) -> Iterator[Part]:
+        """The drive, each attack, and the report, each as soon as it is there."""
+        clean = self.folder / "clean"
+        yield self._drive(clean)
+        for name, request in self.requests.items():
+            yield self._attack(clean, self.folder / name, request)
+        yield self._report([clean, *(self.folder / name for name in self.requests)])
+
+    def _drive(self, clean: Path) -> Part:
+        if has_drive(self.folder, self.scenario, self.overwrite):
+            return Kept("bag", clean)
+        detail(f"scenario {self.scenario.name}, seed {self.scenario.simulation.seed}")
+        return simulate(self.scenario, self.folder, overwrite=self.overwrite)
+
+    def _attack(self, clean: Path, bag: Path, request: AttackRequest) -> Part:
+        if is_made_by(request, clean, bag, self.overwrite):
+            return Kept("bag", bag)
+        with writing(bag):
+            return attack(clean, bag, request, overwrite=self.overwrite, workers=self.workers)
+
+    def _report(self, bags: Sequence[Path]) -> Part:
+        report = self.folder / "reports" / detector_slug(self.detector)
+        if is_report_of(report, bags, self.detector, self.device):
+            return Kept("report", report)
+        options = Options(detectors=(self.detector,), baseline_tries=None, device=self.device)
+        clean, *adversarial = bags
+        adversarial = adversarial or adversarial_bags(self.folder)
+        detail(f"{self.detector} on {self.device}: {clean} and {len(adversarial)} adversarial bags")
+        made = evaluate(clean, adversarial, report, options, overwrite=self.overwrite, workers=self.workers)
+        return Evaluated(made, report)
+
+
+def has_drive(folder: Path, scenario: Scenario, overwrite: bool) -> bool:
+    """Whether a data set holds the drive of this scenario, whatever its attacks."""
+    resolved = folder / "scenario.yaml"
+    if not (folder / "clean" / "metadata.yaml").is_file() or not resolved.is_file():
+        return False
+    try:
+        if read_text(resolved) == dump_scenario(scenario):
+            return True
+    except AdvpipeError:
+        if not overwrite:
+            raise
+    if overwrite:
+        return False
+    raise UsageError(
+        f"{folder} holds the drive of another scenario; pass --overwrite to replace it, or give another --out"
+    )
+
+
+def is_made_by(request: AttackRequest, clean: Path, bag: Path, overwrite: bool) -> bool:
+    """Whether the same request made the bag of the same clean one; raises UsageError where another did."""
+    made = bag / "attack.yaml"
+    wanted = resolved_text(provenance_of(BagReader(clean), request))
+    if not made.is_file():
+        return False
+    others = _differing_keys(made, wanted)
+    if others and not overwrite:
+        raise UsageError(
+            f"{bag} was made with other {', '.join(others)} (see {made.name} in it); pass --overwrite to "
+            "make it again, or give another --out"
+        )
+    return not others
+
+
+def _differing_keys(made: Path, wanted: str) -> list[str]:
+    """The keys at the top of two YAML texts whose values differ; the whole text where one is no mapping."""
+    try:
+        text = read_text(made)
+        if text == wanted:
+            return []
+        old, new = (read_yaml(each, dict[Word, Any], str(made), "") for each in (text, wanted))
+    except AdvpipeError:
+        return ["text"]
+    return sorted(key for key in old.keys() | new.keys() if old.get(key) != new.get(key)) or ["text"]
+
+
+def is_report_of(report: Path, bags: Sequence[Path], detector: str, device: str) -> bool:
+    """Whether a report tells of just these bags, by their checksums, of this detector, device and code."""
+    try:
+        about = read_report(report / "report.json").provenance
+    except AdvpipeError:
+        return False
+    scored = [about.clean.sha256, *(bag.sha256 for bag in about.compared if bag.sha256)]
+    detectors = [one.sha256 for one in about.detectors]
+    was_here = about.device == device.partition(":")[0]
+    was_so = about.code_sha256 == code_sha256(*REPORTING)
+    is_of_bags = sorted(scored) == sorted(map(parent_sha256, bags))
+    return is_of_bags and detectors in ([], [detector_sha256(detector)]) and was_here and was_so

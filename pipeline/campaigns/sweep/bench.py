@@ -1,0 +1,91 @@
+"""Where the cells of a sweep are run."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.campaigns.sweep.budgets import AXES, Budget
+from advpipe.pipeline.campaigns.sweep.cell import Cell, Settings, Times
+from advpipe.pipeline.campaigns.sweep.scored import scored_cell
+from advpipe.pipeline.campaigns.sweep.variants import HIDE, split_recipe, steps_factor
+from advpipe.pipeline.core.errors import writing
+from advpipe.pipeline.core.partial import remove_output
+from advpipe.pipeline.detector.device import CPU
+from advpipe.pipeline.scenario.attacks import attack_spec
+from advpipe.stages.attack.lidar.build import build_lidar_attack
+from advpipe.stages.attack.provenance import provenance_of, resolved_text
+from advpipe.stages.attack.run import AttackRequest, attack
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Where cells are run: stage 2 makes a bag, stage 3 scores it, and it goes unless it is to be kept."""
+
+    clean: Path
+    out: Path
+    detector: str
+    workers: int | None
+    keep_bags: bool = False
+    device: str = CPU
+
+    def request(self, budget: Budget, recipe: str, settings: Settings) -> AttackRequest:
+        """The attack of a budget, by a recipe and its variants."""
+        base, variants = split_recipe(recipe)
+        parameters: dict[str, Any] = {**budget.parameters, **({"goal": "hide"} if HIDE in variants else {})}
+        if (factor := steps_factor(recipe)) != 1:
+            once = build_lidar_attack(
+                attack_spec({"type": budget.attack, "recipe": base, "parameters": parameters})
+            )
+            steps = AXES[budget.attack].steps
+            parameters[steps] = max(1, round(factor * getattr(once, steps)))
+        spec = attack_spec(
+            {
+                "type": budget.attack,
+                "recipe": base,
+                "parameters": parameters,
+                "frames": settings.frames,
+                "detector": self.detector,
+                "lidar": settings.lidar_topic,
+            }
+        )
+        return AttackRequest((spec,), settings.seed, self.device)
+
+    def attack(self, budget: Budget, recipe: str, settings: Settings, bag: Path) -> None:
+        """The bag of a budget; one that a killed run has finished is taken as it is."""
+        request, made = self.request(budget, recipe, settings), bag / "attack.yaml"
+        if made.is_file():
+            wanted = resolved_text(provenance_of(BagReader(self.clean), request))
+            if made.read_text(encoding="utf-8") == wanted:
+                return
+        with writing(bag):
+            attack(self.clean, bag, request, overwrite=bag.exists(), workers=self.workers)
+
+    def run(self, budget: Budget, recipe: str, settings: Settings) -> tuple[Cell, Times]:
+        """A cell, from the attack to the figures, and what it took."""
+        bag = self.out / "bags" / f"{recipe}-{budget.name}"
+        begin_s = time.perf_counter()
+        self.attack(budget, recipe, settings, bag)
+        attacked_s = time.perf_counter()
+        cell = scored_cell(
+            self.clean,
+            bag,
+            budget.name,
+            recipe,
+            settings,
+            detector=self.detector,
+            workers=self.workers,
+            device=self.device,
+        )
+        if not self.keep_bags:
+            self.tidy(bag)
+        return cell, Times(round(attacked_s - begin_s, 1), round(time.perf_counter() - attacked_s, 1))
+
+    def tidy(self, folder: Path) -> None:
+        """Remove a bag, and the folder around it where nothing else is left."""
+        remove_output(folder)
+        if folder.parent.is_dir() and not any(folder.parent.iterdir()):
+            folder.parent.rmdir()

@@ -1,0 +1,123 @@
+"""A sweep: an attack and its evaluation at every budget of a table, and a report of all cells."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.campaigns.sweep.bench import Bench
+from advpipe.pipeline.campaigns.sweep.budgets import Budget, choose_budgets
+from advpipe.pipeline.campaigns.sweep.cell import Cell, Settings, Times
+from advpipe.pipeline.campaigns.sweep.check import check_cells
+from advpipe.pipeline.campaigns.sweep.document import print_document, write_document
+from advpipe.pipeline.campaigns.sweep.options import SweepOptions
+from advpipe.pipeline.campaigns.sweep.panel_pictures import panel_pictures
+from advpipe.pipeline.campaigns.sweep.settings import sweep_settings
+from advpipe.pipeline.campaigns.sweep.store import Store
+from advpipe.pipeline.campaigns.sweep.tables import recipes_of
+from advpipe.pipeline.campaigns.sweep.variants import steps_factor
+from advpipe.pipeline.core.errors import wrong_use
+from advpipe.pipeline.core.verbosity import detail, say
+from advpipe.pipeline.detector.registry import load_detector
+from advpipe.stages.evaluate.report.numbers import number
+from advpipe.stages.evaluate.training_map import map_status
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """The cells that are asked for, of a clean bag, in a folder that keeps finished ones."""
+
+    clean: Path
+    store: Store
+    bench: Bench
+    settings: Settings
+    budgets: tuple[Budget, ...]
+    options: SweepOptions
+
+    @classmethod
+    def prepared(cls, clean: Path, out: Path, options: SweepOptions) -> Sweep:
+        """Raises AdvpipeError for whatever can be refused now rather than hours later."""
+        with wrong_use():
+            budgets = tuple(choose_budgets(options.table, list(options.cells)))
+        settings = sweep_settings(clean, options)
+        bench = Bench(clean, out, options.detector, options.workers, options.keep_bags, options.device)
+        prepared = cls(clean, Store(out), bench, settings, budgets, options)
+        with wrong_use():
+            for recipe, budget in prepared.places():
+                bench.request(budget, recipe, settings).check()
+        count = len(options.recipes) * len(budgets)
+        detail(f"{count} cells of {clean}: {options.detector} on {options.device}, seed {options.seed}")
+        return prepared
+
+    def places(self) -> Iterator[tuple[str, Budget]]:
+        """The cells by recipe and budget."""
+        return ((recipe, budget) for recipe in self.options.recipes for budget in self.budgets)
+
+    def check(self, count: int) -> list[str]:
+        """Compute so many finished cells again and compare; the names of those, see `check_cells`."""
+        return check_cells(self.bench, self.store, list(self.places()), count, self.options.seed)
+
+    def run(self, overwrite: bool = False) -> SweepReport:
+        """Run the cells that are missing, and write the report of all that the folder holds."""
+        self.store.open(self.settings, list(self.options.recipes), overwrite)
+        new = [recipe for recipe, budget in self.places() if self._run_missing(recipe, budget)]
+        done = self.store.cells()
+        shown = recipes_of(done, list(self.options.recipes))
+        pictures = [
+            picture
+            for recipe in shown
+            if steps_factor(recipe) == 1
+            for picture in panel_pictures(self.bench, self.store, recipe, recipe in new)
+        ]
+        detector = load_detector(self.options.detector, self.options.device)
+        of_map = map_status(self.options.detector, detector, BagReader(self.clean).provenance)
+        report = SweepReport(self.store.folder, done, shown, [of_map.text] if of_map.text else [])
+        commands = commands_of(self.clean, self.options.table, done)
+        write_document(report.folder, done, shown, commands, pictures, report.banners)
+        return report
+
+    def _run_missing(self, recipe: str, budget: Budget) -> bool:
+        if self.store.load(recipe, budget.name) is not None:
+            say(f"{recipe}-{budget.name}: kept")
+            return False
+        cell, times = self.bench.run(budget, recipe, self.settings)
+        self.store.save(cell, times)
+        say(_line(cell, budget, times))
+        return True
+
+
+@dataclass(frozen=True)
+class SweepReport:
+    """What a sweep's folder holds now."""
+
+    folder: Path
+    cells: Sequence[Cell]
+    recipes: Sequence[str]
+    banners: Sequence[str]
+
+    def show(self) -> None:
+        """The tables on the terminal."""
+        print_document(self.cells, self.recipes, self.banners)
+
+
+def _line(cell: Cell, budget: Budget, times: Times) -> str:
+    return (
+        f"{cell.name}: mAP ratio {number(cell.row['map_ratio_percent'], 2)} % (the paper: "
+        f"{budget.paper_map_ratio_percent:.2f} %), {len(cell.frames)} frames, "
+        f"attack {times.attack_s:.0f} s, evaluation {times.evaluate_s:.0f} s"
+    )
+
+
+def commands_of(clean: Path, table: str, cells: Sequence[Cell]) -> str:
+    """What to type for the same cells: a line for each recipe, which may have frames of its own."""
+    of_recipe = {cell.recipe: cell.settings for cell in cells}
+    return "\n".join(
+        f"advpipe sweep {clean.parent.name}/{clean.name} --table {table} --recipe {recipe} "
+        f"--frames {one.frames} --detector {one.detector} --seed {one.seed}"
+        + (f" --baseline-tries {one.baseline_tries}" if one.baseline_tries else "")
+        + (f" --lidar {one.lidar_topic}" if one.lidar_topic else "")
+        + (f" --device {one.device}" if one.device != "cpu" else "")
+        for recipe, one in of_recipe.items()
+    )

@@ -1,0 +1,76 @@
+"""All figures of an evaluation, and the document `report.json` that holds them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from advpipe.pipeline.results.figures import Record
+from advpipe.pipeline.results.origin import Origin
+from advpipe.pipeline.results.records import PrecisionRecord, record_of
+from advpipe.pipeline.results.row import ResultRow
+
+SCHEMA = "advpipe-report-1"
+"""What `report.json` says that it is; its JSON Schema is `docs/schemas/report-1.json`."""
+
+SIGNIFICANT_DIGITS = 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluation:
+    """What a clean bag and adversarial ones showed.
+
+    results: one an adversarial bag and detector, or one a detector for the clean bag alone.
+    average_precision: one a bag, detector, cloud (`clean`, `adv`, or a baseline's word), class, criterion
+    and stratum. records: what families of attacks list, by key. formulas: what the figures mean. banners:
+    what must be read before any figure.
+    """
+
+    results: tuple[ResultRow, ...]
+    origin: Origin
+    formulas: Mapping[str, str]
+    average_precision: tuple[PrecisionRecord, ...] = ()
+    records: Mapping[str, Sequence[Record]]
+    banners: tuple[str, ...] = ()
+
+    @property
+    def rows(self) -> tuple[Record, ...]:
+        """The results as `report.json` has them: one key a figure."""
+        return tuple(result.record() for result in self.results)
+
+    def to_json(self) -> str:
+        """The same text for the same figures: sorted keys, rounded numbers, null for what is undefined.
+
+        The records of `average_precision` and of families take one line each.
+        """
+        document = {
+            "banners": self.banners,
+            "formulas": self.formulas,
+            "provenance": self.origin.record(),
+            "rows": self.rows,
+            "schema": SCHEMA,
+        }
+        text = json.dumps(plain(document), indent=2, sort_keys=True, allow_nan=False)
+        records = {"average_precision": [record_of(each) for each in self.average_precision]}
+        records |= {key: list(listed) for key, listed in self.records.items()}
+        lists = "".join(f'\n  "{key}": {_one_a_line(each)},' for key, each in sorted(records.items()))
+        return f"{{{lists}{text[1:]}\n"
+
+
+def _one_a_line(records: Sequence[Record]) -> str:
+    lines = [json.dumps(plain(record), sort_keys=True, allow_nan=False) for record in records]
+    return "[" + ",".join(f"\n    {line}" for line in lines) + "\n  ]"
+
+
+def plain(value: object) -> object:
+    """A value that JSON knows: numbers rounded to `SIGNIFICANT_DIGITS`, None for NaN."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, float | np.floating):
+        return float(f"{value:.{SIGNIFICANT_DIGITS}g}") if np.isfinite(value) else None
+    return value

@@ -1,0 +1,141 @@
+"""Records that `report.json` lists beside its rows, one a line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+from advpipe.pipeline.results.figures import Interval, Precisions, Record
+
+
+@dataclass(frozen=True)
+class PrecisionRecord:
+    """One average precision of a class by a criterion, in a stratum of those cut `by` a measure; of all
+    objects, `by` is empty and the stratum is `all`. boxes: how many objects were to be found."""
+
+    bag: str
+    detector: str
+    cloud: str
+    class_name: str
+    criterion: str
+    by: str
+    stratum: str
+    boxes: int
+    ap_r40: float
+    ap_r40_ci95: Interval
+    ap_r11: float
+
+
+@dataclass(frozen=True)
+class _OfAttack:
+    bag: str
+    detector: str
+    attack: str
+    recipe: str | None
+    parameter: str | None
+    value: Any
+
+
+@dataclass(frozen=True)
+class SuccessRecord(_OfAttack):
+    """Objects found on the clean clouds and lost on those of `cloud`, of a class and a range; at loose
+    overlap, those named `strict_` at strict overlap, with a score of at least `min_score`."""
+
+    cloud: str
+    class_name: str
+    range: str
+    min_score: float
+    found_clean: int
+    lost: int
+    attack_success_percent: float
+    attack_success_ci95: Interval
+    strict_found_clean: int
+    strict_lost: int
+    strict_attack_success_percent: float
+    strict_attack_success_ci95: Interval
+    new_false_positives: int
+
+
+@dataclass(frozen=True)
+class DefendedFigures:
+    """What an attack leads to under a defence. map_ratio_percent: of the clean clouds under the defence;
+    map_adv_percent: of those without."""
+
+    map_adv: float
+    map_adv_ci95: Interval
+    map_ratio_percent: float
+    map_ratio_ci95: Interval
+    map_adv_percent: float
+    map_adv_percent_ci95: Interval
+    precisions: Precisions
+
+
+@dataclass(frozen=True)
+class DefenceRecord(_OfAttack):
+    """A defence: what it costs on the clean clouds, kept_percent of their mAP without it, and the attack
+    under it; None without one."""
+
+    defence: str
+    frames: int
+    map_clean: float
+    map_clean_ci95: Interval
+    kept_percent: float
+    kept_ci95: Interval
+    clean_precisions: Precisions
+    attacked: DefendedFigures | None
+
+    def record(self) -> Record:
+        """The record as `report.json` has it."""
+        row: Record = {name: value for name, value in vars(self).items() if name not in _NESTED}
+        row |= self.clean_precisions.record("clean")
+        if self.attacked is None:
+            return row
+        row |= {name: value for name, value in vars(self.attacked).items() if name != "precisions"}
+        return row | self.attacked.precisions.record("adv")
+
+
+_NESTED = ("clean_precisions", "attacked")
+
+
+@dataclass(frozen=True)
+class BaselineRecord(_OfAttack):
+    """A random baseline beside an attack; minus: how much lower the attack's mAP ratio is, in points."""
+
+    baseline: str
+    map_ratio_percent: float
+    map_ratio_ci95: Interval
+    minus: float
+    minus_ci95: Interval
+    beats: bool | None
+
+
+@dataclass(frozen=True)
+class TransferRecord:
+    """An attack made against one detector, as another sees it."""
+
+    bag: str
+    attack: str
+    recipe: str | None
+    parameter: str | None
+    value: Any
+    parameters: Mapping[str, Any]
+    attacked_against: str
+    frames: int
+    evaluated_with: str
+    is_white_box: bool | None
+    map_clean: float
+    map_ratio_percent: float | None
+    map_ratio_ci95: Interval
+
+
+def key_of(field: str) -> str:
+    """The key of a field in a record."""
+    return "class" if field == "class_name" else field
+
+
+def record_of(
+    record: PrecisionRecord | SuccessRecord | BaselineRecord | TransferRecord,
+) -> Record:
+    """The record as `report.json` has it."""
+    return {key_of(field.name): getattr(record, field.name) for field in fields(record)}

@@ -1,0 +1,98 @@
+"""One row of a report: an adversarial bag, or the clean one alone, as one detector sees it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from advpipe.pipeline.results.figures import (
+    BaselineFigures,
+    CleanFigures,
+    CloudFigures,
+    Record,
+    RecountedFigures,
+    nothing,
+)
+
+PLAIN_BASELINE = "baseline"
+"""The word of the baseline whose keys every row has, None where it was not scored."""
+
+
+@dataclass(frozen=True)
+class AttackRecord:
+    """The attack that made a bag, by the bag's own record.
+
+    parameter, value: its budget. attacked_against: the detector. is_white_box: whether that is the one that
+    looks; None where nobody can say. looks: to how many tries it looked to keep the best. baseline_tries: of
+    how many the best is among the baselines.
+    """
+
+    attack: str
+    recipe: str | None
+    parameter: str | None
+    value: Any
+    parameters: Mapping[str, Any]
+    attacked_against: str | None
+    is_white_box: bool | None
+    looks: int | None
+    baseline_tries: int
+
+
+@dataclass(frozen=True)
+class FrameCounts:
+    """What was scored. working_score: the score of the best F1 on the clean clouds, from which objects and
+    detections are counted. objects: evaluated ones."""
+
+    frames: int
+    blocks: int
+    classes_in_map: tuple[str, ...]
+    working_score: float
+    objects: int
+    objects_found_clean: int
+    false_positives_clean: int
+    points_clean: int
+
+
+@dataclass(frozen=True)
+class ResultRow:
+    """The figures of one bag and detector.
+
+    boxes: evaluated ones by class. attacked, recounted: None without an attack. baselines: by word, those
+    that were scored. beats_random: whether all of them are beaten; None where nobody can say. notes: what the
+    reader must know besides.
+    """
+
+    bag: str
+    detector: str
+    attack: AttackRecord
+    counts: FrameCounts
+    boxes: Mapping[str, int]
+    clean: CleanFigures
+    attacked: CloudFigures | None
+    recounted: RecountedFigures | None
+    baselines: Mapping[str, BaselineFigures]
+    beats_random: bool | None
+    notes: tuple[str, ...]
+
+    def record(self) -> Record:
+        """The row as `report.json` has it: flat, a baseline's word before each of its figures."""
+        known = self.clean.precisions.ap
+        row: Record = {"bag": self.bag, "detector": self.detector, **asdict(self.attack)}
+        row |= asdict(self.counts) | {"classes_in_map": list(self.counts.classes_in_map)}
+        row |= {f"boxes_{name}": count for name, count in self.boxes.items()}
+        row |= self.clean.record()
+        row |= self.attacked.record() if self.attacked else nothing(CloudFigures, known)
+        row |= asdict(self.recounted) if self.recounted else nothing(RecountedFigures)
+        row |= {f"{PLAIN_BASELINE}_{key}": None for key in nothing(CloudFigures, known)}
+        row |= {f"map_ratio_minus_{PLAIN_BASELINE}{end}": None for end in ("", "_ci95")}
+        for word, baseline in self.baselines.items():
+            row |= {f"{word}_{key}": value for key, value in baseline.figures.record().items()}
+            row[f"map_ratio_minus_{word}"] = baseline.map_ratio_minus
+            row[f"map_ratio_minus_{word}_ci95"] = baseline.map_ratio_minus_ci95
+            row[f"beats_{word}"] = baseline.is_beaten
+        return row | {
+            "baselines": list(self.baselines),
+            "beats_random": self.beats_random,
+            "notes": list(self.notes),
+        }

@@ -1,0 +1,38 @@
+"""A comparison, scored: what all of its figures are worked out from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
+from advpipe.stages.evaluate.detection.arm import Arm, Precision
+from advpipe.stages.evaluate.detection.comparison import Comparison
+from advpipe.stages.evaluate.detection.figures import FrameRows
+from advpipe.stages.evaluate.detection.scoring import CRITERIA
+
+
+@dataclass(frozen=True)
+class Scored:
+    """The frames of a comparison with the matches on each kind of cloud that all of them have.
+
+    arms: by the cloud's word, `clean` among them. classes: of the detector. in_map: those of the mAP.
+    min_score: the working point, from which objects and detections are counted. per_frame: the counts.
+    """
+
+    comparison: Comparison
+    arms: Mapping[str, Arm]
+    classes: tuple[str, ...]
+    in_map: tuple[str, ...]
+    bootstrap: BlockBootstrap
+    min_score: float
+    per_frame: FrameRows
+
+    def arm(self, word: str) -> Arm:
+        """The clouds of a word that is not among `arms`, such as those under a defence."""
+        return Arm.of(self.comparison.frames, word, self.classes, self.in_map, self.bootstrap)
+
+    def precisions(self, word: str) -> tuple[Precision, ...]:
+        """Of each class: in every stratum by every criterion on clean clouds, strictly on the others."""
+        criteria = tuple(CRITERIA) if word == "clean" else ("strict",)
+        return tuple(self.arms[word].precisions(self.comparison.frames, word, self.bootstrap, criteria))

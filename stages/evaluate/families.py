@@ -1,0 +1,53 @@
+"""What each family of attacks adds to a report besides detection."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.window import window_of
+from advpipe.stages.evaluate.cooperative.section import sections as cooperative
+from advpipe.stages.evaluate.coordinated.section import sections as coordinated
+from advpipe.stages.evaluate.localisation.section import sections as localisation
+from advpipe.stages.evaluate.options import Options
+from advpipe.stages.evaluate.report.section import Family, Section
+from advpipe.stages.evaluate.v2x.section import sections as v2x
+
+OF_WINDOW = (
+    "All figures of this part are of the window of {length_s:.1f} s from the first chosen cloud to one "
+    "period after the last. Filters, radio, maps and detectors ran from the beginning of the drive to the "
+    "window's end."
+)
+
+
+def families(clean: Path, options: Options) -> tuple[tuple[Family, str], ...]:
+    """What the families of attacks add besides detection, and what to note on the time that they look at.
+
+    A family adds no section where it has nothing to say. Raises AdvpipeError for frames that choose none.
+    """
+    window = window_of(BagReader(clean), options.frames, options.lidar_topic)
+    timed = [partial(family, window=window) for family in (coordinated, localisation, v2x)]
+    fused = partial(
+        cooperative,
+        detector=options.detectors[0],
+        device=options.device,
+        frames=options.frames,
+        lidar_topic=options.lidar_topic,
+    )
+    length_s = (window.end_ns - window.begin_ns) / 1e9 if window.end_ns is not None else None
+    note = OF_WINDOW.format(length_s=length_s) if length_s is not None else ""
+    return (*((family, note) for family in timed), (fused, ""))
+
+
+def added_sections(clean: Path, adversarial: Sequence[Path], options: Options) -> list[Section]:
+    """What all families add; where frames were chosen, with a note on the time of each part."""
+    sections: list[Section] = []
+    for family, note in families(clean, options):
+        noted = (note,) if note else ()
+        sections += [
+            replace(each, notes=(*each.notes, *noted)) for each in family(clean, adversarial, options.seed)
+        ]
+    return sections

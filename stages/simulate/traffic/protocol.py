@@ -1,0 +1,83 @@
+"""Who moves on the roads: what a drive asks of a source of traffic."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Protocol, runtime_checkable
+
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.scenario.models import Scenario
+from advpipe.stages.simulate.bodies import Variant
+from advpipe.stages.simulate.road_network.network import RoadNetwork
+from advpipe.stages.simulate.traffic.road_users import RoadUser
+
+
+@runtime_checkable
+class TrafficSource(Protocol):
+    """Moves every vehicle of one drive; `traffic.source` in the scenario file names it.
+
+    It is made before anything is simulated, entered once (`with source:`), and left once, whatever happens.
+    A drive goes: make, enter, `route_m` of each vehicle that carries sensors, then `step` and `road_users`
+    in turns. The network's clock is the master: it calls `step` once for each step of
+    `scenario.simulation.step_s`. The first `step` after entering leads to the recording's time 0, the next
+    one to `step_s`, and so on; a warm-up belongs into `__enter__`.
+
+    A source of your own inherits from this class, so that `__enter__` and `__exit__` need to be written only
+    where there is something to open and close. The same scenario and seed must give the same drive: draw
+    from `advpipe.pipeline.core.seeding.named_generator(scenario.simulation.seed, "traffic")` alone.
+    """
+
+    def __init__(
+        self, scenario: Scenario, network: RoadNetwork, variants: Mapping[str, Variant], scratch: Path
+    ) -> None:
+        """Checks all that the source needs of the scenario, and starts nothing yet.
+
+        variants: the bodies that road users may have, by name, such as `sedan.0`; `variants_of` lists those
+        of one body. scratch: a folder for files, gone after the drive.
+        Raises AdvpipeError, one line, for what it cannot drive.
+        """
+
+    def __enter__(self) -> TrafficSource:
+        """Opens what it needs and warms up. Raises AdvpipeError where that fails, with nothing left open."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Closes it, after errors and Ctrl-C too."""
+        return
+
+    @abstractmethod
+    def step(self) -> None:
+        """Moves everybody on by one step of the scenario's. Raises AdvpipeError where it cannot go on."""
+
+    @abstractmethod
+    def road_users(self) -> Mapping[str, RoadUser]:
+        """Every vehicle that is on the road after the newest step, by id, always in the same order.
+
+        Each has a pose (`map_SE3_base`, 4 x 4, x forward, its origin on the ground below the middle of the
+        box), a velocity in m/s in the map's axes, and a body. Vehicles of `scenario.vehicles` go by their
+        names, and are there in every step; one whose `driver` is `trajectory` may come and go. Parked cars
+        and people on foot are others' concern.
+        """
+
+    @abstractmethod
+    def route_m(self, name: str) -> Float64:
+        """Places (K, 3) in the map's frame along the way of a vehicle of `scenario.vehicles`.
+
+        It is asked once, after entering and before the first step. People on foot are put near it, so that
+        about where the vehicle will come by is enough.
+        """
+
+    @abstractmethod
+    def push(self, users: Iterable[RoadUser], upcoming: Iterable[RoadUser] = ()) -> None:
+        """Puts external vehicles, which somebody else moves, to where they are after the next `step`.
+
+        `road_users` then gives them as they were pushed, and the source's own traffic reacts to them as to
+        any other. One of the source's own is taken over by its id. A vehicle that is not pushed again before
+        the next step but one is gone with that. upcoming: those who will be pushed one step later, for a
+        source that has to make room for them before.
+        """

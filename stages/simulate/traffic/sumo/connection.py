@@ -1,0 +1,111 @@
+"""The way to SUMO: in this process (libsumo), or to a server that others may share (TraCI).
+
+Nothing but this and `server` imports libsumo or traci.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Literal
+
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.scenario.traffic import SumoServer
+from advpipe.stages.simulate.traffic.sumo.server import Server, connect
+
+
+class SumoConnection:
+    """One simulation of SUMO's, from `start` to `close`.
+
+    Its domains have the methods of TraCI's, whatever the transport:
+    https://sumo.dlr.de/docs/TraCI/Protocol.html
+    """
+
+    def __init__(self, transport: Literal["libsumo", "traci"], server: SumoServer, scratch: Path) -> None:
+        self._transport, self._settings, self._scratch = transport, server, scratch
+        self._client: Any = None
+        self._server: Server | None = None
+
+    @property
+    def vehicle(self) -> Any:
+        return self._client.vehicle
+
+    @property
+    def route(self) -> Any:
+        return self._client.route
+
+    @property
+    def edge(self) -> Any:
+        return self._client.edge
+
+    @property
+    def vehicletype(self) -> Any:
+        return self._client.vehicletype
+
+    @property
+    def simulation(self) -> Any:
+        return self._client.simulation
+
+    @property
+    def trafficlight(self) -> Any:
+        return self._client.trafficlight
+
+    @property
+    def refusals(self) -> tuple[type[Exception], ...]:
+        """What SUMO raises for a single command that it cannot carry out."""
+        if self._transport == "libsumo":
+            import libsumo
+
+            return (libsumo.TraCIException,)
+        import traci
+
+        return (traci.exceptions.TraCIException,)
+
+    def start(self, options: Sequence[str]) -> None:
+        """Starts SUMO with command-line options, or joins the server that the scenario names.
+
+        Raises AdvpipeError where it cannot start; nothing is left running then.
+        """
+        with self.errors():
+            if self._transport == "libsumo":
+                import libsumo
+
+                libsumo.start(["sumo", *options])
+                self._client = libsumo
+            else:
+                self._server = connect(self._settings, options, self._scratch / "sumo.log")
+                self._client = self._server.client
+
+    def simulate_step(self) -> None:
+        """One step of all; of a shared server, when all its clients have asked for it."""
+        self._client.simulationStep()
+
+    def close(self, *, after_error: bool = False) -> None:
+        """Ends SUMO, unless it is a server that somebody else started; nothing where none runs.
+
+        after_error: SUMO may no longer answer, so that it is not asked.
+        """
+        client, self._client = self._client, None
+        if self._server is not None:
+            self._server.close(after_error)
+        elif client is not None:
+            client.close()
+
+    @contextmanager
+    def errors(self) -> Iterator[None]:
+        """Turns what SUMO raises into AdvpipeError, one line."""
+        try:
+            yield
+        except (*self.refusals, *self._fatal()) as error:
+            reason = (self._server.last_words() if self._server is not None else None) or error
+            raise AdvpipeError(f"SUMO cannot go on with this network or traffic: {reason}") from None
+
+    def _fatal(self) -> tuple[type[Exception], ...]:
+        if self._transport == "libsumo":
+            import libsumo
+
+            return (libsumo.FatalTraCIError,)
+        import traci
+
+        return (traci.exceptions.FatalTraCIError, ConnectionError)

@@ -1,0 +1,131 @@
+"""SUMO as a server of its own, which is spoken to by TraCI and which others may share."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.missing_library import loader_line
+from advpipe.pipeline.core.verbosity import notice
+from advpipe.pipeline.scenario.traffic import SumoServer
+from advpipe.stages.simulate.road_network.file import last_error, sumo_program
+
+HERE = "127.0.0.1"
+START_PATIENCE_S = 300.0
+"""SUMO listens as soon as it has read its options; on a busy machine its start alone takes seconds."""
+
+JOIN_PATIENCE_S = 10.0
+END_PATIENCE_S = 5.0
+"""For a server of ours to end by itself when the drive has ended: other clients may go on so long."""
+
+
+@dataclass
+class Server:
+    """A server, and our connection to it. process: of a server that we started. log: what that one said."""
+
+    client: Any
+    process: subprocess.Popen[bytes] | None = None
+    log: Path | None = None
+
+    def close(self, after_error: bool) -> None:
+        """Takes leave, and ends the server if it is ours; at once after an error."""
+        import traci
+
+        if self.process is not None and after_error:
+            self.process.kill()
+        if self.client is not None:
+            with suppress(traci.exceptions.TraCIException, traci.exceptions.FatalTraCIError, OSError):
+                self.client.close(False)
+        if self.process is not None:
+            try:
+                self.process.wait(END_PATIENCE_S)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()
+
+    def last_words(self) -> str | None:
+        """Why a server of ours has ended; None for one that runs, or is not ours."""
+        if self.process is None or self.log is None:
+            return None
+        try:
+            code = self.process.wait(1.0)
+        except subprocess.TimeoutExpired:
+            return None
+        text = self.log.read_text(encoding="utf-8", errors="replace")
+        return loader_line(text) or last_error(subprocess.CompletedProcess([], code, "", text))
+
+
+def connect(settings: SumoServer, options: Sequence[str], log: Path) -> Server:
+    """Joins the server that the settings name, or starts one with options of SUMO's command line.
+
+    Where others are to share it, this returns when all of them are there. Raises AdvpipeError for a server
+    that does not answer or does not start; none of ours is left running then.
+    """
+    if settings.join is not None:
+        host, _, port = settings.join.rpartition(":")
+        server = Server(_reach(host, int(port), JOIN_PATIENCE_S, Server(None)))
+    else:
+        server = _start(settings, options, log)
+    if settings.join is not None or settings.clients > 1:
+        try:
+            server.client.setOrder(settings.order)
+        except BaseException:
+            server.close(after_error=True)
+            raise
+    return server
+
+
+def _start(settings: SumoServer, options: Sequence[str], log: Path) -> Server:
+    port = _free_port(settings.port)
+    command = [sumo_program("sumo"), *options, "--remote-port", str(port)]
+    command += ["--num-clients", str(settings.clients)]
+    with log.open("wb") as words:
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=words)
+    server = Server(None, process, log)
+    try:
+        server.client = _reach(HERE, port, START_PATIENCE_S, server)
+        if settings.clients > 1:
+            others = f"{settings.clients - 1} more client{'s' * (settings.clients > 2)}"
+            notice(f"SUMO listens on port {port} and waits for {others}")
+    except BaseException:
+        server.close(after_error=True)
+        raise
+    return server
+
+
+def _reach(host: str, port: int, patience_s: float, server: Server) -> Any:
+    """A connection to a server that may still be starting."""
+    import traci
+
+    until_s = time.monotonic() + patience_s
+    while True:
+        if server.process is not None and server.process.poll() is not None:
+            raise AdvpipeError(f"SUMO does not start as a server on port {port}: {server.last_words()}")
+        try:
+            return traci.connect(port, numRetries=0, host=host)
+        except (traci.exceptions.FatalTraCIError, OSError):
+            if time.monotonic() > until_s:
+                whose = "it" if server.process is not None else "`sumo --remote-port`"
+                raise AdvpipeError(
+                    f"no SUMO answers at {host}:{port} within {patience_s:g} s; is {whose} running?"
+                ) from None
+        time.sleep(0.02)
+
+
+def _free_port(wanted: int | None) -> int:
+    """The wanted port if nobody listens there, or any that is free."""
+    with socket.socket() as probe:
+        try:
+            probe.bind((HERE, wanted or 0))
+        except OSError as error:
+            raise AdvpipeError(
+                f"traffic.server.port: {wanted} cannot be had ({error.strerror}); choose another, or none"
+            ) from None
+        return int(probe.getsockname()[1])

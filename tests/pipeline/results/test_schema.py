@@ -1,0 +1,69 @@
+"""The published schema of report.json: what the code says, and what reports keep to."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from jsonschema import Draft202012Validator
+
+from advpipe.pipeline.results.evaluation import SCHEMA
+from advpipe.pipeline.results.figures import CRITERIA
+from advpipe.pipeline.results.schema import report_schema, report_schema_json
+from advpipe.stages.evaluate.detection import scoring
+from advpipe.stages.evaluate.detection.baseline import baseline_words
+
+PUBLISHED = Path(__file__).parents[3] / "docs" / "schemas" / "report-1.json"
+
+
+def test_the_published_schema_is_that_of_the_code():
+    """`advpipe schema --of report --out docs/schemas/report-1.json --overwrite` brings it up to date."""
+    assert PUBLISHED.read_text() == report_schema_json() + "\n"
+    assert f"advpipe-{PUBLISHED.stem}" == SCHEMA
+    Draft202012Validator.check_schema(report_schema())
+
+
+def test_it_knows_every_criterion_and_baseline():
+    assert tuple(scoring.CRITERIA) == CRITERIA
+    words = Draft202012Validator(report_schema()["properties"]["rows"]["items"]["properties"]["baselines"])
+    words.validate(baseline_words())
+    assert not words.is_valid(["baseline_far"])
+
+
+@pytest.mark.parametrize(
+    ("change", "where"),
+    [
+        (lambda report: report.update(schema="advpipe-report-2"), "schema"),
+        (lambda report: report.pop("rows"), ""),
+        (lambda report: report["provenance"].update(seed="none"), "provenance.seed"),
+        (lambda report: report["provenance"]["clean"].pop("sha256"), "provenance.clean"),
+        (lambda report: report.update(v2x={}), "v2x"),
+    ],
+)
+def test_what_is_no_report_is_refused(change, where):
+    report = {
+        "schema": SCHEMA,
+        "banners": [],
+        "formulas": {},
+        "provenance": {
+            "advpipe": "0",
+            "code_sha256": "0",
+            "clean": {"bag": "clean", "sha256": "0", "scenario": None},
+            "compared": [],
+            "detectors": [],
+            "bootstrap_draws": 1000,
+            "seed": 0,
+            "baseline_tries": None,
+            "defences": [],
+        },
+        "average_precision": [],
+        "rows": [],
+        "v2x": [{"bag": "clean"}],
+    }
+    report = json.loads(json.dumps(report))
+    validator = Draft202012Validator(report_schema())
+    assert list(validator.iter_errors(report)) == []
+    change(report)
+    (error,) = validator.iter_errors(report)
+    assert ".".join(map(str, error.absolute_path)) == where

@@ -1,0 +1,27 @@
+"""How these tests evaluate: in this process, since starting another takes longer than their bags."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from advpipe.stages.evaluate.options import Options
+from advpipe.stages.evaluate.run import Report
+from advpipe.stages.evaluate.run import evaluate as evaluate_anywhere
+
+
+def evaluate(
+    clean: Path,
+    adversarial: Sequence[Path],
+    out: Path,
+    *,
+    detector: str | Sequence[str],
+    defences: Sequence[str] = (),
+    workers: int = 1,
+    overwrite: bool = False,
+    **options: Any,
+) -> Report:
+    detectors = (detector,) if isinstance(detector, str) else tuple(detector)
+    asked = Options(detectors=detectors, defences=tuple(defences), **options)
+    return evaluate_anywhere(clean, adversarial, out, asked, workers=workers, overwrite=overwrite)

@@ -1,0 +1,108 @@
+"""Sources of traffic by name, and one of a newcomer's, written from the protocol's docstring alone."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from advpipe.pipeline.bag.frames import read_frames
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.scenario import load_scenario
+from advpipe.stages.simulate.run import simulate
+
+TWO_CARS = """
+import numpy as np
+from advpipe.pipeline.geometry.transforms import se3_from_yaw
+from advpipe.stages.simulate.traffic.protocol import TrafficSource
+from advpipe.stages.simulate.traffic.road_users import RoadUser
+
+
+class TwoCars(TrafficSource):
+    def __init__(self, scenario, network, variants, scratch):
+        self.step_s = scenario.simulation.step_s
+        self.line = max(network.drivable, key=lambda edge: edge.length_m).lanes[0].centre_m
+        self.variant, self.guests, self.next_guests, self.steps = variants["sedan.0"], {}, {}, -1
+
+    def step(self):
+        self.steps += 1
+        self.guests, self.next_guests = self.next_guests, {}
+
+    def road_users(self):
+        velocity = 10 * (self.line[1] - self.line[0]) / np.linalg.norm(self.line[1] - self.line[0])
+        users = {}
+        for name, ahead_m in (("ego", 0.0), ("leader", 15.0)):
+            place = self.line[0] + velocity * (self.steps * self.step_s + ahead_m / 10)
+            pose = se3_from_yaw(place, np.arctan2(velocity[1], velocity[0]))
+            users[name] = RoadUser(name, self.variant, pose, velocity)
+        return {**users, **self.guests}
+
+    def route_m(self, name):
+        return self.line
+
+    def push(self, users, upcoming=()):
+        self.next_guests |= {user.id: user for user in users}
+
+
+class Half(TrafficSource):
+    def step(self):
+        pass
+
+
+class Wrong:
+    def step(self):
+        pass
+
+
+class Breaks(TwoCars):
+    def step(self):
+        raise ValueError("no\\nfuel")
+
+
+SOME = 3
+"""
+
+
+@pytest.fixture
+def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The newcomer's file in the working folder."""
+    (tmp_path / "own_cars.py").write_text(TWO_CARS)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    yield
+    sys.modules.pop("own_cars", None)
+
+
+def test_a_source_of_a_newcomers_records_a_whole_drive(tmp_path: Path, own: None) -> None:
+    simulate(load_scenario("smoke", ["traffic.source=own_cars:TwoCars"]), tmp_path / "out")
+    frames = list(read_frames(tmp_path / "out" / "clean"))
+    assert len(frames) == 10
+    for frame in frames:
+        leader = list(frame.boxes.ids).index("leader")
+        assert np.linalg.norm(frame.boxes.geometry[leader, :2]) == pytest.approx(15, abs=0.1)
+
+
+BAD = {
+    "cars": r"^traffic\.source \W?cars\W? is not known; known: sumo, trajectories, or module:Class",
+    "own_cars:Absent": r"^traffic\.source own_cars:Absent cannot be loaded: AttributeError: .*Absent",
+    "nowhere:Source": r"^traffic\.source nowhere:Source cannot be loaded: ModuleNotFoundError: .*nowhere",
+    "own_cars:Wrong": r"^traffic\.source own_cars:Wrong is no source of traffic: .*protocol\.py asks$",
+    "own_cars:SOME": r"^traffic\.source own_cars:SOME is no class$",
+    "own_cars:Half": r"own_cars:Half failed: TypeError: .*abstract.* push, .*; fix it$",
+}
+
+
+@pytest.mark.parametrize(("name", "message"), BAD.items(), ids=BAD)
+def test_what_is_no_source_is_one_line(tmp_path: Path, own: None, name: str, message: str) -> None:
+    with pytest.raises(AdvpipeError, match=message) as caught:
+        simulate(load_scenario("smoke", [f"traffic.source={name}"]), tmp_path / "out")
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_mistake_in_one_is_told_with_its_place(tmp_path: Path, own: None) -> None:
+    with pytest.raises(AdvpipeError, match=r"own_cars:Breaks failed: ValueError: no.*own_cars\.py, line \d+"):
+        simulate(load_scenario("smoke", ["traffic.source=own_cars:Breaks"]), tmp_path / "out")
