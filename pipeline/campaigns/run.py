@@ -96,7 +96,7 @@ class Campaign:
         report = self.folder / "reports" / detector_slug(self.detector)
         if is_report_of(report, bags, self.detector, self.device):
             return Kept("report", report)
-        options = Options(detectors=(self.detector,), baseline_tries=None, device=self.device)
+        options = Options(detectors=(self.detector,), device=self.device)
         clean, *adversarial = bags
         adversarial = adversarial or adversarial_bags(self.folder)
         detail(f"{self.detector} on {self.device}: {clean} and {len(adversarial)} adversarial bags")

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, BaselineTries, Device, LidarTopic, Overwrite, Workers
+from advpipe.pipeline.cli.shared import Answer, BaselineTries, Device, LidarTopic, Overwrite, Workers, option
+from advpipe.stages.evaluate.options import Options
 
 if TYPE_CHECKING:
     from advpipe.stages.evaluate.run import Report
@@ -23,42 +24,17 @@ def evaluate(
     ] = None,
     detector: Annotated[
         list[str] | None,
-        typer.Option(
-            help="A shipped name, a .safetensors file, or module:Class; repeat it for a matrix of transfer.",
-            show_default="small",
-        ),
+        option(Options, "detectors", "--detector", show_default="small"),
     ] = None,
     device: Device = "cpu",
-    frames: Annotated[
-        str,
-        typer.Option(
-            help="start:stop:step, counted in the clean bag: which clouds detection and cooperative "
-            "perception look at. Localisation, V2X and coordinated attacks are scored on the time from the "
-            "first to one period after the last; a step leaves out clouds alone."
-        ),
-    ] = "::",
-    defence: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="NAME[:parameters], before the detector: sample, outliers, quantise, jitter, shift, flip, "
-            "scale; such as jitter:0.02. Repeatable.",
-            show_default=False,
-        ),
-    ] = None,
-    seed: Annotated[
-        int, typer.Option(min=0, help="Seed of the bootstrap, the baselines and the defences.")
-    ] = 0,
-    baseline: Annotated[
-        bool, typer.Option(help="Score the same budget spent at random; random-best is an attack.")
-    ] = True,
+    frames: Annotated[str, option(Options, "frames")] = "::",
+    defence: Annotated[list[str] | None, option(Options, "defences", "--defence", show_default=False)] = None,
+    seed: Annotated[int, option(Options, "seed")] = Options.seed,
+    baseline: Annotated[bool, option(Options, "baseline")] = Options.baseline,
     baseline_tries: BaselineTries = None,
     lidar: LidarTopic = None,
-    write_detections: Annotated[
-        bool, typer.Option("--write-detections", help="Also write bags that show the detections.")
-    ] = False,
-    with_clouds: Annotated[
-        bool, typer.Option("--with-clouds", help="Keep the clouds in those bags (implies them).")
-    ] = False,
+    write_detections: Annotated[bool, option(Options, "detections", "--write-detections")] = False,
+    with_clouds: Annotated[bool, option(Options, "with_clouds", "--with-clouds")] = False,
     workers: Workers = None,
     out: Annotated[
         Path | None,
@@ -73,7 +49,6 @@ def evaluate(
     from advpipe.pipeline.core.verbosity import detail
     from advpipe.pipeline.detector.registry import detector_slug
     from advpipe.pipeline.process.folder import here, refuse_undecodable
-    from advpipe.stages.evaluate.options import Options
     from advpipe.stages.evaluate.run import evaluate as run
 
     with wrong_use():

@@ -11,28 +11,26 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
+from advpipe.pipeline.campaigns.sweep.options import SweepOptions
+from advpipe.pipeline.core.options import described
+from advpipe.stages.evaluate.options import Options
+
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")]
-LidarTopic = Annotated[
-    str | None, typer.Option("--lidar", help="Topic of the clouds, such as /ego/lidar/points, among several.")
-]
-Workers = Annotated[
-    int | None, typer.Option("--workers", min=1, help="Processes.", show_default="one a core")
-]
+
+
+def option(model: type, name: str, *flags: str, **shown: Any) -> Any:
+    """The option of the command line that a field of a model of options is, with its help and bounds."""
+    return typer.Option(*flags, **described(model, name), **shown)  # type: ignore[misc]
+
+
+LidarTopic = Annotated[str | None, option(Options, "lidar_topic", "--lidar")]
+Workers = Annotated[int | None, option(SweepOptions, "workers", "--workers", show_default="one a core")]
 BaselineTries = Annotated[
     int | None,
-    typer.Option(
-        "--baseline-tries",
-        min=1,
-        help="Random tries of which the best one is scored too; 1: only one.",
-        show_default="as many as the attack looked at",
-    ),
+    option(Options, "baseline_tries", "--baseline-tries", show_default="as many as the attack looked at"),
 ]
-Device = Annotated[
-    str, typer.Option("--device", help="Where the detector computes: cpu, cuda, or cuda:N of several GPUs.")
-]
-DetectorName = Annotated[
-    str, typer.Option("--detector", help="A shipped name, a .safetensors file, or module:Class.")
-]
+Device = Annotated[str, option(Options, "device", "--device")]
+DetectorName = Annotated[str, option(SweepOptions, "detector", "--detector")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 Verbose = Annotated[
     bool, typer.Option("--verbose", "-v", help="Tell versions, what is loaded, seeds and times as well.")

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from advpipe.pipeline.campaigns.sweep.options import SweepOptions
 from advpipe.pipeline.cli.shared import (
     Answer,
     BaselineTries,
@@ -16,11 +17,7 @@ from advpipe.pipeline.cli.shared import (
     LidarTopic,
     Overwrite,
     Workers,
-)
-
-RECIPES_HELP = (
-    "Recipes of the attacks: best,paper,random-best; best+half and best+twice take other steps, best+hide "
-    "hides."
+    option,
 )
 
 
@@ -28,28 +25,22 @@ def sweep(
     bag: Annotated[
         Path | None, typer.Argument(help="Clean bag or its data set.", show_default="newest data set")
     ] = None,
-    table: Annotated[str, typer.Option(help="Whose budgets: paper (all 18 of its Table II).")] = "paper",
-    recipes: Annotated[str, typer.Option("--recipes", "--recipe", help=RECIPES_HELP)] = "best",
+    table: Annotated[str, option(SweepOptions, "table")] = SweepOptions.table,
+    recipes: Annotated[str, option(SweepOptions, "recipes", "--recipes", "--recipe")] = "best",
     cells: Annotated[
         list[str] | None,
-        typer.Option(
-            "--cells", help="Some budgets only: perturb-10,detach-1; repeatable.", show_default="all"
-        ),
+        option(SweepOptions, "cells", "--cells", show_default="all"),
     ] = None,
     frames: Annotated[
         str | None,
-        typer.Option(help="start:stop:step.", show_default="at most 100, equally spaced over the bag"),
+        option(SweepOptions, "frames", show_default="at most 100, equally spaced over the bag"),
     ] = None,
     detector: DetectorName = "small",
     device: Device = "cpu",
-    seed: Annotated[
-        int, typer.Option(min=0, help="Seed of the attacks, the baselines and the bootstrap.")
-    ] = 0,
+    seed: Annotated[int, option(SweepOptions, "seed")] = SweepOptions.seed,
     baseline_tries: BaselineTries = None,
     lidar: LidarTopic = None,
-    keep_bags: Annotated[
-        bool, typer.Option("--keep-bags", help="Keep the adversarial bags that are made, in bags/.")
-    ] = False,
+    keep_bags: Annotated[bool, option(SweepOptions, "keep_bags", "--keep-bags")] = False,
     check: Annotated[
         int | None,
         typer.Option(min=1, help="Only compute so many finished cells again, drawn by --seed, and compare."),
@@ -67,7 +58,6 @@ def sweep(
     recipes, with frames of their own, may be added to the same output later.
     """
     from advpipe.pipeline.bag.locate import newest_dataset, resolve_bag
-    from advpipe.pipeline.campaigns.sweep.options import SweepOptions
     from advpipe.pipeline.campaigns.sweep.run import Sweep
     from advpipe.pipeline.core.errors import wrong_use
     from advpipe.pipeline.detector.registry import detector_slug

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, Device, Overwrite, line
+from advpipe.pipeline.cli.shared import Answer, Device, Overwrite, line, option
+from advpipe.stages.train.options import USUAL_STEPS, TrainOptions
 
 if TYPE_CHECKING:
     from advpipe.stages.train.run import TrainSummary
@@ -17,15 +18,15 @@ if TYPE_CHECKING:
 def train(
     bags: Annotated[list[Path], typer.Argument(help="Clean bags to learn from.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the checkpoint, log and plot.")],
-    family: Annotated[str, typer.Option(help="Architecture of the detector.")] = "second",
-    preset: Annotated[str, typer.Option(help="Size of the detector.")] = "small",
-    steps: Annotated[int, typer.Option(min=1, help="Optimiser steps, two frames each.")] = 3000,
-    start: Annotated[Path | None, typer.Option("--start", help="Go on from this checkpoint.")] = None,
-    learning_rate: Annotated[float, typer.Option(help="Peak rate, after the warm-up.")] = 3e-3,
-    validate: Annotated[Path | None, typer.Option("--validate", help="A held-out bag to score.")] = None,
-    bf16: Annotated[bool, typer.Option("--bf16", help="Half the time where the processor has it.")] = False,
-    device: Device = "cpu",
-    seed: Annotated[int, typer.Option(min=0, help="Seed of weights, order and augmentation.")] = 0,
+    family: Annotated[str, option(TrainOptions, "family")] = TrainOptions.family,
+    preset: Annotated[str, option(TrainOptions, "preset")] = TrainOptions.preset,
+    steps: Annotated[int, option(TrainOptions, "steps")] = USUAL_STEPS,
+    start: Annotated[Path | None, option(TrainOptions, "start", "--start")] = None,
+    learning_rate: Annotated[float, option(TrainOptions, "learning_rate")] = TrainOptions.learning_rate,
+    validate: Annotated[Path | None, option(TrainOptions, "validation", "--validate")] = None,
+    bf16: Annotated[bool, option(TrainOptions, "bf16", "--bf16")] = False,
+    device: Device = TrainOptions.device,
+    seed: Annotated[int, option(TrainOptions, "seed")] = TrainOptions.seed,
     overwrite: Overwrite = False,
 ) -> Answer:
     """Train a detector on clean bags; goes on where an interrupted run stopped."""
@@ -78,7 +79,7 @@ def _trained(summary: TrainSummary) -> str:
 def import_weights(
     file: Annotated[Path, typer.Argument(help="Checkpoint (.pth) of OpenPCDet's SECOND for KITTI.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="The .safetensors file to write.")],
-    family: Annotated[str, typer.Option(help="Architecture of the detector.")] = "second",
+    family: Annotated[str, option(TrainOptions, "family")] = TrainOptions.family,
     overwrite: Overwrite = False,
 ) -> Answer:
     """Turn a SECOND that OpenPCDet trained into a detector for --detector; runs no code from the file."""

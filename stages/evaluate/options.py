@@ -5,44 +5,54 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from advpipe.pipeline.bag.frames import ALL_FRAMES, FrameSlice
+from advpipe.pipeline.core import options
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.defences.registry import parse_defences
-from advpipe.pipeline.detector.device import CPU, open_device
+from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
+from advpipe.pipeline.core.options import check_bounds, option
 
 
 @dataclass(frozen=True)
 class Options:
-    """How a clean bag and adversarial ones are scored.
+    """How a clean bag and adversarial ones are scored; the command line takes its options from here.
 
-    detectors: what `load_detector` takes; the first one is shown in pictures. seed: of the bootstrap, the
-    baselines and the defences. baseline: whether the same budget is spent at random beside each attack; and
-    the best of how many tries, None for as many as the attack itself looked at. defences: as
-    `parse_defences` reads them. frames: of the clean bag; those of the adversarial bags that are among them
-    are scored, and of all else the time that they span. lidar_topic: the clouds, where a bag has those of
-    several LiDARs. detections, with_clouds: bags to view for the first detector, and the clouds in them.
-    device: where detectors compute, as `open_device` takes it.
+    detectors: the first one is shown in pictures. baseline_tries: None for as many as the attack itself
+    looked at. defences: as `parse_defences` reads them. lidar_topic: None where a bag has one LiDAR.
+    bootstrap_draws: what the intervals are made of.
     """
 
-    detectors: tuple[str, ...] = ("small",)
-    seed: int = 0
-    baseline: bool = True
-    baseline_tries: int | None = 1
-    defences: tuple[str, ...] = ()
-    frames: FrameSlice = ALL_FRAMES
+    detectors: tuple[str, ...] = option(
+        ("small",),
+        "A shipped name, a .safetensors file, or module:Class; repeat it for a matrix of transfer.",
+    )
+    seed: int = option(0, "Seed of the bootstrap, the baselines and the defences.", least=0)
+    baseline: bool = option(True, "Score the same budget spent at random; random-best is an attack.")
+    baseline_tries: int | None = options.baseline_tries()
+    defences: tuple[str, ...] = option(
+        (),
+        "NAME[:parameters], before the detector: sample, outliers, quantise, jitter, shift, flip, "
+        "scale; such as jitter:0.02. Repeatable.",
+    )
+    frames: FrameSlice = option(
+        ALL_FRAMES,
+        "start:stop:step, counted in the clean bag: which clouds detection and cooperative "
+        "perception look at. Localisation, V2X and coordinated attacks are scored on the time from the "
+        "first to one period after the last; a step leaves out clouds alone.",
+    )
     bootstrap_draws: int = 1000
-    lidar_topic: str | None = None
-    detections: bool = False
-    with_clouds: bool = False
-    device: str = CPU
+    lidar_topic: str | None = options.lidar_topic()
+    detections: bool = option(False, "Also write bags that show the detections.")
+    with_clouds: bool = option(False, "Keep the clouds in those bags (implies them).")
+    device: str = options.device()
 
     def __post_init__(self) -> None:
+        from advpipe.pipeline.defences.registry import parse_defences
+        from advpipe.pipeline.detector.device import open_device
+
         parse_defences(self.defences)
         open_device(self.device)
         if not self.detectors:
             raise UsageError("no detector is given; name one")
-        if self.baseline_tries is not None and self.baseline_tries < 1:
-            raise UsageError(f"baseline tries are {self.baseline_tries}, but must be 1 or more")
+        check_bounds(self)
         names = [Path(detector).name for detector in self.detectors]
         for name in names:
             if names.count(name) > 1:

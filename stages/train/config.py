@@ -8,9 +8,9 @@ from pathlib import Path
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.common.preset import Preset
-from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.families import family_named
 from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS
+from advpipe.stages.train.options import TrainOptions
 
 MOST_SEED = 2**63 - 1
 """PyTorch's generators take no more."""
@@ -41,13 +41,11 @@ class Augmentation:
 
 
 @dataclass(frozen=True)
-class TrainConfig:
+class TrainConfig(TrainOptions):
     """One training run.
 
     bags: clean bags (dataset folders, rosbag2 folders or .mcap files). out: the run's folder.
     epochs: passes over the frames; steps, when given, overrides it. checkpoint_every: steps.
-    family, preset: of the network, see `detector.families`. start: a checkpoint of the same preset whose
-    weights the run starts from.
     workers: processes, by default one a core; the result does not depend on it. device: as `open_device`
     takes it; on a GPU one process does it all.
     validation: a bag of another drive, for the average precision; at the end on all of its frames that
@@ -56,23 +54,14 @@ class TrainConfig:
 
     bags: tuple[Path, ...]
     out: Path
-    family: str = "second"
-    preset: str = "small"
-    start: Path | None = None
     epochs: float = 8.0
-    steps: int | None = None
     batch_size: int = 2
-    learning_rate: float = 3e-3
     weight_decay: float = 0.01
     warmup: float = 0.05
     clip_norm: float = 10.0
-    seed: int = 0
     workers: int | None = None
-    device: str = CPU
-    bf16: bool = False
     min_points: int = MIN_POINTS
     checkpoint_every: int = 200
-    validation: Path | None = None
     validation_frames: str = "::1"
     validate_every: int = 1000
     augmentation: Augmentation = Augmentation()

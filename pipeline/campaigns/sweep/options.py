@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from advpipe.pipeline.detector.device import CPU
+from advpipe.pipeline.core import options
+from advpipe.pipeline.core.options import check_bounds, option
 
 USUAL_FRAMES = 100
 """Of a sweep that names none: at most so many, equally spaced over the bag."""
@@ -20,14 +21,21 @@ class SweepOptions:
     processes, by default one a core.
     """
 
-    table: str = "paper"
-    recipes: tuple[str, ...] = ("best",)
-    cells: tuple[str, ...] = ()
-    frames: str | None = None
-    detector: str = "small"
-    device: str = CPU
-    seed: int = 0
-    baseline_tries: int | None = None
-    lidar_topic: str | None = None
-    keep_bags: bool = False
-    workers: int | None = None
+    table: str = option("paper", "Whose budgets: paper (all 18 of its Table II).")
+    recipes: tuple[str, ...] = option(
+        ("best",),
+        "Recipes of the attacks: best,paper,random-best; best+half and best+twice take other steps, "
+        "best+hide hides.",
+    )
+    cells: tuple[str, ...] = option((), "Some budgets only: perturb-10,detach-1; repeatable.")
+    frames: str | None = option(None, "start:stop:step.")
+    detector: str = options.detector()
+    device: str = options.device()
+    seed: int = option(0, "Seed of the attacks, the baselines and the bootstrap.", least=0)
+    baseline_tries: int | None = options.baseline_tries()
+    lidar_topic: str | None = options.lidar_topic()
+    keep_bags: bool = option(False, "Keep the adversarial bags that are made, in bags/.")
+    workers: int | None = options.workers()
+
+    def __post_init__(self) -> None:
+        check_bounds(self)

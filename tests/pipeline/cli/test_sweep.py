@@ -62,7 +62,9 @@ def test_one_point_decides(swept: Path) -> None:
 def test_rows_are_those_of_the_evaluation(swept: Path, clean: Path, tmp_path: Path) -> None:
     """The bag that was kept, scored by `advpipe evaluate`."""
     bag = resolve_bag(swept / "bags" / "best-detach-1.5")
-    report = evaluate(clean, [bag], tmp_path / "report", Options(detectors=(DETECTOR,)), workers=1)
+    report = evaluate(
+        clean, [bag], tmp_path / "report", Options(detectors=(DETECTOR,), baseline_tries=1), workers=1
+    )
     (row,) = json.loads((tmp_path / "report" / "report.json").read_text())["rows"]
     (cell,) = [cell for cell in Store(swept).cells() if cell.budget == "detach-1.5"]
     stored = json.loads(cell.to_json())

@@ -18,10 +18,11 @@ def evaluate(
     *,
     detector: str | Sequence[str],
     defences: Sequence[str] = (),
+    baseline_tries: int | None = 1,
     workers: int = 1,
     overwrite: bool = False,
     **options: Any,
 ) -> Report:
     detectors = (detector,) if isinstance(detector, str) else tuple(detector)
-    asked = Options(detectors=detectors, defences=tuple(defences), **options)
+    asked = Options(detectors=detectors, defences=tuple(defences), baseline_tries=baseline_tries, **options)
     return evaluate_anywhere(clean, adversarial, out, asked, workers=workers, overwrite=overwrite)

@@ -1,0 +1,50 @@
+"""Options that the command line and the API take from one frozen model: default, bounds and help."""
+
+from __future__ import annotations
+
+from dataclasses import field, fields
+from typing import Any
+
+from advpipe.pipeline.core.errors import UsageError
+
+
+def option(default: Any, help: str, *, least: int | None = None) -> Any:
+    """A field of a frozen dataclass that is an option; least: its lowest value, None for no bound."""
+    return field(default=default, metadata={"help": help, "least": least})
+
+
+def described(model: type, name: str) -> dict[str, Any]:
+    """What an option parser is told of a field: `help`, and `min` if it has a bound."""
+    (found,) = (each for each in fields(model) if each.name == name)
+    least = found.metadata["least"]
+    return {"help": found.metadata["help"], **({} if least is None else {"min": least})}
+
+
+def check_bounds(options: Any) -> None:
+    """Raises UsageError for an option below its bound; call it in `__post_init__`."""
+    for each in fields(options):
+        value, least = getattr(options, each.name), each.metadata.get("least")
+        if least is not None and value is not None and value < least:
+            name = each.name.replace("_", " ")
+            verb = "are" if name.endswith("s") else "is"
+            raise UsageError(f"{name} {verb} {value}, but must be {least} or more")
+
+
+def device() -> Any:
+    return option("cpu", "Where the detector computes: cpu, cuda, or cuda:N of several GPUs.")
+
+
+def lidar_topic() -> Any:
+    return option(None, "Topic of the clouds, such as /ego/lidar/points, among several.")
+
+
+def baseline_tries() -> Any:
+    return option(None, "Random tries of which the best one is scored too; 1: only one.", least=1)
+
+
+def detector() -> Any:
+    return option("small", "A shipped name, a .safetensors file, or module:Class.")
+
+
+def workers() -> Any:
+    return option(None, "Processes.", least=1)
