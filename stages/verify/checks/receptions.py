@@ -10,7 +10,6 @@ from advpipe.pipeline.labels.messages import FILE
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import V2X_SENT, VehicleTopics
 from advpipe.pipeline.v2x.codec.btp import btp_packet
-from advpipe.stages.verify.checks.attacked import FILE
 from advpipe.stages.verify.checks.base import MessageCheck, Seen
 from advpipe.stages.verify.checks.rates import RECOVERED_KEY
 from advpipe.stages.verify.result import Fault, Gap, Result
