@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from advpipe.pipeline.core.bounded_parquet import Kind, flat_columns, rows
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.labels.columns import Columns, Type
-from advpipe.pipeline.misbehaviour.scores import Bools
 from advpipe.pipeline.v2x.facilities.cam_values import FIELDS
 
 FILE = "v2x_labels.parquet"
@@ -125,7 +125,7 @@ def _path(bag: Path) -> Path:
     return (bag if bag.is_dir() else bag.parent) / FILE
 
 
-def lies(numbers: Sequence[int | None], labels: Iterable[MessageLabel]) -> Bools:
+def lies(numbers: Sequence[int | None], labels: Iterable[MessageLabel]) -> npt.NDArray[np.bool_]:
     """Which messages (M,) are lies, by their numbers in /v2x/sent; None is of an unknown message, no lie."""
     lying = {label.number for label in labels if label.is_lie}
     return np.array([number in lying for number in numbers], bool)
