@@ -6,21 +6,11 @@ from advpipe.stages.attack.family_registry import Add, FamilyRegistry
 from advpipe.stages.attack.v2x.base import V2xAttack
 
 
-def _fill(add: Add[V2xAttack]) -> None:
+def _add_claims(add: Add[V2xAttack]) -> None:
+    """What attackers say of themselves."""
     from advpipe.stages.attack.v2x.acceleration import Acceleration, FeignedBraking
-    from advpipe.stages.attack.v2x.delay import Delay, Stale
     from advpipe.stages.attack.v2x.dimensions import Dimensions
-    from advpipe.stages.attack.v2x.drop import Drop
-    from advpipe.stages.attack.v2x.flood import (
-        Dos,
-        DosDisruptive,
-        DosDisruptiveSybil,
-        DosRandom,
-        DosRandomSybil,
-    )
-    from advpipe.stages.attack.v2x.ghosts import GhostBrake, GhostStop
     from advpipe.stages.attack.v2x.heading import HeadingReversed, HeadingRotating
-    from advpipe.stages.attack.v2x.masquerade import Masquerade
     from advpipe.stages.attack.v2x.mix import Mix
     from advpipe.stages.attack.v2x.out_of_range import OutOfRange
     from advpipe.stages.attack.v2x.position import (
@@ -30,7 +20,6 @@ def _fill(add: Add[V2xAttack]) -> None:
         PositionRandom,
         PositionRandomOffset,
     )
-    from advpipe.stages.attack.v2x.replay import DisruptiveReplay, Replay
     from advpipe.stages.attack.v2x.speed import (
         SpeedConstant,
         SpeedFrozen,
@@ -39,7 +28,6 @@ def _fill(add: Add[V2xAttack]) -> None:
         SpeedRandomOffset,
     )
     from advpipe.stages.attack.v2x.stop import EventualStop, SuddenStop
-    from advpipe.stages.attack.v2x.sybil import SybilCongestion, SybilGrid, SybilReplay
 
     add("cam-position-constant", PositionConstant)
     add("cam-position-offset", PositionOffset)
@@ -60,6 +48,24 @@ def _fill(add: Add[V2xAttack]) -> None:
     add("cam-eventual-stop", EventualStop)
     add("cam-sudden-stop", SuddenStop)
     add("cam-mix", Mix)
+
+
+def _add_streams(add: Add[V2xAttack]) -> None:
+    """Old messages, others' names, too many, and ghosts."""
+    from advpipe.stages.attack.v2x.delay import Delay, Stale
+    from advpipe.stages.attack.v2x.drop import Drop
+    from advpipe.stages.attack.v2x.flood import (
+        Dos,
+        DosDisruptive,
+        DosDisruptiveSybil,
+        DosRandom,
+        DosRandomSybil,
+    )
+    from advpipe.stages.attack.v2x.ghosts import GhostBrake, GhostStop
+    from advpipe.stages.attack.v2x.masquerade import Masquerade
+    from advpipe.stages.attack.v2x.replay import DisruptiveReplay, Replay
+    from advpipe.stages.attack.v2x.sybil import SybilCongestion, SybilGrid, SybilReplay
+
     add("cam-replay", Replay)
     add("cam-disruptive-replay", DisruptiveReplay)
     add("cam-stale", Stale)
@@ -76,6 +82,11 @@ def _fill(add: Add[V2xAttack]) -> None:
     add("cam-sybil-congestion", SybilCongestion)
     add("cam-ghost-stop", GhostStop)
     add("cam-ghost-brake", GhostBrake)
+
+
+def _fill(add: Add[V2xAttack]) -> None:
+    _add_claims(add)
+    _add_streams(add)
 
 
 V2X_ATTACKS = FamilyRegistry[V2xAttack]("v2x", _fill)
