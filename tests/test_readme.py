@@ -71,7 +71,7 @@ def test_lost_objects_have_their_overlap_and_score() -> None:
 
 
 def test_random_best_stands_beside_the_tables() -> None:
-    about = json.loads((ROOT / "stages" / "evaluate" / "sweep" / "ingredients.json").read_text())
+    about = json.loads((ROOT / "pipeline" / "campaigns" / "sweep" / "ingredients.json").read_text())
     lines = {
         attack: {line["line"]: line["map_ratio_plain_percent"] for line in about[attack]["lines"]}
         for attack in ("perturb", "detach", "attach")
