@@ -38,7 +38,7 @@ from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.device import open_device
 from advpipe.pipeline.detector.second.backbone3d import STRIDED
 from advpipe.pipeline.detector.second.model import Second, SecondNet
-from advpipe.pipeline.detector.second.presets import PRESETS, Preset
+from advpipe.pipeline.detector.second.presets import PRESETS, SecondPreset
 from advpipe.pipeline.detector.second.voxels import Voxels, voxelise
 from advpipe.pipeline.detector.threads import TORCH_THREADS
 from advpipe.pipeline.messages.cloud import xyzi
@@ -48,7 +48,7 @@ from advpipe.stages.simulate.run import simulate
 REACH = {"small": 2.0, "360": 1.3, "kitti": 1.3}
 
 
-def network(preset: Preset) -> SecondNet:
+def network(preset: SecondPreset) -> SecondNet:
     torch.manual_seed(0)
     return SecondNet(preset).eval().requires_grad_(False)
 

@@ -19,7 +19,7 @@ from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
 from advpipe.pipeline.results.evaluation import plain
 from advpipe.stages.evaluate.detection.arm import Arm
 from advpipe.stages.evaluate.detection.comparison import FrameResult
-from advpipe.stages.evaluate.detection.figures import Row, ratio_draws
+from advpipe.stages.evaluate.detection.figures import ratio_draws
 from advpipe.stages.evaluate.detection.looking import Looking
 from advpipe.stages.evaluate.detection.scoring import known_classes
 from advpipe.stages.evaluate.detection.summary import summarise
@@ -64,20 +64,20 @@ def scored_cell(
         frames=tuple(frame.index for frame in comparison.frames),
         found_objects=tuple(int(each["found_objects_clean"] or 0) for each in summary.per_frame),
         lost_objects=tuple(int(each["lost_objects_adv"] or 0) for each in summary.per_frame),
-        map_ratio_draws=_draws(comparison.frames, classes, summary.row, settings.seed),
+        map_ratio_draws=_draws(
+            comparison.frames, classes, summary.result.counts.classes_in_map, settings.seed
+        ),
         commit=source_commit(),
     )
 
 
 def _draws(
-    frames: Sequence[FrameResult], classes: tuple[str, ...], row: Row, seed: int
+    frames: Sequence[FrameResult], classes: tuple[str, ...], in_map: Sequence[str], seed: int
 ) -> tuple[float | None, ...]:
     """The bootstrap draws of the mAP ratio, those that the row's interval comes of; empty without one.
 
     Cells of the same frames and seed draw the same blocks: their draws pair.
     """
-    in_map = row["classes_in_map"]
-    assert isinstance(in_map, list)
     stamps_ns = np.array([frame.stamp_ns for frame in frames])
     bootstrap = BlockBootstrap.of(stamps_ns, DRAWS, named_generator(seed, "evaluate", "bootstrap"))
     clean, attacked = (Arm.of(frames, word, classes, in_map, bootstrap) for word in ("clean", "adv"))

@@ -8,34 +8,10 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from advpipe.pipeline.geometry.boxes import BOX_COLUMNS
+from advpipe.pipeline.results.tables import MATCH_SCHEMA
 from advpipe.stages.evaluate.detection.match_rows import match_rows
-from advpipe.stages.evaluate.detection.scoring import CRITERIA
 from advpipe.stages.evaluate.detection.summary import Summary
 
-_WORDS = pa.dictionary(pa.int32(), pa.string())
-MATCH_SCHEMA = pa.schema(
-    [
-        ("bag", _WORDS),
-        ("detector", _WORDS),
-        ("cloud", _WORDS),
-        ("frame", pa.int64()),
-        ("stamp_ns", pa.int64()),
-        ("kind", _WORDS),
-        ("number", pa.int32()),
-        ("class", _WORDS),
-        ("id", pa.string()),
-        ("score", pa.float64()),
-        *((column, pa.float64()) for column in BOX_COLUMNS),
-        ("points", pa.int64()),
-        ("occlusion", pa.float64()),
-        *((f"fate_{criterion}", _WORDS) for criterion in CRITERIA),
-        *((f"match_{criterion}", pa.int32()) for criterion in CRITERIA),
-        ("is_lost", pa.bool_()),
-        ("is_emptied", pa.bool_()),
-        ("is_new", pa.bool_()),
-    ]
-)
 _FRAMES_AT_ONCE = 100
 _ABOUT = ("bag", "detector", "attack", "recipe")
 _LENGTHS = ("max_added_m", "chamfer_distance_m2")
