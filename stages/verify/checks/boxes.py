@@ -49,8 +49,12 @@ class BoxesHoldPoints(MessageCheck):
         self._mounts: dict[str, tuple[str, Float64]] = {}
         self._open: dict[str, _Instant] = {}
         self._is_on = bag.is_own and not bag.is_attack
-        self._lidars = frozenset(lidar_topics(bag.reader)) if self._is_on else frozenset()
-        self._is_told = False
+        self._lidars: frozenset[str] = frozenset()
+        self._is_told, self._unreadable = False, ""
+        try:
+            self._lidars = frozenset(lidar_topics(bag.reader)) if self._is_on else frozenset()
+        except AdvpipeError as error:
+            self._unreadable = str(error)
 
     def see(self, seen: Seen) -> Iterator[Result]:
         if not self._is_on:
@@ -79,6 +83,8 @@ class BoxesHoldPoints(MessageCheck):
             instant.odometry = seen.message
 
     def check(self) -> Iterator[Result]:
+        if self._unreadable:
+            yield Gap(self.bag.place, f"which clouds are LiDARs' is not known: {self._unreadable}")
         for vehicle, instant in self._open.items():
             yield from self._recount(vehicle, instant)
 
