@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.pipeline.scenario.attacks import AttackSpec, attack_spec
 from advpipe.stages.attack.base import Attack, Traits
 from advpipe.stages.attack.gnss.base import GnssAttack
 from advpipe.stages.attack.gnss.registry import GNSS_ATTACKS
@@ -74,5 +74,5 @@ def usual_budget(word: str) -> dict[str, float]:
 
     Raises AdvpipeError for an unknown attack.
     """
-    kind = find_attack(named(AttackSpec(type=word)).type)
+    kind = find_attack(named(attack_spec({"type": word})).type)
     return lidar_traits(kind).budget.usual_parameters if issubclass(kind, LidarAttack) else {}

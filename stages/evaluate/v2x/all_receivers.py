@@ -27,22 +27,26 @@ class StationReception(NamedTuple):
 def receptions_of_all(reader: BagReader, drive: V2xDrive) -> Iterator[tuple[V2xStep, list[StationReception]]]:
     """Each step with what arrives in it, of each receiver by arrival.
 
-    What the instrumented vehicles received is in the bag; for all others the drive is sent again. Raises
-    UsageError for a bag that does not tell who truly sent what was received.
+    What the instrumented vehicles received is in the bag; for all others the drive is sent again. A message
+    that was sent after the last instant at which the bag tells places is left out, whoever received it.
+    Raises UsageError for a bag that does not tell who truly sent what was received.
     """
+    sent: set[int] = set()
     listeners = dict(drive.listeners)
     recorded = {station: deque(_recorded(reader, name, station)) for station, name in listeners.items()}
     ids = {name: station for station, name in drive.stations.items()}
     for step, replayed in drive.sent_again(drive.stations.keys() - listeners.keys()):
+        sent |= {one.number for one in step.sent}
         heard = [
-            StationReception(ids[one.listener], sent.station_id, sent.number, one.arrival_ns, one.power_dbm)
+            StationReception(
+                ids[one.listener], one.sent.station_id, one.sent.number, one.arrival_ns, one.power_dbm
+            )
             for one in replayed
-            for sent in (one.sent,)
         ]
         for waiting in recorded.values():
             while waiting and (step.end_ns is None or waiting[0].arrival_ns <= step.end_ns):
                 heard.append(waiting.popleft())
-        yield step, heard
+        yield step, [one for one in heard if one.number in sent]
 
 
 def _recorded(reader: BagReader, name: str, station: int) -> Iterator[StationReception]:

@@ -46,6 +46,10 @@ IDL = (
 )
 
 
+LONGEST_REPEAT_BYTES = 16 << 20
+"""Of one record again and again: a thousand large chunks would be gigabytes of our own."""
+
+
 @st.composite
 def field_values(draw: st.DrawFn, value: Any) -> Any:
     """Another value of the kind that a field of a record has."""
@@ -112,7 +116,8 @@ def edited_records(draw: st.DrawFn, nodes: list[Node]) -> str:
     if edit == "drop":
         del nodes[place]
     elif edit == "repeat":
-        nodes[place:place] = [node] * draw(st.sampled_from([1, 2, 1000]))
+        most = 1 + LONGEST_REPEAT_BYTES // (9 + len(node.body))
+        nodes[place:place] = [node] * min(draw(st.sampled_from([1, 2, 1000])), most)
     elif edit == "move":
         nodes.insert(draw(st.integers(0, len(nodes) - 1)), nodes.pop(place))
     else:

@@ -80,7 +80,7 @@ def test_refuses_rates_that_do_not_fit(
     with pytest.raises(AdvpipeError, match=complaint):
         OnBoard("ego", sensors, geodesy, step_s, 1)
     with pytest.raises(ValueError, match=complaint):
-        sensors.check_rates(step_s)
+        sensors.check(step_s)
 
 
 @pytest.mark.parametrize("model", [ImuSensor, GnssSensor])

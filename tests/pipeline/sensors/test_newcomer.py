@@ -19,6 +19,7 @@ from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.run import AttackRequest, attack
+from advpipe.stages.evaluate.options import Options
 from advpipe.stages.evaluate.run import evaluate
 
 RADAR, LIDAR = "/ego/front/returns", "/ego/roof/points"
@@ -91,7 +92,7 @@ def test_nobody_takes_it_for_a_lidar(dataset: Path, tmp_path: Path) -> None:
     assert np.all(np.array(counts[1]) < 0.6 * np.array(counts[0]))
     of_radar = [[raw.cdr for raw in bag.raw_messages([RADAR])] for bag in (reader, attacked)]
     assert of_radar[0] == of_radar[1]
-    report = evaluate(clean, [], tmp_path / "report", frames=FrameSlice(0, 1), bootstrap_draws=10)
+    report = evaluate(clean, [], tmp_path / "report", Options(frames=FrameSlice(0, 1), bootstrap_draws=10))
     assert report.rows[0]["frames"] == 1
 
 

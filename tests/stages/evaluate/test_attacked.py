@@ -251,9 +251,10 @@ def test_chosen_frames_of_chosen_frames(clean, attacked, tmp_path):
 
 
 def test_a_bag_whose_clouds_nobody_attacked_is_not_looked_at(clean, attacked, tmp_path):
+    replayed = json.dumps([{"type": "cam-replay", "declared": {"family": "v2x"}}])
     bags = [
         attacked(hide_first_car, "clouds", range(2)),
-        attacked(lambda cloud: cloud, "lies", range(2), attack="cam-replay"),
+        attacked(lambda cloud: cloud, "lies", range(2), attack="cam-replay", attacks=replayed),
     ]
     evaluate(clean, bags, tmp_path / "report")
     (row,) = rows(tmp_path / "report")
@@ -303,7 +304,7 @@ def test_a_frame_without_points_is_none_to_lose(tmp_path):
 def test_a_real_report_keeps_to_the_published_schema(clean, attacked, tmp_path):
     """With baselines, a defence, two detectors and so transfer; and one of the clean bag alone."""
     bags = [attacked(hide_first_car)]
-    out = tmp_path / "attacked"
+    out = tmp_path / "report"
     evaluate(clean, bags, out, detector=[DETECTOR, KEEN], defences=["flip"], baseline_tries=2)
     evaluate(clean, [], tmp_path / "alone", defences=["flip"])
     validator = Draft202012Validator(report_schema())

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
+from advpipe.pipeline.v2x.codec import quantities as q
 from advpipe.pipeline.v2x.codec.cam_error import CamError
-from advpipe.pipeline.v2x.codec.codec import quantities as q
 
 DEG = math.pi / 180
 
