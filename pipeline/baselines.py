@@ -34,20 +34,6 @@ def remove_random_points(
     return np.delete(np.arange(len(cloud)), np.concatenate([inside, others]))
 
 
-def move_random_points(
-    cloud: Cloud, displacement_m: npt.ArrayLike, rng: np.random.Generator, boxes: Boxes | None = None
-) -> Cloud:
-    """Move each point in a uniformly random direction; with boxes, only those near them.
-
-    displacement_m: how far each point moves, (N,) or one number for all. As stored in float32 no
-    point moves farther, and it falls short by the rounding of its coordinates at most.
-    """
-    length = np.broadcast_to(np.asarray(displacement_m, dtype=np.float64), len(cloud))
-    length = np.where(points_near(cloud, boxes), length, 0.0)
-    offset = random_directions(len(cloud), rng) * length[:, None]
-    return _with_xyz(cloud, move_within(xyz(cloud), offset))
-
-
 def add_random_points(
     cloud: Cloud, count: int, distance_m: float, rng: np.random.Generator, boxes: Boxes | None = None
 ) -> Cloud:

@@ -12,7 +12,7 @@ from advpipe.pipeline.messages.cam_types import CamType, Member, cam_types, full
 from advpipe.pipeline.messages.types import message_class
 from advpipe.pipeline.v2x.codec.btp import btp_packet
 from advpipe.pipeline.v2x.codec.cam_error import CamError
-from advpipe.pipeline.v2x.codec.codec import CamTree, encode
+from advpipe.pipeline.v2x.codec.codec import CamTree
 
 UDP_TYPE = "udp_msgs/msg/UdpPacket"
 
@@ -45,11 +45,6 @@ def cam_of_message(message: Any) -> CamTree:
     """The ASN.1 values of an etsi_its_cam_msgs/CAM. Raises CamError for a choice or enumeration unknown."""
     tree: CamTree = _value("CAM", message)
     return tree
-
-
-def cam_payload_of_message(message: Any) -> bytes:
-    """The CAM in UPER. Raises CamError for a message that the ASN.1 does not allow."""
-    return encode(cam_of_message(message))
 
 
 def _message(name: str, value: Any) -> Any:

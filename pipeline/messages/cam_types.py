@@ -18,7 +18,6 @@ from rosbags.interfaces import Nodetype
 from advpipe.pipeline.v2x.codec.codec import asn1_cam
 
 PACKAGE = "etsi_its_cam_msgs"
-CAM_TYPE = f"{PACKAGE}/msg/CAM"
 
 _BYTES = (Nodetype.SEQUENCE, ((Nodetype.BASE, ("uint8", 0)), 0))
 

@@ -60,13 +60,6 @@ class Scenario(Section):
         {}, max_length=1000, description="bags that `advpipe run` makes of the drive, by name"
     )
 
-    @property
-    def is_world_driven(self) -> bool:
-        """Whether anybody is moved from outside, so that traffic follows the world and not only leads it."""
-        return self.trajectories is not None or any(
-            vehicle.driver != "traffic" for vehicle in self.vehicles.values()
-        )
-
     @model_validator(mode="after")
     def _bodies(self) -> Scenario:
         clashes = sorted(set(self.bodies) & {*BODIES, *PEOPLE})

@@ -140,11 +140,6 @@ class Particles:
         per_m = np.where(share <= 1, beam_m2 * count_per_m3, 0.0)
         self._expected, self._quantiles = _cumulated(range_m, per_m, range_m, least_mm)
 
-    @property
-    def expected_per_ray(self) -> float:
-        """Particles that a ray through nothing else would notice, on average."""
-        return self._expected
-
     def echoes(self, rays: int, rng: np.random.Generator) -> Echoes:
         count = int(rng.poisson(rays * self._expected))
         hit = rng.integers(0, rays, count)

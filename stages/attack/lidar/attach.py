@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -67,6 +67,7 @@ BALL_PLACES = 200
 """Places a chosen point, in all, for detectors that show no voxels, and for the baseline `random-best`."""
 
 
+@dataclass(kw_only=True, eq=False)
 class Attach(LidarAttack):
     """Add exactly `points` points to a cloud, each within `eps_m` of one of its own, in float64 as stored.
 
@@ -114,49 +115,36 @@ class Attach(LidarAttack):
         },
     )
 
-    def __init__(
-        self,
-        *,
-        eps_m: float,
-        points: int = 300,
-        recipe: str = "best",
-        rounds: int = 10,
-        weight: float = 1.0,
-        decay_m: float = 1.0,
-        along_ray: bool = False,
-        keep_occlusion_order: bool = False,
-        near_objects_m: float | None = None,
-        goal: str = GOALS[0],
-        objects: tuple[str, ...] = (),
-        ghost: str | None = None,
-        intensity: bool = False,
-    ) -> None:
-        if not 0 < eps_m <= MAX_EPS_M:
-            raise UsageError(f"attach: eps_m is {eps_m}, but must lie above 0 and up to {MAX_EPS_M:g}")
-        for name, number in (("points", points), ("rounds", rounds)):
+    eps_m: float
+    points: int = 300
+    recipe: str = "best"
+    rounds: int = 10
+    weight: float = 1.0
+    decay_m: float = 1.0
+    along_ray: bool = False
+    keep_occlusion_order: bool = False
+    near_objects_m: float | None = None
+    goal: str = GOALS[0]
+    objects: tuple[str, ...] = ()
+    ghost: str | None = None
+    intensity: bool = False
+
+    def __post_init__(self) -> None:
+        if not 0 < self.eps_m <= MAX_EPS_M:
+            raise UsageError(f"attach: eps_m is {self.eps_m}, but must lie above 0 and up to {MAX_EPS_M:g}")
+        for name, number in (("points", self.points), ("rounds", self.rounds)):
             if not (number >= 1 and float(number).is_integer()):
                 raise UsageError(f"attach: {name} is {number}, but must be a whole number from 1 up")
-        if points > MAX_POINTS:
-            raise UsageError(f"attach: points is {points}, but must be {MAX_POINTS} at most")
-        if recipe not in RECIPES:
-            raise UsageError(f"attach: unknown recipe {recipe!r}; known: {', '.join(RECIPES)}")
-        if not (math.isfinite(weight) and weight >= 0):
-            raise UsageError(f"attach: weight is {weight}, but must be a number from 0 up")
-        if not decay_m > 0:
-            raise UsageError(f"attach: decay_m is {decay_m}, but must be above 0")
-        self.eps_m, self.points, self.recipe, self.rounds = float(eps_m), int(points), recipe, int(rounds)
-        self.weight, self.decay_m = float(weight), float(decay_m)
-        self.constraints = Constraints.of(
-            {
-                "along_ray": along_ray,
-                "keep_occlusion_order": keep_occlusion_order,
-                "near_objects_m": near_objects_m,
-                "goal": goal,
-                "objects": objects,
-                "ghost": ghost,
-                "intensity": intensity,
-            }
-        )
+        if self.points > MAX_POINTS:
+            raise UsageError(f"attach: points is {self.points}, but must be {MAX_POINTS} at most")
+        if self.recipe not in RECIPES:
+            raise UsageError(f"attach: unknown recipe {self.recipe!r}; known: {', '.join(RECIPES)}")
+        if not (math.isfinite(self.weight) and self.weight >= 0):
+            raise UsageError(f"attach: weight is {self.weight}, but must be a number from 0 up")
+        if not self.decay_m > 0:
+            raise UsageError(f"attach: decay_m is {self.decay_m}, but must be above 0")
+        self.points, self.rounds = int(self.points), int(self.rounds)
+        self.constraints = Constraints.among(vars(self))
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:

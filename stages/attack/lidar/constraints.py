@@ -85,6 +85,12 @@ class Constraints:
             values["objects"] = tuple(map(str, names.split(",") if isinstance(names, str) else names))
         return Constraints(**values)
 
+    @staticmethod
+    def among(parameters: Mapping[str, Any]) -> Constraints:
+        """The constraints among all parameters of an attack; those that it does not have are free."""
+        known = {option.name for option in fields(Constraints)}
+        return Constraints.of({name: value for name, value in parameters.items() if name in known})
+
     def attacked(self, boxes: Boxes, points: Float32) -> Boxes:
         """The boxes that the attack is about: all, those of `objects`, or the ghost in the cloud (N, 3).
 

@@ -7,6 +7,7 @@ points cross where that gains most: singly, or all points of a voxel together so
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,9 +18,9 @@ from advpipe.pipeline.baselines import move_within
 from advpipe.pipeline.detector.protocol import VoxelDetector
 from advpipe.stages.attack.lidar.constraints import Rules
 from advpipe.stages.attack.lidar.crossings import Crossings, find_crossings
-from advpipe.stages.attack.lidar.goal import Goal, owners
+from advpipe.stages.attack.lidar.goal import Goal
 from advpipe.stages.attack.lidar.gradient import gradient_of, gradients_of
-from advpipe.stages.attack.lidar.keeper import Keeper
+from advpipe.stages.attack.lidar.keeper import jittered
 from advpipe.stages.attack.lidar.selection import NoGradientError
 
 Float32 = npt.NDArray[np.float32]
@@ -67,17 +68,18 @@ class Crossing:
         goal: Goal,
         detector: VoxelDetector,
         rules: Rules,
+        owner: Int64,
         reach_m: float,
         tactics: Tactics,
         rng: np.random.Generator,
     ) -> None:
-        """rules: what may be touched. reach_m: how far a point may move."""
+        """rules: what may be touched. owner: (N,) the object that a point belongs to, -1 for none: those
+        stay. reach_m: how far a point may move."""
         self.points, self.goal, self.detector, self.rules = points, goal, detector, rules
         self.tactics, self.rng = tactics, rng
         self.grid = detector.voxel_grid
-        self.owner = owners(points[:, :3], goal.regions, tactics.margin_m)
         keys = self.grid.keys(self.grid.cells(points))
-        self.movable = np.flatnonzero((self.owner >= 0) & (keys >= 0) & rules.allowed)
+        self.movable = np.flatnonzero((owner >= 0) & (keys >= 0) & rules.allowed)
         constraints = rules.constraints
         self.options = find_crossings(
             points[self.movable, :3],
@@ -96,28 +98,26 @@ class Crossing:
         by_length = np.lexsort((self.options.length_m, self.options.cell))
         _, first = np.unique(self.options.cell[by_length], return_index=True)
         self.visitor = by_length[first]
+        self.choice = self.options.home.copy()
+        self.kept = self.choice.copy()
 
-    def run(self, rounds: int) -> Float32:
-        """The attacked points (N, 4) after so many gradients; raises NoGradientError where there is none."""
-        keeper = Keeper(self.goal, self.detector, self.points, self.owner, self._shaken)
-        choice = self.options.home.copy()
-        kept, current = choice.copy(), self.points
+    def attempts(self, rounds: int) -> Iterator[Float32]:
+        """The points (N, 4) after each gradient."""
         tactics = self.tactics
         cycle = min(tactics.rounds_a_cycle, rounds)
         for number in range(rounds):
             phase = number % cycle
             if phase == 0:
-                choice = kept.copy()
-            self._ask(choice, lie=tactics.lie and self.goal.sign > 0 and number % 2 == 1)
+                self.choice = self.kept.copy()
+            self._ask(self.choice, lie=tactics.lie and self.goal.sign > 0 and number % 2 == 1)
             share = phase / max(1, cycle - 1)
-            choice = self._cross(choice, tactics.eager + (tactics.calm - tactics.eager) * share)
-            current = self.placed(choice)
-            if tactics.keep:
-                better = keeper.show(current)[self.movable]
-                kept[better] = choice[better]
-            else:
-                kept = choice
-        return keeper.settle() if tactics.keep else current
+            self.choice = self._cross(self.choice, tactics.eager + (tactics.calm - tactics.eager) * share)
+            yield self.placed(self.choice)
+
+    def keep(self, better: Bool) -> None:
+        """The next cycle starts from the best of each point."""
+        better = better[self.movable]
+        self.kept[better] = self.choice[better]
 
     def placed(self, choice: Int64) -> Float32:
         """The points (N, 4) where each movable one stands at its choice (P,)."""
@@ -126,17 +126,9 @@ class Crossing:
         moved[self.movable, 3] = self.intensity
         return moved
 
-    def _shaken(self, points: Float32) -> Float32:
-        """Points (N, 4) as the detector gets them: with the noise that the attack must survive."""
-        if not self.tactics.jitter_m:
-            return points
-        noise = np.zeros(points.shape, np.float32)
-        noise[:, :3] = self.rng.normal(0, self.tactics.jitter_m, (len(points), 3))
-        return points + noise
-
     def _ask(self, choice: Int64, lie: bool) -> None:
         """Bring the gain of each voxel in reach up to date, by one backward pass."""
-        points = self._shaken(self.placed(choice))
+        points = jittered(self.placed(choice), self.tactics.jitter_m, self.rng)
         empty = np.flatnonzero(self._count(choice) == 0)
         visitor = self.visitor[empty]
         ghosts = self.points[self.movable[self.options.point[visitor]]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -43,6 +44,7 @@ JITTER_M = 0.01
 """What the recipe `robust` is judged under."""
 
 
+@dataclass(kw_only=True, eq=False)
 class Detach(LidarAttack):
     """Remove exactly round(ratio * N) of a cloud's N points.
 
@@ -80,27 +82,24 @@ class Detach(LidarAttack):
         only_for={"rounds": (*CLIMBING, "paper"), "goal": CLIMBING},
     )
 
-    def __init__(
-        self,
-        *,
-        ratio: float,
-        recipe: str = "best",
-        rounds: int = 10,
-        near_objects_m: float | None = None,
-        goal: str = GOALS[0],
-        objects: tuple[str, ...] = (),
-        max_points: int | None = None,
-    ) -> None:
-        if not 0 < ratio < 1:
-            raise UsageError(f"detach: ratio is {ratio}, but must lie between 0 and 1, such as 0.01 for 1 %")
-        if recipe not in RECIPES:
-            raise UsageError(f"detach: unknown recipe {recipe!r}; known: {', '.join(RECIPES)}")
-        if not (rounds >= 1 and float(rounds).is_integer()):
-            raise UsageError(f"detach: rounds is {rounds}, but must be a whole number from 1 up")
-        self.ratio, self.recipe, self.rounds = float(ratio), recipe, int(rounds)
-        self.constraints = Constraints(
-            near_objects_m=near_objects_m, goal=goal, objects=objects, max_points=max_points
-        )
+    ratio: float
+    recipe: str = "best"
+    rounds: int = 10
+    near_objects_m: float | None = None
+    goal: str = GOALS[0]
+    objects: tuple[str, ...] = ()
+    max_points: int | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 < self.ratio < 1:
+            share = "must lie between 0 and 1, such as 0.01 for 1 %"
+            raise UsageError(f"detach: ratio is {self.ratio}, but {share}")
+        if self.recipe not in RECIPES:
+            raise UsageError(f"detach: unknown recipe {self.recipe!r}; known: {', '.join(RECIPES)}")
+        if not (self.rounds >= 1 and float(self.rounds).is_integer()):
+            raise UsageError(f"detach: rounds is {self.rounds}, but must be a whole number from 1 up")
+        self.rounds = int(self.rounds)
+        self.constraints = Constraints.among(vars(self))
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import numpy.typing as npt
 
@@ -17,28 +15,27 @@ Int64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 
 
-Shaken = Callable[[Float32], Float32]
-
-
-def _as_they_are(points: Float32) -> Float32:
-    return points
-
-
 class Keeper:
     """Shown attempts at one cloud, it keeps for each object the points that hurt it most.
 
     owner: (N,) the object that each point belongs to, -1 for none. Points (N, 4) are x, y, z, intensity.
-    shaken: what becomes of points before the detector sees them, where an attack must survive that.
+    jitter_m: standard deviation of the noise that an attack must survive; 0 for none.
     """
 
     def __init__(
-        self, goal: Goal, detector: Detector, clean: Float32, owner: Int64, shaken: Shaken = _as_they_are
+        self,
+        goal: Goal,
+        detector: Detector,
+        clean: Float32,
+        owner: Int64,
+        jitter_m: float,
+        rng: np.random.Generator,
     ) -> None:
         self._goal, self._detector, self.owner = goal, detector, owner
-        self._shaken = shaken
+        self._jitter_m, self._rng = jitter_m, rng
         self._together = clean.copy()
-        self.success = self._goal.success(detector.detect(cloud_of(shaken(clean))))
-        self._whole, self._whole_success = clean, float(self.success.sum())
+        self._whole, self._whole_success = clean, -np.inf
+        self.success = self._judge(clean)
 
     def show(self, attempt: Float32) -> Bool:
         """Judge an attempt (N, 4); for which points (N,) it is now the one that is kept."""
@@ -58,10 +55,19 @@ class Keeper:
         return self._whole.copy()
 
     def _judge(self, points: Float32) -> Float64:
-        success = self._goal.success(self._detector.detect(cloud_of(self._shaken(points))))
+        seen = jittered(points, self._jitter_m, self._rng)
+        success = self._goal.success(self._detector.detect(cloud_of(seen)))
         if success.sum() > self._whole_success + 1e-9:
             self._whole, self._whole_success = points.copy(), float(success.sum())
         return success
+
+
+def jittered(points: Float32, jitter_m: float, rng: np.random.Generator) -> Float32:
+    """Points (N, 4) with noise of this standard deviation on each coordinate; without a draw for 0."""
+    seen = points.copy()
+    if jitter_m:
+        seen[:, :3] += rng.normal(0, jitter_m, (len(points), 3)).astype(np.float32)
+    return seen
 
 
 def cloud_of(points: Float32) -> Cloud:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
@@ -23,21 +23,26 @@ from advpipe.stages.attack.lidar.base import (
     told,
     unchanged,
 )
-from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
+from advpipe.stages.attack.lidar.chance import Chance
+from advpipe.stages.attack.lidar.constraints import GOALS, Constraints
 from advpipe.stages.attack.lidar.crossing import Crossing, Tactics
-from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners, with_decoys
+from advpipe.stages.attack.lidar.goal import goal_of, owners, with_decoys
 from advpipe.stages.attack.lidar.keeper import Keeper
-from advpipe.stages.attack.lidar.pgd import Descent, descend, displaced
+from advpipe.stages.attack.lidar.pgd import Descent
+from advpipe.stages.attack.lidar.search import Search
 from advpipe.stages.attack.lidar.selection import NoGradientError
 from advpipe.stages.attack.lidar.targets import detection_loss
 
-Float32 = npt.NDArray[np.float32]
-Bool = npt.NDArray[np.bool_]
-
 MAX_EPS_CM = 500.0
+
+NO_OCCUPANCY = "recipe {} needs a detector with occupancy_loss; used PGD with the best iterate"
+INTENSITY_STAYS = "which leaves intensities alone"
+NOTHING_MOVED = "nothing moved: no point that may move does harm in its reach"
 
 RECIPES = {"best": 24, "robust": 24, "paper": 40, "random": 1, "random-near": 1, "random-best": 24}
 """How many steps each takes where none are given: gradients, or random tries."""
+
+BY_CHANCE = ("random", "random-near", "random-best")
 
 KEEPING = ("best", "robust", "random-best")
 """Those that look at what the detector finds, and keep the best."""
@@ -49,6 +54,7 @@ TACTICS = {
 }
 
 
+@dataclass(kw_only=True, eq=False)
 class Perturb(LidarAttack):
     """Move points by at most `eps_cm` centimetres each, in the Euclidean norm, as stored in float32.
 
@@ -93,44 +99,34 @@ class Perturb(LidarAttack):
         },
     )
 
-    def __init__(
-        self,
-        *,
-        eps_cm: float,
-        recipe: str = "best",
-        steps: int = 0,
-        weight: float = 0.01,
-        along_ray: bool = False,
-        keep_occlusion_order: bool = False,
-        near_objects_m: float | None = None,
-        goal: str = GOALS[0],
-        objects: tuple[str, ...] = (),
-        ghost: str | None = None,
-        max_points: int | None = None,
-        intensity: bool = False,
-    ) -> None:
-        if not (0 < eps_cm <= MAX_EPS_CM or (eps_cm == 0 and intensity)):
-            raise UsageError(f"perturb: eps_cm is {eps_cm}, but must lie above 0 and up to {MAX_EPS_CM:g}")
-        if recipe not in RECIPES:
-            raise UsageError(f"perturb: unknown recipe {recipe!r}; known: {', '.join(RECIPES)}")
-        if not (steps >= 0 and float(steps).is_integer()):
-            raise UsageError(f"perturb: steps is {steps}, but must be a whole number from 0 up")
-        if not (math.isfinite(weight) and weight >= 0):
-            raise UsageError(f"perturb: weight is {weight}, but must be a number from 0 up")
-        self.eps_m, self.recipe, self.weight = float(eps_cm) / 100, recipe, float(weight)
-        self.steps = int(steps) or RECIPES[recipe]
-        self.tactics = TACTICS.get(recipe, TACTICS["best"])
-        options = {
-            "along_ray": along_ray,
-            "keep_occlusion_order": keep_occlusion_order,
-            "near_objects_m": near_objects_m,
-            "goal": goal,
-            "objects": objects,
-            "ghost": ghost,
-            "max_points": max_points,
-            "intensity": intensity,
-        }
-        self.constraints = Constraints.of(options)
+    eps_cm: float
+    recipe: str = "best"
+    steps: int = 0
+    weight: float = 0.01
+    along_ray: bool = False
+    keep_occlusion_order: bool = False
+    near_objects_m: float | None = None
+    goal: str = GOALS[0]
+    objects: tuple[str, ...] = ()
+    ghost: str | None = None
+    max_points: int | None = None
+    intensity: bool = False
+
+    def __post_init__(self) -> None:
+        if not (0 < self.eps_cm <= MAX_EPS_CM or (self.eps_cm == 0 and self.intensity)):
+            raise UsageError(
+                f"perturb: eps_cm is {self.eps_cm}, but must lie above 0 and up to {MAX_EPS_CM:g}"
+            )
+        if self.recipe not in RECIPES:
+            raise UsageError(f"perturb: unknown recipe {self.recipe!r}; known: {', '.join(RECIPES)}")
+        if not (self.steps >= 0 and float(self.steps).is_integer()):
+            raise UsageError(f"perturb: steps is {self.steps}, but must be a whole number from 0 up")
+        if not (math.isfinite(self.weight) and self.weight >= 0):
+            raise UsageError(f"perturb: weight is {self.weight}, but must be a number from 0 up")
+        self.eps_m = float(self.eps_cm) / 100
+        self.steps = int(self.steps) or RECIPES[self.recipe]
+        self.tactics = TACTICS.get(self.recipe, TACTICS["best"])
+        self.constraints = Constraints.among(vars(self))
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
@@ -151,80 +147,55 @@ class Perturb(LidarAttack):
         self, cloud: Cloud, boxes: Boxes, detector: Detector, rng: np.random.Generator
     ) -> LidarResult:
         """The cloud with points moved; unchanged, with a note, where there is nothing to attack."""
+        # Prepare: the points that exist, whom to fight, and what may be touched.
         finite = np.flatnonzero(np.isfinite(xyzi(cloud)).all(axis=1))
         if not len(finite):
             return unchanged(cloud, "no points to move")
         scene = cloud[finite]
+        points = xyzi(scene)
         goal = goal_of(self.constraints, detector, scene, boxes)
         loss_before = detection_loss(detector, scene, goal.taught)
         if not len(goal) and self.recipe != "random":
             return unchanged(cloud, goal.note)
-        if self.tactics.decoys and self.recipe in KEEPING:
+        looks = self.recipe in KEEPING
+        if looks and self.tactics.decoys:
             goal = with_decoys(goal, detector, scene, boxes)
         rules = self.constraints.on(xyz(scene), boxes)
+        owner = owners(points[:, :3], goal.regions, self.tactics.margin_m)
+        everywhere, near, note, jitter_m = np.ones(len(points), bool), owner >= 0, "", 0.0
+
+        # Start: how points are moved from where they are.
+        search: Search
+        if self.recipe in BY_CHANCE:
+            search = Chance(points, rules, everywhere if self.recipe == "random" else near, self.eps_m, rng)
+        elif self.recipe == "paper":
+            search = Descent(points, goal, detector, rules, everywhere, self.eps_m, rng, self.weight)
+        elif isinstance(detector, VoxelDetector):
+            search = Crossing(points, goal, detector, rules, owner, self.eps_m, self.tactics, rng)
+            jitter_m = self.tactics.jitter_m
+        else:
+            search = Descent(points, goal, detector, rules, near, self.eps_m, rng)
+            note = told(NO_OCCUPANCY.format(self.recipe), INTENSITY_STAYS if self.intensity else "")
+        judge = Keeper(goal, detector, points, owner, jitter_m, rng) if looks and self.tactics.keep else None
+
+        # Descend, have the detector judge each attempt, and choose what hurt it most.
+        moved = points
         try:
-            points, note = self._moved(xyzi(scene), goal, detector, rules, rng)
+            for moved in search.attempts(self.steps):
+                search.keep(everywhere if judge is None else judge.show(moved))
         except NoGradientError:
             return unchanged(cloud, told(goal.note, NO_GRADIENT), loss_before)
+        if judge is not None:
+            moved = judge.settle()
+
+        # Write back what changed, and label it.
         adversarial = cloud.copy()
         for column, name in enumerate(("x", "y", "z", "intensity")):
-            adversarial[name][finite] = points[:, column]
-        labels = _labels(cloud, adversarial, finite)
+            adversarial[name][finite] = moved[:, column]
         loss_after = detection_loss(detector, adversarial[finite], goal.taught)
-        still = "" if len(labels) else "nothing moved: no point that may move does harm in its reach"
-        note = told(goal.note if len(goal) else "", note, still)
+        changed = np.flatnonzero((points != moved).any(axis=1))
+        way_m = moved[changed, :3].astype(np.float64) - points[changed, :3]
+        displacement_m = np.linalg.norm(way_m, axis=1)
+        labels = PointLabels(finite[changed], np.full(len(changed), MOVED), displacement_m)
+        note = told(goal.note if len(goal) else "", note, "" if len(changed) else NOTHING_MOVED)
         return LidarResult(adversarial, labels, loss_before, loss_after, note)
-
-    def _moved(
-        self, points: Float32, goal: Goal, detector: Detector, rules: Rules, rng: np.random.Generator
-    ) -> tuple[Float32, str]:
-        """The points (N, 4) after the attack, by its recipe, and what the user must know."""
-        note, owner = "", owners(points[:, :3], goal.regions, self.tactics.margin_m)
-        if self.recipe == "paper":
-            moved = descend(points, goal, detector, rules, Descent(self.eps_m, self.steps, self.weight), rng)
-        elif self.recipe == "random":
-            moved = _shaken(points, rules, self.eps_m, rng)
-        elif self.recipe == "random-near":
-            moved = _shaken(points, rules, self.eps_m, rng, owner >= 0)
-        elif self.recipe == "random-best":
-            keeper = Keeper(goal, detector, points, owner)
-            for _ in range(self.steps):
-                keeper.show(_shaken(points, rules, self.eps_m, rng, owner >= 0))
-            moved = keeper.settle()
-        elif isinstance(detector, VoxelDetector):
-            moved = Crossing(points, goal, detector, rules, self.eps_m, self.tactics, rng).run(self.steps)
-        else:
-            note = (
-                f"recipe {self.recipe} needs a detector with occupancy_loss; used PGD with the best iterate"
-            )
-            note = told(note, "which leaves intensities alone" if rules.constraints.intensity else "")
-            keeper = Keeper(goal, detector, points, owner)
-            moved = descend(points, goal, detector, rules, Descent(self.eps_m, self.steps), rng, keeper)
-        return moved, note
-
-
-def _shaken(
-    points: Float32, rules: Rules, reach_m: float, rng: np.random.Generator, near: Bool | None = None
-) -> Float32:
-    """Points (N, 4) moved by the whole reach in random directions, as far as the constraints let them.
-
-    Only those `near` (N,), if given. Where intensities are attacked, theirs are drawn anew.
-    """
-    directions = rng.standard_normal((len(points), 3))
-    directions *= reach_m / np.linalg.norm(directions, axis=1, keepdims=True)
-    chosen = rules.limit(
-        np.where(rules.allowed if near is None else rules.allowed & near, rng.random(len(points)), 0)
-    )
-    moved = displaced(points, rules.project(np.where(chosen[:, None], directions, 0.0)), reach_m)
-    if rules.constraints.intensity:
-        drawn = rng.uniform(points[:, 3].min(), points[:, 3].max(), len(points)).astype(np.float32)
-        moved[:, 3] = np.where(chosen, drawn, points[:, 3])
-    return moved
-
-
-def _labels(cloud: Cloud, adversarial: Cloud, finite: npt.NDArray[np.int64]) -> PointLabels:
-    """Labels of the points that the attack changed."""
-    before, after = xyzi(cloud[finite]).astype(np.float64), xyzi(adversarial[finite]).astype(np.float64)
-    changed = np.flatnonzero((before != after).any(axis=1))
-    displacement_m = np.linalg.norm(after[changed, :3] - before[changed, :3], axis=1)
-    return PointLabels(finite[changed], np.full(len(changed), MOVED), displacement_m)

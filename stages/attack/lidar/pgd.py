@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +17,6 @@ from advpipe.stages.attack.lidar.constraints import Constraints, Rules
 from advpipe.stages.attack.lidar.crossings import HAIR
 from advpipe.stages.attack.lidar.goal import Goal
 from advpipe.stages.attack.lidar.gradient import gradient_of
-from advpipe.stages.attack.lidar.keeper import Keeper
 from advpipe.stages.attack.lidar.selection import NoGradientError
 
 Float32 = npt.NDArray[np.float32]
@@ -29,51 +29,49 @@ STEP_SHARE = 1 / 30
 
 @dataclass(frozen=True)
 class Descent:
-    """How far points may move, in how many steps, and the weight of their squared displacements beside the
-    loss, in its units a square metre."""
+    """PGD on points (N, 4) as in Eq. 1 and 2 of the paper; the fourth column stays.
 
+    The loss is L = -sign * L_det + weight * sum of squared displacements, the weight in its units a square
+    metre. It starts from U(-reach, reach) in each coordinate, projected into the ball; each step goes
+    reach / 30 against the gradient, normalised for each point, and is projected again. near: (N,) the only
+    points that move.
+    """
+
+    points: Float32
+    goal: Goal
+    detector: Detector
+    rules: Rules
+    near: Bool
     reach_m: float
-    steps: int
+    rng: np.random.Generator
     weight: float = 0.0
 
+    def attempts(self, steps: int) -> Iterator[Float32]:
+        """Each iterate; fewer where there is nothing more to follow."""
+        points, rules, reach_m = self.points, self.rules, self.reach_m
+        start = torch.from_numpy(points)
+        drawn = torch.from_numpy(self.rng.uniform(-reach_m, reach_m, (len(points), 3)).astype(np.float32))
+        worth = rules.allowed.astype(np.float64)
+        if rules.constraints.max_points is not None:  # the most salient ones
+            still = torch.zeros_like(drawn)
+            worth *= loss_gradient(start, still, self.goal, self.detector).norm(dim=1).numpy()
+        allowed = rules.limit(worth) & self.near
+        offset = _permitted(project(drawn, reach_m), rules, allowed)
+        for number in range(steps):
+            try:
+                gradient = loss_gradient(start, offset, self.goal, self.detector)
+            except NoGradientError:
+                if number == 0:
+                    raise
+                break
+            total = -self.goal.sign * gradient + 2 * self.weight * offset
+            length = total.norm(dim=1, keepdim=True)
+            unit = total / length.clamp(min=1e-30)
+            offset = _permitted(project(offset - STEP_SHARE * reach_m * unit, reach_m), rules, allowed)
+            yield displaced(points, offset.numpy(), reach_m)
 
-def descend(
-    points: Float32,
-    goal: Goal,
-    detector: Detector,
-    rules: Rules,
-    descent: Descent,
-    rng: np.random.Generator,
-    keeper: Keeper | None = None,
-) -> Float32:
-    """Points (N, 4) after PGD as in Eq. 1 and 2 of the paper; the fourth column stays.
-
-    The loss is L = -sign * L_det + weight * sum of squared displacements. It starts from U(-reach, reach) in
-    each coordinate, projected into the ball; each step goes reach / 30 against the gradient, normalised
-    for each point, and is projected again. With a keeper, its best iterate, and only points of its
-    objects move; else the last one. Raises NoGradientError where the loss depends on no point from the start.
-    """
-    reach_m, start = descent.reach_m, torch.from_numpy(points)
-    allowed = np.ones(len(points), bool) if keeper is None else keeper.owner >= 0
-    drawn = torch.from_numpy(rng.uniform(-reach_m, reach_m, (len(points), 3)).astype(np.float32))
-    offset = torch.zeros_like(drawn)
-    for number in range(descent.steps):
-        if number == 0:  # who moves is known after the first gradient only where they are limited
-            allowed &= _most_salient(points, goal, detector, rules)
-            offset = _permitted(project(drawn, reach_m), rules, allowed)
-        try:
-            gradient = loss_gradient(start, offset, goal, detector)
-        except NoGradientError:
-            if number == 0:
-                raise
-            break  # nothing more to follow
-        total = -goal.sign * gradient + 2 * descent.weight * offset
-        length = total.norm(dim=1, keepdim=True)
-        unit = total / length.clamp(min=1e-30)
-        offset = _permitted(project(offset - STEP_SHARE * reach_m * unit, reach_m), rules, allowed)
-        if keeper is not None:
-            keeper.show(displaced(points, offset.numpy(), reach_m))
-    return displaced(points, offset.numpy(), reach_m) if keeper is None else keeper.settle()
+    def keep(self, better: Bool) -> None:
+        """It goes on from its latest iterate."""
 
 
 def loss_gradient(start: Tensor, offset: Tensor, goal: Goal, detector: Detector) -> Tensor:
@@ -87,15 +85,6 @@ def loss_gradient(start: Tensor, offset: Tensor, goal: Goal, detector: Detector)
     if not rises.any():
         raise NoGradientError
     return rises
-
-
-def _most_salient(points: Float32, goal: Goal, detector: Detector, rules: Rules) -> Bool:
-    """Which points (N,) may move: all, or the most salient where only so many may."""
-    if rules.constraints.max_points is None:
-        return rules.allowed
-    start = torch.from_numpy(points)
-    saliency = loss_gradient(start, torch.zeros_like(start[:, :3]), goal, detector).norm(dim=1).numpy()
-    return rules.limit(np.where(rules.allowed, saliency, 0.0))
 
 
 def _permitted(offset: Tensor, rules: Rules, allowed: Bool) -> Tensor:

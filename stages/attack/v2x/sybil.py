@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.labels.declaration import Published
@@ -101,12 +103,52 @@ def grid_cells(ghosts: int, spacing_m: float, lane_m: float, lanes: int) -> list
     return cells[:ghosts]
 
 
-class SybilCongestion(GhostsAhead):
-    """A traffic jam ahead of the target: rows of ghosts that brake from its speed and then crawl.
+class CrawlingGhosts(GhostsAhead):
+    """Ghosts that brake from the target's speed and then crawl.
+
+    jitter_m: each is up to so far from its place along the road. speed_spread: each crawls that share faster
+    or slower than jam_mps, at most.
+    """
+
+    def __init__(
+        self,
+        context: AttackContext,
+        *,
+        jam_mps: float = 1.5,
+        deceleration_mps2: float = 3.0,
+        jitter_m: float = 1.0,
+        speed_spread: float = 0.05,
+        from_speed_mps: float = 0.0,
+        **others: Any,
+    ) -> None:
+        super().__init__(context, from_speed_mps=from_speed_mps, **others)
+        name = context.name
+        self._jam_mps = number(name, "jam_mps", jam_mps, 0)
+        self._deceleration_mps2 = number(name, "deceleration_mps2", deceleration_mps2, 0.1)
+        self._jitter_m = number(name, "jitter_m", jitter_m, 0)
+        self._speed_spread = number(name, "speed_spread", speed_spread, 0, 1)
+
+    def _crawling(
+        self,
+        begin_ns: int,
+        front: Float64,
+        speed_mps: float,
+        place_m: tuple[float, float],
+        rng: np.random.Generator,
+    ) -> Braking:
+        """The ghost whose place is so far ahead of a front, and to its left."""
+        jitter_m, spread = rng.uniform(-1, 1, 2).tolist()
+        ahead_m = place_m[0] + jitter_m * self._jitter_m
+        final_mps = self._jam_mps * (1 + spread * self._speed_spread)
+        start = self._beside(front, ahead_m, place_m[1])
+        return Braking(start, begin_ns, max(speed_mps, final_mps), 0.0, self._deceleration_mps2, final_mps)
+
+
+class SybilCongestion(CrawlingGhosts):
+    """A traffic jam ahead of the target: rows of ghosts that crawl, by the parameters of `CrawlingGhosts`.
 
     The first row's rears are `margin_m + headway_s * speed` ahead; rows are spacing_m apart, lanes lane_m,
-    the target's own in the middle. jitter_m: each is up to so far from its place along the road.
-    speed_spread: each crawls that share faster or slower than jam_mps, at most.
+    the target's own in the middle.
     """
 
     traits = V2xTraits(
@@ -123,14 +165,9 @@ class SybilCongestion(GhostsAhead):
         spacing_m: float = 7.5,
         margin_m: float = 5.0,
         headway_s: float = 2.0,
-        jam_mps: float = 1.5,
-        deceleration_mps2: float = 3.0,
-        jitter_m: float = 1.0,
-        speed_spread: float = 0.05,
-        from_speed_mps: float = 0.0,
         **others: Any,
     ) -> None:
-        super().__init__(context, from_speed_mps=from_speed_mps, **others)
+        super().__init__(context, **others)
         name = context.name
         self._ghosts_laid = whole(name, "ghosts", ghosts, 1, MOST_GHOSTS)
         self._lanes = whole(name, "lanes", lanes, 1, 99)
@@ -138,10 +175,6 @@ class SybilCongestion(GhostsAhead):
         self._spacing_m = number(name, "spacing_m", spacing_m, 0)
         self._margin_m = number(name, "margin_m", margin_m, 0)
         self._headway_s = number(name, "headway_s", headway_s, 0)
-        self._jam_mps = number(name, "jam_mps", jam_mps, 0)
-        self._deceleration_mps2 = number(name, "deceleration_mps2", deceleration_mps2, 0.1)
-        self._jitter_m = number(name, "jitter_m", jitter_m, 0)
-        self._speed_spread = number(name, "speed_spread", speed_spread, 0, 1)
 
     def _lay(self, begin_ns: int, front: Float64, speed_mps: float, key: Key) -> list[Braking]:
         rng = self.context.rng("congestion", *key)
@@ -149,14 +182,10 @@ class SybilCongestion(GhostsAhead):
         laid = []
         for index in range(self._ghosts_laid):
             row, side = divmod(index, self._lanes)
-            jitter_m, spread = rng.uniform(-1, 1, 2).tolist()
             # The target's own lane first, then left, right, and so on.
             lane = (side + 1) // 2 * (1 if side % 2 else -1)
-            ahead_m = gap_m + row * self._spacing_m + jitter_m * self._jitter_m
-            final_mps = self._jam_mps * (1 + spread * self._speed_spread)
-            start = self._beside(front, ahead_m, lane * self._lane_m)
-            first_mps = max(speed_mps, final_mps)
-            laid.append(Braking(start, begin_ns, first_mps, 0.0, self._deceleration_mps2, final_mps))
+            place_m = gap_m + row * self._spacing_m, lane * self._lane_m
+            laid.append(self._crawling(begin_ns, front, speed_mps, place_m, rng))
         return laid
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from advpipe.pipeline.messages.cam_cdr import cam_cdr
 from advpipe.pipeline.messages.cam_message import cam_message
-from advpipe.pipeline.messages.cam_types import CAM_TYPE
+from advpipe.pipeline.messages.cam_types import full_name
 from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.codec.codec import decode
@@ -22,7 +22,7 @@ def test_of_random_cams(random_cam_tree: Callable[..., CamTree]) -> None:
     rng = np.random.default_rng(2)
     for _ in range(300):
         tree = random_cam_tree(rng)
-        assert cam_cdr(tree) == serialise(cam_message(tree), CAM_TYPE)
+        assert cam_cdr(tree) == serialise(cam_message(tree), full_name("CAM"))
 
 
 @pytest.mark.parametrize(

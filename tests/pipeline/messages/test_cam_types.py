@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from advpipe.pipeline.messages.cam_types import CAM_TYPE, cam_types, full_name
+from advpipe.pipeline.messages.cam_types import cam_types, full_name
 from advpipe.pipeline.messages.types import message_class, schema_text, type_hash
 
 HASHES = json.loads(Path(__file__).with_name("cam_type_hashes.json").read_text())
@@ -23,7 +23,7 @@ def test_definitions_are_the_upstream_ones() -> None:
 
 
 def test_schema_holds_the_nested_types() -> None:
-    text = schema_text(CAM_TYPE)
+    text = schema_text(full_name("CAM"))
     assert text.startswith("etsi_its_cam_msgs/ItsPduHeader header\netsi_its_cam_msgs/CoopAwareness cam\n")
     assert text.count("MSG: etsi_its_cam_msgs/") == 93
 

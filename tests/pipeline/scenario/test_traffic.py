@@ -42,5 +42,3 @@ def test_files_are_found_beside_the_scenario(tmp_path: Path) -> None:
     assert scenario.traffic.routes == str(tmp_path / "own.rou.xml")
     assert scenario.trajectories is not None
     assert scenario.trajectories.file == str(tmp_path / "t.csv")
-    assert scenario.is_world_driven
-    assert not load_scenario("smoke").is_world_driven

@@ -119,30 +119,3 @@ def ellipsoid(centre_m: Sequence[float], radii_m: Sequence[float], material: str
     a, b = row * columns + column, row * columns + (column + 1) % columns
     faces = np.stack([a, a + columns, b, b, a + columns, b + columns], axis=-1).reshape(-1, 3)
     return surface(vertices, faces, material)
-
-
-def extruded_profile(
-    profile_xz: Sequence[tuple[float, float]],
-    half_width: Sequence[float],
-    side: str,
-    rim: str | Sequence[str],
-) -> Mesh:
-    """A closed side view (K, 2), extruded to both sides, with a half-width of its own at each corner.
-
-    `side` is the material of the two side faces, `rim` that of the band from each corner to the next.
-    """
-    count = len(profile_xz)
-    profile, half = np.asarray(profile_xz, dtype=np.float64), np.asarray(half_width, dtype=np.float64)
-    left = np.stack([profile[:, 0], half, profile[:, 1]], axis=1)
-    middle = np.append(profile.mean(axis=0), half.mean())
-    hubs = np.array([[middle[0], middle[2], middle[1]], [middle[0], -middle[2], middle[1]]])
-    vertices = np.concatenate([left, left * (1, -1, 1), hubs])
-    i, j = np.arange(count), (np.arange(count) + 1) % count
-    hub = np.full(count, 2 * count)
-    sides = np.concatenate([np.stack([hub, i, j], axis=1), np.stack([hub + 1, j + count, i + count], axis=1)])
-    names = [rim] * count if isinstance(rim, str) else list(rim)
-    bands = [
-        surface(vertices, [[a, b, a + count], [b, b + count, a + count]], name)
-        for a, b, name in zip(i.tolist(), j.tolist(), names, strict=True)
-    ]
-    return merge([surface(vertices, sides, side), *bands])
