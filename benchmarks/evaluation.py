@@ -69,7 +69,10 @@ def time_to_score_s(
     matched_s = time.perf_counter()
     summary = summarise(Comparison(None, {}, tuple(frames)), classes, DRAWS, seed=0)
     end_s = time.perf_counter()
-    print(f"{summary.row['blocks']} blocks, {DRAWS} draws, mAP {summary.row['map_clean']:.3f}")
+    print(
+        f"{summary.result.counts.blocks} blocks, {DRAWS} draws, "
+        f"mAP {summary.result.clean.means['strict'].map_r40:.3f}"
+    )
     return matched_s - start_s, end_s - matched_s, sum(map(len, found))
 
 

@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, DetectorName, Device, LidarTopic, Overwrite, Workers, line
+from advpipe.pipeline.cli.shared import (
+    Answer,
+    DetectorName,
+    Device,
+    LidarTopic,
+    Overwrite,
+    Workers,
+    line,
+    option,
+)
+from advpipe.pipeline.core.attack_options import AttackOptions
 
 if TYPE_CHECKING:
     from advpipe.stages.attack.run import AttackSummary
@@ -18,23 +28,15 @@ def attack(
     bag: Annotated[
         Path | None, typer.Argument(help="Data set, rosbag2 folder or .mcap.", show_default="newest data set")
     ] = None,
-    kind: Annotated[
-        str,
-        typer.Option("--type", help="detach, perturb, attach, cam-..., gnss-..., or module:Class."),
-    ] = "detach",
+    kind: Annotated[str, option(AttackOptions, "type", "--type")] = AttackOptions.type,
     ratio: Annotated[float | None, typer.Option(help="Share of the points to remove (detach).")] = None,
     eps_cm: Annotated[float | None, typer.Option(help="How far points may move (perturb).")] = None,
     points: Annotated[int | None, typer.Option(help="How many points to add (attach).")] = None,
     eps_m: Annotated[float | None, typer.Option(help="How far from the scene they may lie (attach).")] = None,
     along_ray: Annotated[bool, typer.Option("--along-ray", help="Points move along their ray only.")] = False,
     recipe: Annotated[
-        str | None,
-        typer.Option(
-            help="best, robust, paper (as published), or by chance random, random-near, random-best (the "
-            "strongest baseline).",
-            show_default="best",
-        ),
-    ] = None,
+        str | None, option(AttackOptions, "recipe", show_default="best")
+    ] = AttackOptions.recipe,
     goal: Annotated[
         str | None,
         typer.Option(
@@ -50,24 +52,19 @@ def attack(
         list[str] | None,
         typer.Option(help="Who lies by V2X: a vehicle's id (repeatable), 20%, or rsu:X,Y in metres."),
     ] = None,
-    victim: Annotated[
-        str | None, typer.Option(help="Vehicle whose GPS or LiDAR is attacked, or that CAMs aim at.")
-    ] = None,
+    victim: Annotated[str | None, option(AttackOptions, "victim")] = AttackOptions.victim,
     dcc_reacts: Annotated[
-        bool,
-        typer.Option(
-            "--dcc-reacts",
-            help="Others' congestion control holds back CAMs when a V2X attack fills the channel; "
-            "without it, they send what they sent.",
-        ),
-    ] = False,
-    from_s: Annotated[float, typer.Option("--from", help="Begin, in seconds of the recording.")] = 0.0,
-    to_s: Annotated[float | None, typer.Option("--to", help="End.", show_default="of the recording")] = None,
-    lidar: LidarTopic = None,
-    frames: Annotated[str, typer.Option(help="start:stop:step; it then holds only these clouds.")] = "::",
-    detector: DetectorName = "small",
+        bool, option(AttackOptions, "dcc_reacts", "--dcc-reacts")
+    ] = AttackOptions.dcc_reacts,
+    from_s: Annotated[float, option(AttackOptions, "from_s", "--from")] = AttackOptions.from_s,
+    to_s: Annotated[
+        float | None, option(AttackOptions, "to_s", "--to", show_default="of the recording")
+    ] = AttackOptions.to_s,
+    lidar: LidarTopic = AttackOptions.lidar,
+    frames: Annotated[str, option(AttackOptions, "frames")] = AttackOptions.frames,
+    detector: DetectorName = AttackOptions.detector,
     device: Device = "cpu",
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the attack's own draws.")] = 0,
+    seed: Annotated[int, option(AttackOptions, "seed")] = AttackOptions.seed,
     workers: Workers = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Adversarial bag.", show_default="beside the clean one")

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.pipeline.results.figures import Record
+from advpipe.pipeline.results.listed import Listed
 from advpipe.pipeline.results.origin import Origin
-from advpipe.pipeline.results.records import PrecisionRecord, record_of
+from advpipe.pipeline.results.records import PrecisionRecord
 from advpipe.pipeline.results.row import ResultRow
 
 SCHEMA = "advpipe-report-1"
@@ -33,7 +34,7 @@ class Evaluation:
     origin: Origin
     formulas: Mapping[str, str]
     average_precision: tuple[PrecisionRecord, ...] = ()
-    records: Mapping[str, Sequence[Record]]
+    records: Mapping[str, Sequence[Listed]]
     banners: tuple[str, ...] = ()
 
     @property
@@ -54,14 +55,13 @@ class Evaluation:
             "schema": SCHEMA,
         }
         text = json.dumps(plain(document), indent=2, sort_keys=True, allow_nan=False)
-        records = {"average_precision": [record_of(each) for each in self.average_precision]}
-        records |= {key: list(listed) for key, listed in self.records.items()}
-        lists = "".join(f'\n  "{key}": {_one_a_line(each)},' for key, each in sorted(records.items()))
+        listed = {"average_precision": self.average_precision, **self.records}
+        lists = "".join(f'\n  "{key}": {_one_a_line(each)},' for key, each in sorted(listed.items()))
         return f"{{{lists}{text[1:]}\n"
 
 
-def _one_a_line(records: Sequence[Record]) -> str:
-    lines = [json.dumps(plain(record), sort_keys=True, allow_nan=False) for record in records]
+def _one_a_line(results: Sequence[Listed]) -> str:
+    lines = [json.dumps(plain(each.record()), sort_keys=True, allow_nan=False) for each in results]
     return "[" + ",".join(f"\n    {line}" for line in lines) + "\n  ]"
 
 

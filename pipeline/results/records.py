@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 from advpipe.pipeline.results.figures import Interval, Precisions, Record
+from advpipe.pipeline.results.listed import Listed
 
 
 @dataclass(frozen=True)
-class PrecisionRecord:
+class PrecisionRecord(Listed):
     """One average precision of a class by a criterion, in a stratum of those cut `by` a measure; of all
     objects, `by` is empty and the stratum is `all`. boxes: how many objects were to be found."""
 
@@ -28,7 +29,7 @@ class PrecisionRecord:
 
 
 @dataclass(frozen=True)
-class _OfAttack:
+class _OfAttack(Listed):
     bag: str
     detector: str
     attack: str
@@ -111,7 +112,7 @@ class BaselineRecord(_OfAttack):
 
 
 @dataclass(frozen=True)
-class TransferRecord:
+class TransferRecord(Listed):
     """An attack made against one detector, as another sees it."""
 
     bag: str
@@ -127,15 +128,3 @@ class TransferRecord:
     map_clean: float
     map_ratio_percent: float | None
     map_ratio_ci95: Interval
-
-
-def key_of(field: str) -> str:
-    """The key of a field in a record."""
-    return "class" if field == "class_name" else field
-
-
-def record_of(
-    record: PrecisionRecord | SuccessRecord | BaselineRecord | TransferRecord,
-) -> Record:
-    """The record as `report.json` has it."""
-    return {key_of(field.name): getattr(record, field.name) for field in fields(record)}

@@ -75,6 +75,15 @@ class ResultRow:
     beats_random: bool | None
     notes: tuple[str, ...]
 
+    def figures_of(self, baseline: str = "") -> CloudFigures | None:
+        """Those of the attack, None without one; or those of a baseline that was scored, by its word."""
+        return self.baselines[baseline].figures if baseline else self.attacked
+
+    @property
+    def strongest_baseline(self) -> str | None:
+        """The word of the plain random baseline with the lowest mAP ratio; None where none is defined."""
+        return lowest({word: each.figures.map_ratio_percent for word, each in self.baselines.items()})
+
     def record(self) -> Record:
         """The row as `report.json` has it: flat, a baseline's word before each of its figures."""
         known = self.clean.precisions.ap
@@ -96,3 +105,9 @@ class ResultRow:
             "beats_random": self.beats_random,
             "notes": list(self.notes),
         }
+
+
+def lowest(ratios: Mapping[str, float]) -> str | None:
+    """The word with the lowest ratio, of those that are defined; None without one."""
+    defined = {word: ratio for word, ratio in ratios.items() if ratio == ratio}
+    return min(defined, key=lambda word: defined[word]) if defined else None

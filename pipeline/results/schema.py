@@ -5,12 +5,16 @@ from __future__ import annotations
 import json
 import types
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from dataclasses import is_dataclass
+from typing import Any, Union, get_args, get_origin
 
 from advpipe.pipeline.geometry.boxes import CLASSES
+from advpipe.pipeline.results.cooperative import CooperativeRecord
+from advpipe.pipeline.results.coordinated import CoordinatedRecord
 from advpipe.pipeline.results.evaluation import SCHEMA
-from advpipe.pipeline.results.figures import CRITERIA, CloudFigures, RecountedFigures
+from advpipe.pipeline.results.figures import CRITERIA, CloudFigures, Precisions, RecountedFigures
+from advpipe.pipeline.results.listed import Flat, LeftOut, key_of, shape
+from advpipe.pipeline.results.localisation import LocalisationRecord
 from advpipe.pipeline.results.origin import Origin
 from advpipe.pipeline.results.records import (
     BaselineRecord,
@@ -19,9 +23,9 @@ from advpipe.pipeline.results.records import (
     PrecisionRecord,
     SuccessRecord,
     TransferRecord,
-    key_of,
 )
 from advpipe.pipeline.results.row import PLAIN_BASELINE, AttackRecord, FrameCounts
+from advpipe.pipeline.results.v2x import V2xRecord
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -36,15 +40,16 @@ INTERVAL: Schema = {"type": ["array", "null"], "items": {"type": "number"}, "min
 
 
 def report_schema() -> Schema:
-    """The schema as plain values.
-
-    A figure that is undefined is null. What families of attacks list besides is an array of objects.
-    """
+    """The schema as plain values. A figure that is undefined is null; no other keys are let in."""
     lists = {
         "average_precision": PrecisionRecord,
         "attack_success": SuccessRecord,
         "baselines": BaselineRecord,
         "transfer": TransferRecord,
+        "localisation": LocalisationRecord,
+        "v2x": V2xRecord,
+        "cooperative": CooperativeRecord,
+        "coordinated": CoordinatedRecord,
     }
     required = ["average_precision", "banners", "formulas", "provenance", "rows", "schema"]
     return {
@@ -61,7 +66,7 @@ def report_schema() -> Schema:
             "defences": _list(_defence()),
         },
         "required": required,
-        "additionalProperties": _list({"type": "object"}),
+        "additionalProperties": False,
     }
 
 
@@ -128,33 +133,57 @@ def _defence() -> Schema:
 
 
 def _object(record: type, optional: tuple[str, ...] = ()) -> Schema:
-    properties = _properties(record)
     return {
         "type": "object",
         "description": _description(record),
-        "properties": properties,
-        "required": sorted(properties.keys() - set(optional)),
+        "properties": _properties(record),
+        "required": sorted(_required(record) - set(optional)),
         "additionalProperties": False,
     }
 
 
 def _properties(record: type) -> dict[str, Schema]:
     """The fields of a record that have a key of their own: average precisions have many, see `_row`."""
-    hints = get_type_hints(record)
-    nested = ("precisions", "clean_precisions", "attacked")
-    return {
-        key_of(field.name): _of_type(hints[field.name])
-        for field in fields(record)
-        if field.name not in nested
-    }
+    properties: dict[str, Schema] = {}
+    for name, (hint, mark) in shape(record).items():
+        if isinstance(mark, Flat):
+            inner = _properties(_without_none(hint))
+            properties |= {mark.prefix + key: schema for key, schema in inner.items()}
+        elif not _is_nested(hint):
+            is_left_out = isinstance(mark, LeftOut)
+            properties[key_of(name)] = _of_type(_without_none(hint) if is_left_out else hint)
+    return properties
+
+
+def _required(record: type) -> set[str]:
+    """The keys that a record always has."""
+    found: set[str] = set()
+    for name, (hint, mark) in shape(record).items():
+        if isinstance(mark, Flat) and isinstance(hint, type):
+            found |= {mark.prefix + key for key in _required(hint)}
+        elif mark is None and not _is_nested(hint):
+            found.add(key_of(name))
+    return found
+
+
+def _is_nested(hint: Any) -> bool:
+    """Whether a field holds average precisions, whose keys are patterns."""
+    return _without_none(hint) in (Precisions, DefendedFigures)
+
+
+def _without_none(hint: Any) -> Any:
+    """What a field that may be None otherwise holds."""
+    if get_origin(hint) not in (Union, types.UnionType):
+        return hint
+    (inner,) = (each for each in get_args(hint) if each is not type(None))
+    return inner
 
 
 def _of_type(hint: Any) -> Schema:
     """What a value of a field may be."""
     origin, arguments = get_origin(hint), get_args(hint)
     if origin in (Union, types.UnionType):
-        (inner,) = (each for each in arguments if each is not type(None))
-        return _or_null(_of_type(inner))
+        return _or_null(_of_type(_without_none(hint)))
     if hint == tuple[float, float]:
         return {**INTERVAL, "type": "array"}
     if origin is tuple:

@@ -17,9 +17,11 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
+from advpipe.pipeline.core.attack_options import AttackOptions
 from advpipe.pipeline.core.bounds import DriveTimeS, HeightM, PlaceM, ShareOfSome
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.frame_slice import FrameSlice
+from advpipe.pipeline.core.options import described
 from advpipe.pipeline.core.section import NotNegative, Section, Switch, Word
 from advpipe.pipeline.core.shown import cut, shown
 
@@ -37,6 +39,19 @@ LONGEST_TEXT = 4096
 MOST_ITEMS, MOST_LEVELS = 10_000, 2
 
 
+def _help(name: str) -> str:
+    text: str = described(AttackOptions, name)["help"]
+    return text
+
+
+def _shared(name: str, note: str = "", **bounds: Any) -> Any:
+    """The field of a section that is an option of `advpipe attack` too, with its default and help.
+
+    note: what the help does not say, as the command line shows it elsewhere.
+    """
+    return Field(getattr(AttackOptions, name), description=f"{_help(name)} {note}".strip(), **bounds)
+
+
 class Schedule(Section):
     """When an attack is on. Times are seconds since the first message of the bag.
 
@@ -44,8 +59,8 @@ class Schedule(Section):
     begins at `from_s`. `random`: for each message or cloud by itself, with `probability`.
     """
 
-    from_s: NotNegative = Field(0.0, le=1e6)
-    to_s: DriveTimeS | None = Field(None, description="excluded; the end of the recording if left out")
+    from_s: NotNegative = _shared("from_s", le=1e6)
+    to_s: DriveTimeS | None = _shared("to_s", "Excluded; the end of the recording if left out.")
     kind: Literal["continuous", "periodic", "random"] = "continuous"
     period_s: DriveTimeS | None = Field(None, description="of a periodic schedule")
     on_s: DriveTimeS | None = Field(None, description="of each period of a periodic schedule")
@@ -112,25 +127,19 @@ class AttackSpec(Section):
     What the name means, and which keys its family has no use for, stage attack knows.
     """
 
-    type: str = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_.:-]*$", max_length=200)
-    recipe: Word | None = Field(None, description="of a LiDAR attack; its best if left out")
+    type: str = Field(
+        pattern=r"^[A-Za-z_][A-Za-z0-9_.:-]*$", max_length=200, description=_help("type")
+    )  # no default: whoever writes a scenario says what he attacks with
+    recipe: Word | None = _shared("recipe", "Of a LiDAR attack; its best if left out.")
     parameters: dict[Word, Value] = Field({}, max_length=1000, description="of this attack, by name")
     schedule: Schedule = Schedule()
     attackers: Attackers | None = Field(None, description="of an attack by V2X messages")
-    victim: Word | None = Field(
-        None, description="an instrumented vehicle whose GPS or LiDAR is attacked, or to whom CAMs lie"
-    )
+    victim: Word | None = _shared("victim")
     seed_name: Word = Field("", description="draws differ between attacks of different names")
-    dcc_reacts: Switch = Field(
-        False,
-        description="whether other stations' congestion control answers to the load of forged messages: it "
-        "then holds back what comes too early; as it is off, they send what they sent",
-    )
-    lidar: Word | None = Field(None, description="topic of the attacked clouds, among several")
-    frames: Word = Field("::", description="which clouds its bag holds, start:stop:step; of a LiDAR attack")
-    detector: str = Field(
-        "small", max_length=4096, description="that a LiDAR attack fools, as after --detector"
-    )
+    dcc_reacts: Switch = _shared("dcc_reacts")
+    lidar: Word | None = _shared("lidar")
+    frames: Word = _shared("frames", "Of a LiDAR attack.")
+    detector: str = _shared("detector", "The one that a LiDAR attack fools.", max_length=4096)
 
     @field_validator("parameters")
     @classmethod

@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 
 from advpipe.pipeline.campaigns.sweep.budgets import AXES, TABLES
 from advpipe.pipeline.campaigns.sweep.cell import Cell
+from advpipe.pipeline.campaigns.sweep.stored_row import strongest_baseline
 from advpipe.pipeline.campaigns.sweep.variants import by_steps, steps_factor
 from advpipe.pipeline.core.figure import Figure
-from advpipe.stages.evaluate.report.ratios import strongest_baseline
 from advpipe.stages.evaluate.report.style import BASELINE, INK, LINE, PREDICTION, SOFT, TRUTH, plain_axes
 from advpipe.stages.evaluate.report.wording import PLAIN_RANDOM
 

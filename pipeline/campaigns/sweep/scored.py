@@ -53,7 +53,7 @@ def scored_cell(
     (comparison,) = looking.comparisons(workers)
     classes = known_classes(load_detector(detector, device))
     summary = summarise(comparison, classes, DRAWS, settings.seed)
-    row = plain(summary.row)
+    row = plain(summary.result.record())
     assert isinstance(row, dict)
     return Cell(
         budget,

@@ -10,14 +10,13 @@ import numpy as np
 
 from advpipe.pipeline.campaigns.sweep.budgets import AXES, TABLE_ONE, TABLES, Budget
 from advpipe.pipeline.campaigns.sweep.cell import Cell
+from advpipe.pipeline.campaigns.sweep.stored_row import changed_points, strongest_baseline
 from advpipe.pipeline.campaigns.sweep.variants import by_steps, split_recipe, steps_factor
 from advpipe.pipeline.metrics.bootstrap import percentile_interval
 from advpipe.stages.evaluate.detection.baseline import BEST, baseline_title
 from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.report.numbers import NOTHING, interval, number, short_name, with_interval
-from advpipe.stages.evaluate.report.ratios import strongest_baseline
 from advpipe.stages.evaluate.report.section import Table
-from advpipe.stages.evaluate.report.table import changed_points
 from advpipe.stages.evaluate.report.wording import PLAIN_RANDOM
 
 NOT_RUN = "not run"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.metrics.average_precision import RankedMatches
 from advpipe.pipeline.metrics.matching import FrameMatches
 from advpipe.pipeline.replay.recorded_filter import vehicles_with_filter
+from advpipe.pipeline.results.cooperative import CooperativeRecord
 from advpipe.stages.evaluate.cooperative.fusion import fuse_clouds, fuse_detections, without_oneself
 from advpipe.stages.evaluate.cooperative.instants import asked_for, false_span, fused_instants
 from advpipe.stages.evaluate.cooperative.pair import (
@@ -70,22 +70,6 @@ FORMULAS = (
 )
 
 
-@dataclass(frozen=True)
-class CooperativeRow:
-    """AP in [0, 1] of one class; NaN without objects. poses: alone, true poses, clean poses (as the clean bag
-    reports them, with the errors of the filters on board), or the bag that reports."""
-
-    poses: str
-    fusion: str
-    label: str
-    frames: int
-    objects: int
-    ap_strict: float
-    ap_loose: float
-    misalignment_m: float
-    misalignment_deg: float
-
-
 def sections(
     clean: Path,
     adversarial: Sequence[Path],
@@ -126,7 +110,7 @@ def sections(
             lead=f"{names[0]} fuses what {names[1]} shares, while reported poses are false.",
             tables=(_table(rows),),
             pictures=(Picture(SECTION, "", "cooperative.png", caption, picture),),
-            records=tuple({**vars(row)} for row in rows),
+            records=tuple(rows),
             formulas=FORMULAS,
         ),
     )
@@ -139,7 +123,7 @@ def cooperative_rows(
     detector: str,
     device: str = CPU,
     asked: range | None = None,
-) -> tuple[list[CooperativeRow], Fused | None]:
+) -> tuple[list[CooperativeRecord], Fused | None]:
     """The fusing vehicle alone, and fused by clean and attacked poses; a row for each class with objects.
 
     All of the same instants, from the first to the last at which any bag's poses are others than the clean
@@ -197,10 +181,10 @@ def _row(
     label: str,
     matches: Mapping[tuple[str, str, str, str], Sequence[FrameMatches]],
     off: Sequence[tuple[float, float]],
-) -> CooperativeRow:
+) -> CooperativeRecord:
     strict, loose = (RankedMatches.of(matches[name, fusion, word, label]) for word in CRITERIA)
     off_m, off_deg = np.mean(off, axis=0) if off else (np.nan, np.nan)
-    return CooperativeRow(
+    return CooperativeRecord(
         poses=name,
         fusion=fusion,
         label=label,
@@ -226,7 +210,7 @@ def _moves(clean: BagReader, adversarial: BagReader, pair: Pair) -> bool:
     return any(len(attacked_fixes_ns(clean, adversarial, vehicle)) for vehicle in vehicles)
 
 
-def _table(rows: Sequence[CooperativeRow]) -> Table:
+def _table(rows: Sequence[CooperativeRecord]) -> Table:
     heads = ("poses", "fused", "class", "boxes", "AP strict", "AP loose", "misaligned m", "turned °")
     lines = tuple(
         (

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.core.progress import track
+from advpipe.pipeline.results.coordinated import (
+    AttacksByTarget,
+    CoordinatedRecord,
+    StruckCounts,
+    TogetherFigures,
+)
 from advpipe.stages.evaluate.coordinated.effects import Effect, effects
 from advpipe.stages.evaluate.coordinated.picture import draw_coordinated
 from advpipe.stages.evaluate.coordinated.struck import Struck, read_struck
 from advpipe.stages.evaluate.detection.comparison import bag_name
-from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.report.numbers import number
 from advpipe.stages.evaluate.report.pictures import to_png
 from advpipe.stages.evaluate.report.section import SECTION, Picture, Section, Table
@@ -45,7 +51,7 @@ def sections(
     lines: list[tuple[str, ...]] = []
     outcomes: list[tuple[str, ...]] = []
     pictures: list[Picture] = []
-    records: list[Row] = []
+    records: list[CoordinatedRecord] = []
     struck = [(bag, *each) for bag in adversarial for each in read_struck(reader, bag, window).items()]
     together_on = [each for each in struck if len(each[2]) > 1]
     if together_on:
@@ -92,8 +98,7 @@ def together(strikes: Sequence[Struck]) -> tuple[int, int] | None:
 
 def _is_of_kinds(bag: Path) -> bool:
     """Whether a bag was attacked in two ways or three: fixes, messages, clouds."""
-    words = [one.type.partition("-")[0] for one in BagReader(bag).provenance.said.attacks]
-    return len({word if word in ("gnss", "cam") else "clouds" for word in words}) > 1
+    return len({one.family for one in BagReader(bag).provenance.said.attacks}) > 1
 
 
 def _lead(
@@ -124,13 +129,16 @@ def _record(
     told: Sequence[Effect],
     span_ns: tuple[int, int] | None,
     start_ns: int,
-) -> Row:
-    record: Row = {"bag": name, "vehicle": vehicle}
-    record["attacks"] = {one.what: list(one.attacks) for one in strikes}
-    record |= {f"struck_{one.what}": len(one.times_ns) for one in strikes}
-    if span_ns is not None:
-        record |= {"from_s": (span_ns[0] - start_ns) / 1e9, "to_s": (span_ns[1] - start_ns) / 1e9}
-        for effect in told:
-            record[f"{effect.key}_clean"] = effect.clean.mean(*span_ns)
-            record[effect.key] = effect.attacked.mean(*span_ns)
-    return record
+) -> CoordinatedRecord:
+    found = CoordinatedRecord(
+        name,
+        vehicle,
+        attacks=AttacksByTarget(**{one.what: one.attacks for one in strikes}),
+        struck=StruckCounts(**{one.what: len(one.times_ns) for one in strikes}),
+    )
+    if span_ns is None:
+        return found
+    means = {effect.key: effect.attacked.mean(*span_ns) for effect in told}
+    means |= {f"{effect.key}_clean": effect.clean.mean(*span_ns) for effect in told}
+    from_s, to_s = ((ns - start_ns) / 1e9 for ns in span_ns)
+    return replace(found, together=TogetherFigures(from_s, to_s, **means))

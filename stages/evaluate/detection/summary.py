@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +13,6 @@ from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.geometry.boxes import MIN_POINTS
 from advpipe.pipeline.metrics.average_precision import RankedMatches
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
-from advpipe.pipeline.results.figures import Record
 from advpipe.pipeline.results.records import DefenceRecord, SuccessRecord
 from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.arm import Arm, Precision
@@ -50,11 +48,6 @@ class Summary:
     curves: Mapping[tuple[str, str, str], tuple[Float64, Float64]]
     defended: tuple[DefenceRecord, ...] = ()
     success: tuple[SuccessRecord, ...] = ()
-
-    @cached_property
-    def row(self) -> Record:
-        """The result as `report.json` has it: one key a figure."""
-        return self.result.record()
 
 
 def summarise(

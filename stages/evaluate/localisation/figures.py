@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.results.localisation import Errors, LocalisationRecord
 from advpipe.stages.evaluate.localisation.track import Bool, Track
 
 GATE_PROBABILITY = 0.999
@@ -21,57 +20,6 @@ def gate() -> float:
     from scipy.special import chdtri
 
     return float(chdtri(3, 1 - GATE_PROBABILITY))
-
-
-@dataclass(frozen=True)
-class Errors:
-    """Of the estimates at some times; NaN where there are none.
-
-    mean_m, rmse_m, max_m: of the horizontal distance from the truth. ate_m: root mean square of the whole
-    error, height included, without alignment. lateral_mean_m, lateral_max_m: of the size of the error
-    across the direction of travel.
-    """
-
-    mean_m: float
-    rmse_m: float
-    max_m: float
-    ate_m: float
-    lateral_mean_m: float
-    lateral_max_m: float
-
-
-@dataclass(frozen=True)
-class LocalisationRow:
-    """One vehicle in one adversarial bag.
-
-    fixes: of the clean bag; attacked: those that say something else, lost: those of them that say nothing.
-    The span goes from the first attacked fix to the last one: `clean` and `adversarial` are the errors of
-    the estimates in it. ate_clean_m, ate_m: the unaligned absolute trajectory error of both tracks, which
-    are of the whole drive or of a part of it. Without an attacked fix, the span is empty.
-
-    detection_rate: of attacked fixes, the share that fails the innovation test; NaN where all were lost.
-    stealth_rate: the share that passes it. false_alarm_rate: of the clean bag's fixes, the share that fails
-    it; echo_rate: of genuine fixes after the first attacked one. delay_s: from the first attacked fix to the
-    first one that fails; NaN where none does. success_rate: share of the span in which the estimate is
-    more than `LOST_M` off.
-    """
-
-    bag: str
-    vehicle: str
-    fixes: int
-    attacked: int
-    lost: int
-    span_s: float
-    clean: Errors
-    adversarial: Errors
-    ate_clean_m: float
-    ate_m: float
-    detection_rate: float
-    stealth_rate: float
-    false_alarm_rate: float
-    echo_rate: float
-    delay_s: float
-    success_rate: float
 
 
 def errors(track: Track, chosen: Bool) -> Errors:
@@ -90,9 +38,9 @@ def errors(track: Track, chosen: Bool) -> Errors:
     )
 
 
-def localisation_row(
+def localisation_record(
     bag: str, vehicle: str, clean: Track, adversarial: Track, attacked_ns: npt.NDArray[np.int64]
-) -> LocalisationRow:
+) -> LocalisationRecord:
     """attacked_ns: (A,), the times of the attacked fixes; both tracks are of the same times."""
     attacked = was_attacked(clean, attacked_ns)
     (steps,) = np.nonzero(attacked)
@@ -107,7 +55,7 @@ def localisation_row(
     under_attack = errors(adversarial, span)
     off_m = np.linalg.norm(adversarial.error_m[span][:, :2], axis=1)
     detection_rate = _share(alarm[attacked & known])
-    return LocalisationRow(
+    return LocalisationRecord(
         bag=bag,
         vehicle=vehicle,
         fixes=int(np.isfinite(clean.nis).sum()),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -14,14 +13,13 @@ from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.replay.recorded_filter import usual_victim, vehicles_with_filter
+from advpipe.pipeline.results.localisation import LocalisationRecord
 from advpipe.stages.evaluate.detection.comparison import bag_name
-from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.localisation.figures import (
     GATE_PROBABILITY,
     LOST_M,
-    LocalisationRow,
     gate,
-    localisation_row,
+    localisation_record,
     was_attacked,
 )
 from advpipe.stages.evaluate.localisation.plot import draw_localisation
@@ -63,7 +61,7 @@ def sections(
     window: its figures count; filters run from the beginning of the drive to its end. `seed` serves no
     draw here. Raises AdvpipeError for bags from which a filter cannot be run again.
     """
-    rows: list[LocalisationRow] = []
+    rows: list[LocalisationRecord] = []
     pictures: list[Picture] = []
     of_what = "whole drive" if window == WHOLE_DRIVE else "window"
     for row, picture in _compare(clean, adversarial, window, of_what):
@@ -79,24 +77,15 @@ def sections(
             f"innovation test is {gate():.2f}.",
             tables=(_error_table(rows, of_what), _detection_table(rows)),
             pictures=tuple(pictures),
-            records=tuple(record(row) for row in rows),
+            records=tuple(rows),
             formulas=tuple((name, words.replace("{of_what}", of_what)) for name, words in FORMULAS),
         ),
     )
 
 
-def record(row: LocalisationRow) -> Row:
-    """A row as flat names and numbers, those of `Errors` with `clean_` or `adv_` before them."""
-    plain = asdict(row)
-    flat: Row = {name: value for name, value in plain.items() if not isinstance(value, dict)}
-    for prefix, name in (("clean", "clean"), ("adv", "adversarial")):
-        flat |= {f"{prefix}_{key}": value for key, value in plain[name].items()}
-    return flat
-
-
 def _compare(
     clean: Path, adversarial: Sequence[Path], window: Window, of_what: str
-) -> Iterator[tuple[LocalisationRow, Picture]]:
+) -> Iterator[tuple[LocalisationRecord, Picture]]:
     reader, until_ns = BagReader(clean), window.last_ns
     tracks: dict[str, Track] = {}
     attacks = [
@@ -117,7 +106,7 @@ def _compare(
         if not len(before.times_ns):
             continue
         name = bag_name(bag)
-        row = localisation_row(name, vehicle, before, after, attacked_ns)
+        row = localisation_record(name, vehicle, before, after, attacked_ns)
         figure = draw_localisation(before, after, was_attacked(before, attacked_ns), of_what)
         caption = f"{name}: {vehicle}, its way on the map, its error and its innovations over time"
         yield row, Picture(SECTION, name, f"{name}-{vehicle}-localisation.png", caption, to_png(figure))
@@ -139,7 +128,7 @@ def _attacked_vehicles(
             yield vehicle, attacked_ns
 
 
-def _error_table(rows: Sequence[LocalisationRow], of_what: str) -> Table:
+def _error_table(rows: Sequence[LocalisationRecord], of_what: str) -> Table:
     heads = ("bag", "vehicle", "fixes attacked", "lost", "mean m", "RMSE m", "max m")
     lines = []
     for row in rows:
@@ -166,7 +155,7 @@ def _error_table(rows: Sequence[LocalisationRow], of_what: str) -> Table:
     return Table(title, (*heads, "sideways, mean m", "sideways, max m", ate), tuple(lines))
 
 
-def _detection_table(rows: Sequence[LocalisationRow]) -> Table:
+def _detection_table(rows: Sequence[LocalisationRecord]) -> Table:
     heads = ("bag", "vehicle", "detected %", "delay s", "stealth %", "false alarms %", "echo %", "success %")
     lines = [
         (

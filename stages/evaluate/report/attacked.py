@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from advpipe.pipeline.results.records import BaselineRecord, SuccessRecord, record_of
+from advpipe.pipeline.results.figures import CloudFigures
+from advpipe.pipeline.results.records import BaselineRecord, SuccessRecord
 from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.arm import WHOLE
 from advpipe.stages.evaluate.detection.baseline import baseline_title
@@ -37,8 +38,9 @@ def attacked_sections(summaries: Sequence[Summary]) -> Iterator[Section]:
 
 def title_of(summary: Summary, summaries: Sequence[Summary]) -> str:
     """The attack; with the detector, where several look; with the bag, where two attacks are alike."""
-    title = attack_title(summary.row) if summary.comparison.bag else "clean"
-    alike = [each for each in summaries if attack_title(each.row) == attack_title(summary.row)]
+    own = attack_title(summary.result.attack)
+    title = own if summary.comparison.bag else "clean"
+    alike = [each for each in summaries if attack_title(each.result.attack) == own]
     if len({each.comparison.name for each in alike}) > 1:
         title += f" ({summary.comparison.name})"
     if len({each.comparison.detector for each in summaries}) > 1:
@@ -74,7 +76,7 @@ def baselines_section(summaries: Sequence[Summary]) -> Section:
         f"the 95 % interval of the difference lies below 0. {RANDOM_BEST}",
         (Table("", heads, tuple(lines)),),
         records=tuple(
-            record_of(_baseline_record(summary.result, word))
+            _baseline_record(summary.result, word)
             for summary in summaries
             for word in summary.result.baselines
         ),
@@ -135,7 +137,7 @@ def success_section(summaries: Sequence[Summary]) -> Section:
         f"that stands above the column ({OVERLAPS}). A new FP is a detection that finds nothing, where none "
         "was before. The random draw, anywhere, is the weakest of the baselines.",
         tuple(tables),
-        records=tuple(record_of(each) for summary in summaries for each in summary.success),
+        records=tuple(each for summary in summaries for each in summary.success),
     )
 
 
@@ -147,20 +149,9 @@ def change_section(summaries: Sequence[Summary]) -> Section:
     )  # fmt: skip
     tables = []
     for summary in summaries:
-        words = ["", *(f"{word}_" for word in summary.result.baselines)]
-        lines = tuple(
-            (
-                baseline_title(prefix.removesuffix("_")) if prefix else "attacked",
-                number(summary.row[f"{prefix}chamfer_distance_m2"], 5),
-                *(number(summary.row[f"{prefix}points_{what}"], 0) for what in ("removed", "added", "moved")),
-                *(
-                    number(summary.row[f"{prefix}{what}_displacement_m"] or None, 4)
-                    for what in ("mean", "rms", "median", "p95", "max")
-                ),
-                number(summary.row[f"{prefix}max_added_m"] or None, 4),
-            )
-            for prefix in words
-        )
+        changed = {"attacked": summary.result.attacked}
+        changed |= {baseline_title(word): each.figures for word, each in summary.result.baselines.items()}
+        lines = tuple(_change_line(name, each) for name, each in changed.items() if each)
         tables.append(Table(title_of(summary, summaries), heads, lines))
     return Section(
         "changes",
@@ -171,25 +162,45 @@ def change_section(summaries: Sequence[Summary]) -> Section:
     )
 
 
+def _change_line(name: str, figures: CloudFigures) -> tuple[str, ...]:
+    lengths_m = (
+        figures.mean_displacement_m,
+        figures.rms_displacement_m,
+        figures.median_displacement_m,
+        figures.p95_displacement_m,
+        figures.max_displacement_m,
+        figures.max_added_m,
+    )
+    points = (figures.points_removed, figures.points_added, figures.points_moved)
+    return (
+        name,
+        number(figures.chamfer_distance_m2, 5),
+        *(number(count, 0) for count in points),
+        *(number(length_m or None, 4) for length_m in lengths_m),
+    )
+
+
 def recount_section(summaries: Sequence[Summary]) -> Section:
     heads = ("attack", "objects", "mAP ratio %", "lost (loose)", "success %") + (
         "objects, recounted", "mAP ratio %", "95 %", "lost (loose)", "success %",
     )  # fmt: skip
     lines = []
     for summary in summaries:
-        row = summary.row
+        attacked, recounted = summary.result.attacked, summary.result.recounted
+        if attacked is None or recounted is None:
+            continue
         lines.append(
             (
                 title_of(summary, summaries),
-                number(row["objects"], 0),
-                number(row["map_ratio_percent"], 2),
-                number(row["lost_objects"], 0),
-                number(row["attack_success_percent"], 1),
-                number(row["objects_recounted"], 0),
-                number(row["map_ratio_percent_recounted"], 2),
-                interval(row["map_ratio_recounted_ci95"]),
-                number(row["lost_objects_recounted"], 0),
-                number(row["attack_success_percent_recounted"], 1),
+                number(summary.result.counts.objects, 0),
+                number(attacked.map_ratio_percent, 2),
+                number(attacked.lost_objects, 0),
+                number(attacked.attack_success_percent, 1),
+                number(recounted.objects_recounted, 0),
+                number(recounted.map_ratio_percent_recounted, 2),
+                interval(recounted.map_ratio_recounted_ci95),
+                number(recounted.lost_objects_recounted, 0),
+                number(recounted.attack_success_percent_recounted, 1),
             )
         )
     return Section(
@@ -208,17 +219,17 @@ def defences_section(summaries: Sequence[Summary]) -> Section:
     )  # fmt: skip
     lines = []
     for summary in summaries:
-        row, title = summary.row, title_of(summary, summaries)
+        clean, attacked = summary.result.clean, summary.result.attacked
         lines.append(
             (
-                title,
+                title_of(summary, summaries),
                 "none",
-                number(row["map_clean"], 3),
+                number(clean.means["strict"].map_r40, 3),
                 number(100.0, 1),
-                number(row["map_adv"], 3),
-                number(row["map_ratio_percent"], 2),
-                interval(row["map_ratio_ci95"]),
-                number(row["map_ratio_percent"], 2),
+                number(attacked and attacked.map_adv, 3),
+                number(attacked and attacked.map_ratio_percent, 2),
+                interval(attacked and attacked.map_ratio_ci95),
+                number(attacked and attacked.map_ratio_percent, 2),
             )
         )
         for each in summary.defended:
@@ -241,7 +252,7 @@ def defences_section(summaries: Sequence[Summary]) -> Section:
         "Kept: mAP on clean clouds under the defence, in percent of that without. Ratio: attacked to clean, "
         "both under the defence.",
         (Table("", heads, tuple(lines)),),
-        records=tuple(each.record() for summary in summaries for each in summary.defended),
+        records=tuple(each for summary in summaries for each in summary.defended),
     )
 
 

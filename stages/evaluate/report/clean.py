@@ -54,14 +54,14 @@ def strata_tables(summary: Summary) -> list[Table]:
 
 def lead(summary: Summary) -> str:
     """The mAP in a sentence, with the car alone beside it."""
-    row = summary.row
-    words = f"mAP {number(row['map_clean'], 3)}{_in_brackets(row['map_clean_ci95'])}"
-    classes = row["classes_in_map"]
-    if isinstance(classes, list):
-        words += f" over {', '.join(classes)}"
-    if "ap_car_clean" in row:
-        words += f"; car alone {number(row['ap_car_clean'], 3)}{_in_brackets(row['ap_car_clean_ci95'])}"
-    return words + f". Strict 3D, R40, {row['frames']} frames."
+    clean, counts = summary.result.clean, summary.result.counts
+    mean, found = clean.means["strict"], clean.precisions
+    words = f"mAP {number(mean.map_r40, 3)}{_in_brackets(mean.map_r40_ci95)}"
+    words += f" over {', '.join(counts.classes_in_map)}"
+    if ("strict", "car") in found.ap:
+        words += f"; car alone {number(found.ap['strict', 'car'], 3)}"
+        words += _in_brackets(found.strict_ci95["car"])
+    return words + f". Strict 3D, R40, {counts.frames} frames."
 
 
 def distinct_clean(summaries: Sequence[Summary]) -> list[Summary]:
@@ -78,14 +78,11 @@ def of_first_detector(summaries: Sequence[Summary]) -> list[Summary]:
 
 
 def _map_line(summary: Summary) -> tuple[str, ...]:
-    row = summary.row
-    classes = row["classes_in_map"]
-    count = len(classes) if isinstance(classes, list) else 0
+    count = len(summary.result.counts.classes_in_map)
     line = ["mAP", f"{count} class{'' if count == 1 else 'es'}"]
     for criterion in CRITERIA:
-        key = "map_clean" if criterion == "strict" else f"map_{criterion}_clean"
-        r11 = "map_r11_clean" if criterion == "strict" else f"map_{criterion}_r11_clean"
-        line += [number(row[key], 3) + _in_brackets(row[f"{key}_ci95"]), number(row[r11], 3)]
+        mean = summary.result.clean.means[criterion]
+        line += [number(mean.map_r40, 3) + _in_brackets(mean.map_r40_ci95), number(mean.map_r11, 3)]
     return tuple(line)
 
 

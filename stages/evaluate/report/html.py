@@ -8,7 +8,7 @@ from pathlib import Path
 
 from advpipe.pipeline.geometry.boxes import CLASSES
 from advpipe.pipeline.results.evaluation import plain
-from advpipe.stages.evaluate.detection.figures import Row
+from advpipe.pipeline.results.row import PLAIN_BASELINE, ResultRow
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.clean import (
     class_table,
@@ -52,9 +52,9 @@ def write_html(report: Report, summaries: Sequence[Summary], pictures: Sequence[
         added=report.sections,
         sections=[
             {
-                "title": attack_title(summary.row),
+                "title": attack_title(summary.result.attack),
                 "pictures": _of(pictures, ATTACK, summary.comparison.name),
-                "precisions": precisions(summary.row),
+                "precisions": precisions(summary.result),
             }
             for summary in of_first_detector(summaries)
             if summary.comparison.bag
@@ -69,16 +69,21 @@ def _of(pictures: Sequence[Picture], section: str, bag: str) -> list[Picture]:
     return [picture for picture in pictures if (picture.section, picture.bag) == (section, bag)]
 
 
-def precisions(row: Row) -> list[list[str]]:
+def precisions(result: ResultRow) -> list[list[str]]:
     """Average precision by class: class, boxes, then strict, loose and bird's-eye on each kind of cloud."""
-    table = []
-    for name in CLASSES:
-        if f"boxes_{name}" not in row:
-            continue
-        figures = [
-            number(row.get(f"{prefix}ap_{criterion}{name}_{word}"), 3)
-            for criterion in ("", "loose_", "bev_")
-            for prefix, word in (("", "clean"), ("", "adv"), ("baseline_", "adv"))
+    attacked = result.attacked.precisions.ap if result.attacked else {}
+    random = result.baselines.get(PLAIN_BASELINE)
+    on_each = (result.clean.precisions.ap, attacked, random.figures.precisions.ap if random else {})
+    return [
+        [
+            name,
+            number(result.boxes[name], 0),
+            *(
+                number(found.get((criterion, name)), 3)
+                for criterion in ("strict", "loose", "bev")
+                for found in on_each
+            ),
         ]
-        table.append([name, number(row[f"boxes_{name}"], 0), *figures])
-    return table
+        for name in CLASSES
+        if name in result.boxes
+    ]

@@ -29,13 +29,14 @@ WORST_CLEAN, BEST_CLEAN = 2, 2
 def draw_pictures(clean: Path, summaries: Sequence[Summary], lidar_topic: str | None = None) -> list[Picture]:
     """All pictures of the clouds of a report; frames and curves by class are those of its first detector."""
     pictures = []
-    rows = [summary.row for summary in summaries if summary.comparison.bag]
+    rows = [summary.result for summary in summaries if summary.comparison.bag]
     if rows:
         figure = draw_ratios(rows)
         pictures.append(Picture(OVERVIEW, "", "map_ratio.png", "mAP ratio of each attack", to_png(figure)))
     for number, group in enumerate(budget_groups(rows)):
-        seen_by = short_name(group[0]["detector"])
-        caption = f"mAP ratio over budget and Chamfer distance: {attack_name(group[0])}, seen by {seen_by}"
+        seen_by = short_name(group[0].detector)
+        attack = attack_name(group[0].attack)
+        caption = f"mAP ratio over budget and Chamfer distance: {attack}, seen by {seen_by}"
         name = f"budget{number + 1}.png"
         pictures.append(Picture(OVERVIEW, "", name, caption, to_png(draw_budget_curves(group))))
     first = of_first_detector(summaries)

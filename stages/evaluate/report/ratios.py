@@ -2,32 +2,34 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from matplotlib.axes import Axes
 
 from advpipe.pipeline.core.figure import Figure
-from advpipe.stages.evaluate.detection.figures import Row
+from advpipe.pipeline.results.figures import CloudFigures
+from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.report.numbers import short_name
 from advpipe.stages.evaluate.report.scene import attack_title
 from advpipe.stages.evaluate.report.style import BASELINE, INK, PREDICTION
 from advpipe.stages.evaluate.report.wording import PLAIN_RANDOM
 
 
-def draw_ratios(rows: Sequence[Row]) -> Figure:
+def draw_ratios(rows: Sequence[ResultRow]) -> Figure:
     """One line an attack: red the attack, grey the strongest plain random baseline of equal budget."""
-    seen = {row["detector"] for row in rows}
+    seen = {row.detector for row in rows}
     titles = [
-        attack_title(row) + (f", seen by {short_name(row['detector'])}" if len(seen) > 1 else "")
+        attack_title(row.attack) + (f", seen by {short_name(row.detector)}" if len(seen) > 1 else "")
         for row in rows
     ]
     figure = Figure(figsize=(11, 1.3 + 0.62 * len(rows)), dpi=110, facecolor="white", layout="constrained")
     axes = figure.add_subplot()
     axes.axvline(100, color="#c9d1da", linewidth=1, zorder=1)
     for line, row in enumerate(rows):
-        if strongest := strongest_baseline(row):
-            _draw_ratio(axes, row, f"{strongest}_", line + 0.17, BASELINE)
-        _draw_ratio(axes, row, "", line - 0.17, PREDICTION)
+        if strongest := row.strongest_baseline:
+            _draw_ratio(axes, row.figures_of(strongest), line + 0.17, BASELINE)
+        _draw_ratio(axes, row.attacked, line - 0.17, PREDICTION)
     axes.set_yticks(range(len(rows)), titles, color=INK)
     axes.set_ylim(len(rows) - 0.45, -0.55)
     axes.set_xlim(left=0)
@@ -46,22 +48,11 @@ def draw_ratios(rows: Sequence[Row]) -> Figure:
     return figure
 
 
-def strongest_baseline(row: Row) -> str | None:
-    """The word of the plain random baseline with the lowest mAP ratio; recipe random-best is none of them."""
-    words = row["baselines"]
-    ratios = {}
-    for word in words if isinstance(words, list) else []:
-        ratio = row[f"{word}_map_ratio_percent"]
-        if isinstance(ratio, float) and ratio == ratio:
-            ratios[str(word)] = ratio
-    return min(ratios, key=lambda word: ratios[word]) if ratios else None
-
-
-def _draw_ratio(axes: Axes, row: Row, prefix: str, height: float, colour: str) -> None:
-    ratio, interval = row[f"{prefix}map_ratio_percent"], row[f"{prefix}map_ratio_ci95"]
-    if not isinstance(ratio, float) or ratio != ratio:
+def _draw_ratio(axes: Axes, figures: CloudFigures | None, height: float, colour: str) -> None:
+    if figures is None or math.isnan(figures.map_ratio_percent):
         return
-    if isinstance(interval, tuple):
+    ratio, interval = figures.map_ratio_percent, figures.map_ratio_ci95
+    if interval is not None:
         axes.plot(interval, [height, height], color=colour, linewidth=2, solid_capstyle="round", zorder=2)
     axes.plot([ratio], [height], "o", color=colour, markersize=7, zorder=3)
     axes.annotate(

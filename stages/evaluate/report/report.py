@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 from advpipe.pipeline.results.evaluation import Evaluation
+from advpipe.pipeline.results.listed import Listed
 from advpipe.pipeline.results.origin import Origin
 from advpipe.pipeline.results.records import PrecisionRecord
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.section import Section
 from advpipe.stages.evaluate.report.wording import RANDOM_BEST, WHITE_BOX
+
+T = TypeVar("T", bound=Listed)
 
 FORMULAS: Mapping[str, str] = {
     "ap": "AP = (1/40) * sum over r in {1/40, ..., 1} of max precision at recall >= r (R40); R11 reads "
@@ -52,6 +56,10 @@ class Report(Evaluation):
     """An evaluation as people read it. sections: what every family adds: tables, pictures and records."""
 
     sections: tuple[Section, ...] = ()
+
+    def listed(self, kind: type[T]) -> list[T]:
+        """The records of a kind, of all sections."""
+        return [each for section in self.sections for each in section.records if isinstance(each, kind)]
 
 
 def report_of(

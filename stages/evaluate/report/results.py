@@ -24,7 +24,7 @@ def write_results(summaries: Sequence[Summary], path: Path) -> None:
             frames = summary.comparison.frames
             for start in range(0, len(frames), _FRAMES_AT_ONCE):
                 rows = [
-                    {"bag": summary.row["bag"], "detector": summary.row["detector"], **row}
+                    {"bag": summary.result.bag, "detector": summary.result.detector, **row}
                     for frame in frames[start : start + _FRAMES_AT_ONCE]
                     for word in frame.all_clouds()
                     for row in match_rows(frame, word, summary.min_score)
@@ -35,7 +35,13 @@ def write_results(summaries: Sequence[Summary], path: Path) -> None:
 def write_frames(summaries: Sequence[Summary], path: Path) -> None:
     """`frames.parquet`: one row a frame and bag."""
     rows = [
-        {**{column: summary.row[column] for column in _ABOUT}, **row}
+        {
+            "bag": summary.result.bag,
+            "detector": summary.result.detector,
+            "attack": summary.result.attack.attack,
+            "recipe": summary.result.attack.recipe,
+            **row,
+        }
         for summary in summaries
         for row in summary.per_frame
     ]

@@ -11,6 +11,8 @@ import numpy.typing as npt
 
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
 from advpipe.pipeline.messages.cloud import Cloud
+from advpipe.pipeline.results.records import TransferRecord
+from advpipe.pipeline.results.row import AttackRecord
 from advpipe.stages.evaluate.detection.cloud_difference import CloudDifference, cloud_difference
 from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult
 from advpipe.stages.evaluate.detection.frame_row import lost_objects
@@ -108,7 +110,8 @@ def load_scene(clean: Path, summary: Summary, frame: FrameResult, lidar_topic: s
     seen = frame.adversarial.detections
     after = View(_cloud(bag, frame.adversarial_index, lidar_topic), _seen(seen.boxes, seen.scores, summary))
     return Scene(
-        f"{attack_title(summary.row)}, frame {frame.index}: {int(lost.sum())} of {found} found objects lost "
+        f"{attack_title(summary.result.attack)}, frame {frame.index}: "
+        f"{int(lost.sum())} of {found} found objects lost "
         f"{lost_means(summary.min_score)}",
         name,
         frame.truth,
@@ -119,15 +122,15 @@ def load_scene(clean: Path, summary: Summary, frame: FrameResult, lidar_topic: s
     )
 
 
-def attack_name(row: dict[str, object]) -> str:
+def attack_name(made_by: AttackRecord | TransferRecord) -> str:
     """Such as `detach, recipe best`."""
-    return f"{row['attack']}, recipe {row['recipe']}" if row["recipe"] else str(row["attack"])
+    return f"{made_by.attack}, recipe {made_by.recipe}" if made_by.recipe else made_by.attack
 
 
-def attack_title(row: dict[str, object]) -> str:
+def attack_title(made_by: AttackRecord | TransferRecord) -> str:
     """Such as `detach, recipe best, ratio 0.01`."""
-    budget = f", {row['parameter']} {row['value']}" if row["parameter"] else ""
-    return attack_name(row) + budget
+    budget = f", {made_by.parameter} {made_by.value}" if made_by.parameter else ""
+    return attack_name(made_by) + budget
 
 
 def _lost(frame: FrameResult, min_score: float) -> Bool:

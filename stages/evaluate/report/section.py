@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from advpipe.stages.evaluate.detection.figures import Row
+from advpipe.pipeline.results.listed import Listed
 
 OVERVIEW, CLEAN, ATTACK, SECTION = "overview", "clean", "attack", "section"
 """The parts of a report that pictures are in."""
@@ -54,7 +54,7 @@ class Section:
     lead: str = ""
     tables: tuple[Table, ...] = ()
     pictures: tuple[Picture, ...] = ()
-    records: tuple[Row, ...] = ()
+    records: tuple[Listed, ...] = ()
     notes: tuple[str, ...] = ()
     formulas: tuple[tuple[str, str], ...] = ()
 

@@ -8,68 +8,76 @@ from rich import box
 from rich.table import Table
 
 from advpipe.pipeline.core.streams import plain_console
+from advpipe.pipeline.results.records import DefenceRecord, SuccessRecord
+from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.arm import WHOLE
 from advpipe.stages.evaluate.detection.baseline import baseline_title
-from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.detection.success import EVERY_CLASS
 from advpipe.stages.evaluate.report.numbers import NOTHING, interval, number, short_name
-from advpipe.stages.evaluate.report.ratios import strongest_baseline
 from advpipe.stages.evaluate.report.report import Report
 from advpipe.stages.evaluate.report.wording import OVERLAPS, PLAIN_RANDOM, RANDOM_BEST, WHITE_BOX, lost_means
 
 CLEAN = "clean"
 MIN_TITLE = 16
 
+CAR = ("strict", "car")
+"""Whose average precision stands beside the mAP."""
+
+COLUMNS = (
+    "attack", "mAP", "ratio %", "95 %", "car AP", "CD m²", "points", "lost", "new FP", "max shift m",
+)  # fmt: skip
 ON_THE_TERMINAL = ("attack", "mAP", "ratio %", "95 %", "car AP", "CD m²", "points", "lost")
 """The columns that fit into 80 characters; the page has them all."""
 
 
-def changed_points(row: Row, prefix: str = "") -> str:
+def changed_percent(removed: int, added: int, moved: int, clean: int) -> str:
     """Points removed (−), added (+) and moved (~) in percent of all clean points."""
-    words = []
-    for sign, name in (("−", "removed"), ("+", "added"), ("~", "moved")):
-        count, clean = row[f"{prefix}points_{name}"], row["points_clean"]
-        if isinstance(count, int) and isinstance(clean, int) and count and clean:
-            words.append(f"{sign}{100 * count / clean:.2f} %")
+    changed = (("−", removed), ("+", added), ("~", moved))
+    words = [f"{sign}{100 * count / clean:.2f} %" for sign, count in changed if count and clean]
     return " ".join(words) or NOTHING
 
 
-def cells(row: Row, prefix: str = "") -> dict[str, str]:
-    """A line of the table by column: an attack (no prefix) or a baseline of it (its word before `_`)."""
-    words = [str(row[key]) for key in ("attack", "recipe", "value") if row[key] not in (None, "")]
+def cells(row: ResultRow, baseline: str = "") -> dict[str, str]:
+    """A line of the table by column: an attack, or a baseline of it by its word."""
+    made_by, figures = row.attack, row.figures_of(baseline)
+    if figures is None:
+        return dict.fromkeys(COLUMNS, NOTHING)
+    words = [str(each) for each in (made_by.attack, made_by.recipe, made_by.value) if each not in (None, "")]
     return {
-        "attack": f"  {baseline_title(prefix.removesuffix('_'))}" if prefix else " ".join(words),
-        "mAP": number(row[f"{prefix}map_adv"], 3),
-        "ratio %": number(row[f"{prefix}map_ratio_percent"], 2),
-        "95 %": interval(row[f"{prefix}map_ratio_ci95"]),
-        "car AP": number(row.get(f"{prefix}ap_car_adv"), 3),
-        "CD m²": number(row[f"{prefix}chamfer_distance_m2"], 5),
-        "points": changed_points(row, prefix),
-        "lost": number(row[f"{prefix}lost_objects"], 0),
-        "new FP": number(row[f"{prefix}new_false_positives"], 0),
-        "max shift m": number(row[f"{prefix}max_displacement_m"], 3),
+        "attack": f"  {baseline_title(baseline)}" if baseline else " ".join(words),
+        "mAP": number(figures.map_adv, 3),
+        "ratio %": number(figures.map_ratio_percent, 2),
+        "95 %": interval(figures.map_ratio_ci95),
+        "car AP": number(figures.precisions.ap.get(CAR), 3),
+        "CD m²": number(figures.chamfer_distance_m2, 5),
+        "points": changed_percent(
+            figures.points_removed, figures.points_added, figures.points_moved, row.counts.points_clean
+        ),
+        "lost": number(figures.lost_objects, 0),
+        "new FP": number(figures.new_false_positives, 0),
+        "max shift m": number(figures.max_displacement_m, 3),
     }
 
 
-def defended_cells(row: Row, defended: Row) -> dict[str, str]:
+def defended_cells(defended: DefenceRecord) -> dict[str, str]:
     """The line of an attack under a defence."""
-    return dict.fromkeys(cells(row), NOTHING) | {
-        "attack": f"  under {defended['defence']}",
-        "mAP": number(defended.get("map_adv"), 3),
-        "ratio %": number(defended.get("map_ratio_percent"), 2),
-        "95 %": interval(defended.get("map_ratio_ci95")),
-        "car AP": number(defended.get("ap_car_adv"), 3),
+    attacked = defended.attacked
+    return dict.fromkeys(COLUMNS, NOTHING) | {
+        "attack": f"  under {defended.defence}",
+        "mAP": number(attacked and attacked.map_adv, 3),
+        "ratio %": number(attacked and attacked.map_ratio_percent, 2),
+        "95 %": interval(attacked and attacked.map_ratio_ci95),
+        "car AP": number(attacked and attacked.precisions.ap.get(CAR), 3),
     }
 
 
-def clean_cells(row: Row, detector: str = "") -> dict[str, str]:
+def clean_cells(row: ResultRow, detector: str = "") -> dict[str, str]:
     """The line of the clean clouds."""
-    empty = dict.fromkeys(cells(row), NOTHING)
-    return empty | {
+    return dict.fromkeys(COLUMNS, NOTHING) | {
         "attack": f"{CLEAN}: {short_name(detector)}" if detector else CLEAN,
-        "mAP": number(row["map_clean"], 3),
+        "mAP": number(row.clean.means["strict"].map_r40, 3),
         "ratio %": number(100.0, 2),
-        "car AP": number(row.get("ap_car_clean"), 3),
+        "car AP": number(row.clean.precisions.ap.get(CAR), 3),
     }
 
 
@@ -80,74 +88,74 @@ def lines(report: Report, is_short: bool = False) -> list[dict[str, str]]:
     """
     table: list[dict[str, str]] = []
     clean: dict[str, str] = {}
-    several = len({row["detector"] for row in report.rows}) > 1
-    for row in report.rows:
-        about = clean_cells(row, str(row["detector"]) if several else "")
+    several = len({row.detector for row in report.results}) > 1
+    for row in report.results:
+        about = clean_cells(row, row.detector if several else "")
         if about != clean:
             clean = about
             table.append(clean)
-        if row["map_adv"] is not None:
+        if row.attacked is not None:
             table.append(cells(row))
-        words = row["baselines"] if isinstance(row["baselines"], list) else []
-        shown = [word for word in words if not is_short or word in (words[0], strongest_baseline(row))]
-        table += [cells(row, f"{word}_") for word in shown]
-        table += [defended_cells(row, each) for each in _defended(report, row)]
+        words = list(row.baselines)
+        shown = [word for word in words if not is_short or word in (words[0], row.strongest_baseline)]
+        table += [cells(row, word) for word in shown]
+        table += [
+            defended_cells(each)
+            for each in report.listed(DefenceRecord)
+            if (each.bag, each.detector) == (row.bag, row.detector)
+        ]
     return table
-
-
-def _defended(report: Report, row: Row) -> list[Row]:
-    records = next((section.records for section in report.sections if section.key == "defences"), ())
-    return [each for each in records if all(each[key] == row[key] for key in ("bag", "detector"))]
 
 
 def remarks(report: Report) -> list[str]:
     """What must be known beside the table."""
     words = []
-    several = len({row["detector"] for row in report.rows}) > 1
-    for row in report.rows:
-        bag = f"{row['bag']}, seen by {short_name(row['detector'])}" if several else str(row["bag"])
-        chosen, notes = row["classes_in_map"], row["notes"]
-        if isinstance(chosen, list) and isinstance(notes, list):
-            size = f"{row['frames']} frames, {row['objects']} objects"
-            words.append(" ".join([f"{bag}: {size}, mAP over {', '.join(chosen)}.", *notes]))
-        if (strongest := strongest_baseline(row)) and row[f"map_ratio_minus_{strongest}_ci95"]:
+    several = len({row.detector for row in report.results}) > 1
+    for row in report.results:
+        bag = f"{row.bag}, seen by {short_name(row.detector)}" if several else row.bag
+        size = f"{row.counts.frames} frames, {row.counts.objects} objects"
+        classes = ", ".join(row.counts.classes_in_map)
+        words.append(" ".join([f"{bag}: {size}, mAP over {classes}.", *row.notes]))
+        strongest = row.strongest_baseline
+        if strongest and (bounds := row.baselines[strongest].map_ratio_minus_ci95):
             words.append(
                 f"{bag}: mAP ratio minus that {baseline_title(strongest)} (the strongest {PLAIN_RANDOM} "
-                f"baseline) {number(row[f'map_ratio_minus_{strongest}'], 2)} points, 95 % interval "
-                f"{interval(row[f'map_ratio_minus_{strongest}_ci95'])}. "
-                f"Beats {PLAIN_RANDOM}: {'yes' if row['beats_random'] else 'no'}."
+                f"baseline) {number(row.baselines[strongest].map_ratio_minus, 2)} points, 95 % interval "
+                f"{interval(bounds)}. Beats {PLAIN_RANDOM}: {'yes' if row.beats_random else 'no'}."
             )
         words += _lost_remark(report, row, bag)
-    if any(row["baselines"] for row in report.rows):
+    if any(row.baselines for row in report.results):
         words.append(RANDOM_BEST)
-    if any(row["map_adv"] is not None for row in report.rows):
+    if any(row.attacked for row in report.results):
         words.append(WHITE_BOX)
     return words
 
 
-def _lost_remark(report: Report, row: Row, bag: str) -> list[str]:
+def _lost_remark(report: Report, row: ResultRow, bag: str) -> list[str]:
     """How many objects an attack makes the detector lose, at both overlaps."""
-    records = next((section.records for section in report.sections if section.key == "attack_success"), ())
-    about = {"cloud": "adv", "class": EVERY_CLASS, "range": WHOLE}
-    about |= {key: str(row[key]) for key in ("bag", "detector")}
+    about = (row.bag, row.detector, "adv", EVERY_CLASS, WHOLE)
+    found = [
+        each
+        for each in report.listed(SuccessRecord)
+        if (each.bag, each.detector, each.cloud, each.class_name, each.range) == about
+    ]
     return [
         f"{bag}: lost of the objects found on the clean clouds, with a score of at least "
-        f"{number(each['min_score'], 2)}: {_share(each, 'strict_')} at strict overlap, {_share(each)} at "
+        f"{number(each.min_score, 2)}: "
+        f"{_share(each.strict_lost, each.strict_found_clean, each.strict_attack_success_percent)} at strict "
+        f"overlap, {_share(each.lost, each.found_clean, each.attack_success_percent)} at "
         f"loose overlap ({OVERLAPS})."
-        for each in records
-        if all(each[key] == value for key, value in about.items())
+        for each in found
     ]
 
 
-def _share(record: Row, prefix: str = "") -> str:
-    lost, found = record[f"{prefix}lost"], record[f"{prefix}found_clean"]
-    percent = number(record[f"{prefix}attack_success_percent"], 1)
-    return f"{number(lost, 0)} of {number(found, 0)} ({percent} %)"
+def _share(lost: int, found: int, percent: float) -> str:
+    return f"{number(lost, 0)} of {number(found, 0)} ({number(percent, 1)} %)"
 
 
 def lost_of(report: Report) -> str:
     """What `lost` means in the table of this report; rows on other frames may have another score."""
-    scores = {row["working_score"] for row in report.rows}
+    scores = {row.counts.working_score for row in report.results}
     return lost_means(scores.pop() if len(scores) == 1 else None)
 
 
@@ -188,12 +196,13 @@ def print_report(report: Report) -> None:
         console.print(banner, style="bold yellow", highlight=False, markup=False)
     if by_class := clean_lines(report):
         console.print(_by_class(by_class))
-    if any(row["map_adv"] is not None for row in report.rows):
+    if any(row.attacked for row in report.results):
         console.print(_by_attack(report, console.width))
-    elif report.rows:
-        row = report.rows[0]
-        car = f"; car alone {number(row['ap_car_clean'], 3)}" if "ap_car_clean" in row else ""
-        console.print(f"mAP {number(row['map_clean'], 3)}{car}", highlight=False)
+    elif report.results:
+        clean = report.results[0].clean
+        found = clean.precisions.ap
+        car = f"; car alone {number(found[CAR], 3)}" if CAR in found else ""
+        console.print(f"mAP {number(clean.means['strict'].map_r40, 3)}{car}", highlight=False)
     for remark in remarks(report):
         console.print(remark, highlight=False, markup=False)
     for section in report.sections:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 
-from advpipe.pipeline.results.records import TransferRecord, record_of
+from advpipe.pipeline.results.records import TransferRecord
 from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.numbers import NOTHING, with_interval
@@ -33,7 +33,7 @@ def transfer_section(summaries: Sequence[Summary]) -> Iterator[Section]:
         "mAP ratio in percent with its 95 % interval: a line for each detector that was attacked, a column "
         f"for each that looks. A star marks the one that was attacked itself (white box). {WHITE_BOX}",
         tuple(_matrix(group) for group in groups.values()),
-        records=tuple(map(record_of, records)),
+        records=tuple(records),
     )
 
 
@@ -57,7 +57,7 @@ def _record(result: ResultRow, attacked_against: str) -> TransferRecord:
 
 
 def _title(record: TransferRecord) -> str:
-    return attack_title(record_of(record))
+    return attack_title(record)
 
 
 def _matrix(records: Sequence[TransferRecord]) -> Table:

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from advpipe.pipeline.messages.v2x import RadioPlace
+from advpipe.pipeline.results.v2x import Warnings
 from advpipe.stages.evaluate.v2x.ldm_error import Known, Moment
 
 WARN_S = 2.5
@@ -23,23 +23,6 @@ AHEAD_M = 100.0
 CLOSING_MPS = 0.5
 TOGETHER_S = 1.0
 """Warnings that are no farther apart are one alarm, and an alarm and a danger that near belong together."""
-
-
-@dataclass(frozen=True)
-class Warnings:
-    """What a warning fed by the map did against one fed by the truth.
-
-    alarms, dangers: warnings by the map and by the truth, each counted once while it lasts. false_alarms:
-    alarms with no danger near in time; misses: dangers with no alarm. Seconds: how long each was on.
-    """
-
-    alarms: int
-    dangers: int
-    false_alarms: int
-    misses: int
-    alarm_s: float
-    danger_s: float
-    false_alarm_s: float
 
 
 def time_to_collision_s(own: Known, other: Known) -> float:

@@ -19,10 +19,11 @@ from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.misbehaviour.catch import CatchParameters
 from advpipe.pipeline.misbehaviour.config import DetectorConfig
 from advpipe.pipeline.misbehaviour.roads import RoadMap
-from advpipe.stages.evaluate.v2x.collision import Warnings, known_of_radio, warnings
+from advpipe.pipeline.results.v2x import RadioFigures, Warnings
+from advpipe.stages.evaluate.v2x.collision import known_of_radio, warnings
 from advpipe.stages.evaluate.v2x.detection import Detection, detect, published_f1
 from advpipe.stages.evaluate.v2x.ldm_error import Known, LdmError, Moment, ldm_error, moments
-from advpipe.stages.evaluate.v2x.radio import Heard, RadioRow, radio_row
+from advpipe.stages.evaluate.v2x.radio import Heard, radio_figures
 from advpipe.stages.evaluate.v2x.receptions import read_receptions, roads_of_bag
 from advpipe.stages.evaluate.v2x.recording import read_recording
 from advpipe.stages.evaluate.v2x.untold import untold
@@ -43,7 +44,7 @@ class Drive:
     errors: dict[str, LdmError]
     warned: dict[str, Warnings]
     heard: dict[str, Heard]
-    radio: RadioRow | None
+    radio: RadioFigures | None
     labels: list[MessageLabel]
     roads: RoadMap | None
     untold: tuple[str, ...] = ()
@@ -103,7 +104,7 @@ def read_drive(
         {one: ldm_error(found[one]) for one in listeners},
         {one: warnings(found[one], _believed(reader, one, found[one], window.last_ns)) for one in listeners},
         {each.listener: Heard.of(each) for each in receptions},
-        radio_row(read_statistics(reader)) if window == WHOLE_DRIVE else None,
+        radio_figures(read_statistics(reader)) if window == WHOLE_DRIVE else None,
         [label for label in labels if window.is_before_end(label.time_ns)],
         roads_of_bag(reader),
         tuple(untold(reader, receptions, bool(labels))),

@@ -17,6 +17,7 @@ from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import V2X_STATIONS, VehicleTopics
 from advpipe.pipeline.messages.v2x import RadioPlace, stations_of_message
+from advpipe.pipeline.results.v2x import LdmFigures
 
 DISPLACED_M = 3.0
 """An entry farther from its station's true place is displaced; one carried on for a second is within."""
@@ -63,17 +64,17 @@ class LdmError:
     displaced: Float64
     error_m: Float64
 
-    def row(self) -> dict[str, float]:
+    def figures(self) -> LdmFigures:
         """Means over the maps, the most ghosts at once, and the mean error."""
-        return {
-            "known": _mean(self.known),
-            "stations": _mean(self.stations),
-            "ghosts": _mean(self.ghosts),
-            "ghosts_max": float(self.ghosts.max(initial=0)),
-            "missing": _mean(self.missing),
-            "displaced": _mean(self.displaced),
-            "error_m": _mean(self.error_m),
-        }
+        return LdmFigures(
+            known=_mean(self.known),
+            stations=_mean(self.stations),
+            ghosts=_mean(self.ghosts),
+            ghosts_max=float(self.ghosts.max(initial=0)),
+            missing=_mean(self.missing),
+            displaced=_mean(self.displaced),
+            error_m=_mean(self.error_m),
+        )
 
 
 def moments(

@@ -4,37 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass
 from typing import NamedTuple
 
+from advpipe.pipeline.results.v2x import RadioFigures
 from advpipe.pipeline.v2x.statistics import BIN_M, Statistics
 from advpipe.stages.evaluate.v2x.receptions import NEAR_M, Receptions
 
 
-@dataclass(frozen=True)
-class RadioRow:
-    """Messages sent and never sent, of everybody, attackers included; the share of pairs of such a message
-    and a receiver within `NEAR_M` that is delivered; channel busy ratios over stations and time; mean delay.
-
-    Of whole drives: bags tell of no single pair.
-    """
-
-    cams: int
-    dropped: int
-    delivered: float
-    busy_mean: float
-    busy_max: float
-    delay_s: float
-
-
-def radio_row(statistics: Statistics | None) -> RadioRow | None:
+def radio_figures(statistics: Statistics | None) -> RadioFigures | None:
     """The line of one bag; None for one that holds no statistics."""
     if statistics is None:
         return None
     bins = round(NEAR_M / BIN_M)
     pairs, received = sum(statistics.pairs[:bins]), sum(statistics.received[:bins])
     busy = statistics.busy_mean
-    return RadioRow(
+    return RadioFigures(
         statistics.cams,
         statistics.dropped,
         received / pairs if pairs else math.nan,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +18,8 @@ from advpipe.pipeline.misbehaviour import tuned
 from advpipe.pipeline.misbehaviour.catch import TUNED_CATCH, CatchParameters
 from advpipe.pipeline.misbehaviour.config import NEED_ROADS, DetectorConfig
 from advpipe.pipeline.misbehaviour.scores import Scores
+from advpipe.pipeline.results.v2x import AttackScores, ScoreFigures, V2xRecord
 from advpipe.stages.evaluate.detection.comparison import bag_name
-from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.report.numbers import number
 from advpipe.stages.evaluate.report.pictures import to_png
 from advpipe.stages.evaluate.report.section import SECTION, Picture, Section
@@ -177,31 +177,40 @@ def _pictures(clean: Drive, attacked: Sequence[Drive]) -> list[Picture]:
     return [Picture(SECTION, bag, name, caption, to_png(figure)) for bag, name, caption, figure in figures]
 
 
-def _record(clean: Drive, drive: Drive, listener: str) -> Row:
-    honest = drive.honest(listener)
-    each, warned = drive.detection, drive.warned[listener]
-    record: Row = {"bag": drive.name, "vehicle": listener, "attack": each.attack, "lies": each.lies}
-    record |= {"messages": each.messages, "undecoded": each.undecoded, "has_roads": drive.roads is not None}
-    record |= _scores(each.ours, each.baseline)
-    record["attacks"] = [
-        {"attack": part.attack, "lies": part.lies, **_scores(part.ours, part.baseline)} for part in each.parts
-    ]
-    record |= {f"ldm_{name}": value for name, value in drive.errors[listener].row().items()}
-    record |= {f"warning_{name}": value for name, value in asdict(warned).items()}
-    record["honest_delivered"] = drive.delivered(listener, honest)
-    record["honest_delivered_clean"] = clean.delivered(listener, honest)
-    if drive.radio is not None:
-        record |= {f"radio_{name}": value for name, value in asdict(drive.radio).items()}
-    return record
+def _record(clean: Drive, drive: Drive, listener: str) -> V2xRecord:
+    honest, each = drive.honest(listener), drive.detection
+    return V2xRecord(
+        bag=drive.name,
+        vehicle=listener,
+        attack=each.attack,
+        lies=each.lies,
+        messages=each.messages,
+        undecoded=each.undecoded,
+        has_roads=drive.roads is not None,
+        attacks=tuple(
+            AttackScores(one.attack, one.lies, _figures(one.ours), _figures(one.baseline))
+            for one in each.parts
+        ),
+        honest_delivered=drive.delivered(listener, honest),
+        honest_delivered_clean=clean.delivered(listener, honest),
+        ours=_figures(each.ours),
+        baseline=_figures(each.baseline),
+        ldm=drive.errors[listener].figures(),
+        warning=drive.warned[listener],
+        radio=drive.radio,
+    )
 
 
-def _scores(ours: Scores, baseline: Scores) -> Row:
-    names = ("precision", "recall", "f1", "mcc", "latency_s", "caught", "false_positive_rate")
-    return {
-        f"{prefix}{name}": getattr(found, name)
-        for prefix, found in (("", ours), ("baseline_", baseline))
-        for name in names
-    }
+def _figures(found: Scores) -> ScoreFigures:
+    return ScoreFigures(
+        precision=found.precision,
+        recall=found.recall,
+        f1=found.f1,
+        mcc=found.mcc,
+        latency_s=found.latency_s,
+        caught=found.caught,
+        false_positive_rate=found.false_positive_rate,
+    )
 
 
 def _mean(values: Sequence[float]) -> float:

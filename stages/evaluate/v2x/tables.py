@@ -53,12 +53,12 @@ def victim_table(drives: Sequence[Drive]) -> Table:
     lines = []
     for drive in drives:
         for listener, error in drive.errors.items():
-            row, warned = error.row(), drive.warned[listener]
+            row, warned = error.figures(), drive.warned[listener]
             lines.append(
                 (
-                    *(drive.name, listener, number(row["known"], 1), number(row["ghosts"], 2)),
-                    *(number(row["ghosts_max"], 0), number(row["missing"], 2), number(row["displaced"], 2)),
-                    number(row["error_m"], 2),
+                    *(drive.name, listener, number(row.known, 1), number(row.ghosts, 2)),
+                    *(number(row.ghosts_max, 0), number(row.missing, 2), number(row.displaced, 2)),
+                    number(row.error_m, 2),
                     *(number(value, 0) for value in (warned.alarms, warned.dangers)),
                     *(number(value, 0) for value in (warned.false_alarms, warned.misses)),
                     " → ".join(number(100 * share, 1) for share in _delivered(drives[0], drive, listener)),

@@ -21,6 +21,7 @@ NO_FIGURE = {
     "pipeline/bag/writer.py",
     "pipeline/birds_eye.py",
     "pipeline/core/__init__.py",
+    "pipeline/core/attack_options.py",
     "pipeline/core/bounded_parquet.py",
     "pipeline/core/code.py",
     "pipeline/core/document.py",

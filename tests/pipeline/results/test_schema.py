@@ -39,6 +39,10 @@ def test_it_knows_every_criterion_and_baseline():
         (lambda report: report["provenance"].update(seed="none"), "provenance.seed"),
         (lambda report: report["provenance"]["clean"].pop("sha256"), "provenance.clean"),
         (lambda report: report.update(v2x={}), "v2x"),
+        (lambda report: report.update(radar=[]), ""),
+        (lambda report: report["coordinated"][0].pop("attacks"), "coordinated.0"),
+        (lambda report: report["coordinated"][0].update(struck_fixes=None), "coordinated.0.struck_fixes"),
+        (lambda report: report["coordinated"][0].update(struck_radars=1), "coordinated.0"),
     ],
 )
 def test_what_is_no_report_is_refused(change, where):
@@ -59,7 +63,10 @@ def test_what_is_no_report_is_refused(change, where):
         },
         "average_precision": [],
         "rows": [],
-        "v2x": [{"bag": "clean"}],
+        "v2x": [],
+        "coordinated": [
+            {"bag": "three", "vehicle": "ego", "attacks": {"fixes": ["gnss-jump"]}, "struck_fixes": 4}
+        ],
     }
     report = json.loads(json.dumps(report))
     validator = Draft202012Validator(report_schema())

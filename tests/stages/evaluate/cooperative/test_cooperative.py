@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from section_rows import rows_of
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
@@ -171,7 +172,7 @@ def test_nobody_is_an_object_to_itself() -> None:
 def test_a_section_where_gps_was_attacked(tmp_path: Path) -> None:
     clean, attacked = write(tmp_path / "clean"), write(tmp_path / "paa", (3.0, 0.0))
     (section,) = sections(clean, [clean, attacked], 0, DETECTOR)
-    assert {record["poses"] for record in section.records} == {"alone", "true poses", "clean poses", "paa"}
+    assert {record["poses"] for record in rows_of(section)} == {"alone", "true poses", "clean poses", "paa"}
     assert all(len(line) == len(section.tables[0].heads) for line in section.tables[0].lines)
     (picture,) = section.pictures
     assert picture.png.startswith(b"\x89PNG")
@@ -195,7 +196,7 @@ def test_frames_choose_the_clouds_that_are_fused(tmp_path: Path, monkeypatch: py
     for chosen, frames in (("::", 2), ("0:2", 1), ("2", 1), ("0::2", 1)):
         monkeypatch.setattr("sys.stderr", terminal := Terminal())
         (section,) = sections(clean, [attacked], 0, DETECTOR, frames=FrameSlice.parse(chosen))
-        assert {record["frames"] for record in section.records} == {frames}
+        assert {record["frames"] for record in rows_of(section)} == {frames}
         assert "cooperative perception" in terminal.getvalue()
         assert f"{frames}/{frames}" in terminal.getvalue()
 

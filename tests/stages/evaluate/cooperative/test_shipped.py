@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from section_rows import rows_of
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.frame_slice import FrameSlice
@@ -85,11 +86,11 @@ def test_a_report_of_some_frames_is_of_these_and_of_their_time(clean: Path, scen
         report = evaluate(clean, [tmp_path / "rba"], out, Options(frames=FrameSlice.parse(chosen)))
         sections = {each.key: each for each in report.sections}
         assert set(sections) == {"localisation", "cooperative"}
-        assert {record["frames"] for record in sections["cooperative"].records} == frames
+        assert {record["frames"] for record in rows_of(sections["cooperative"])} == frames
         assert "attacks are of the window from the first of these" in report.formulas["frames"]
         assert sections["localisation"].notes[-1].startswith("All figures of this part are of the window of")
         assert "All figures of this part are of the window of" in (out / "report.html").read_text()
-        localisation += sections["localisation"].records
+        localisation += rows_of(sections["localisation"])
     before, during = localisation
     assert (before["attacked"], before["ate_m"]) == (0, before["ate_clean_m"])
     assert during["attacked"] == during["fixes"] > 0

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from advpipe.stages.evaluate.localisation.figures import errors, gate, localisation_row, was_attacked
+from advpipe.stages.evaluate.localisation.figures import errors, gate, localisation_record, was_attacked
 from advpipe.stages.evaluate.localisation.track import Track
 
 TIMES_NS = 7_000_000_000 + 100_000_000 * np.arange(10)
@@ -54,7 +54,7 @@ def test_detection_by_hand():
     error_m[5:7, 0] = 6
     clean_nis = np.full(10, 3.0)
     clean_nis[0] = 17
-    row = localisation_row("b", "ego", track(nis=clean_nis), track(error_m, nis), TIMES_NS[3:7])
+    row = localisation_record("b", "ego", track(nis=clean_nis), track(error_m, nis), TIMES_NS[3:7])
     assert (row.fixes, row.attacked, row.lost) == (10, 4, 1)
     assert row.span_s == pytest.approx(0.3)
     assert row.detection_rate == pytest.approx(1 / 3)
@@ -70,7 +70,7 @@ def test_detection_by_hand():
 
 def test_nothing_is_noticed_where_all_is_lost():
     jammed = replace(track(), nis=np.full(10, np.nan))
-    row = localisation_row("b", "ego", track(), jammed, TIMES_NS)
+    row = localisation_record("b", "ego", track(), jammed, TIMES_NS)
     assert row.lost == 10
     assert math.isnan(row.detection_rate)
     assert math.isnan(row.delay_s)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from section_rows import rows_of
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
@@ -50,8 +51,8 @@ def test_which_fixes_were_attacked(clean, attacked):
 def test_records_tables_and_pictures(clean, attacked):
     bags = [attacked("far", **FAR), attacked("jam", **JAM), attacked("aware", **AWARE)]
     (section,) = sections(clean, bags, 0)
-    far, jam, aware = section.records
-    assert [one["bag"] for one in section.records] == ["far", "jam", "aware"]
+    far, jam, aware = rows_of(section)
+    assert [one["bag"] for one in rows_of(section)] == ["far", "jam", "aware"]
     assert (far["fixes"], far["attacked"], far["lost"]) == (100, 35, 0)
     assert far["delay_s"] == 0  # 100 m are seen at once
     assert far["detection_rate"] > 0.5
@@ -106,7 +107,7 @@ def test_a_window_counts_what_the_whole_drives_tracks_hold_in_it(clean, attacked
     """Steps 90 to 119, by hand: fixes at every second step, all false there, from an attack since step 80."""
     bag = attacked("far", **FAR)
     (section,) = sections(clean, [bag], window=steps(clean, 90, 120))
-    (row,) = section.records
+    (row,) = rows_of(section)
     before, after = read_track(BagReader(clean), "ego"), read_track(BagReader(bag), "ego")
     off_m, clean_m = (np.linalg.norm(each.error_m[90:120, :2], axis=1) for each in (after, before))
     alarm = after.nis[90:120:2] > gate()
@@ -127,7 +128,7 @@ def test_a_window_counts_what_the_whole_drives_tracks_hold_in_it(clean, attacked
 def test_a_window_of_everything_changes_no_figure_and_no_byte(clean, attacked):
     bag = attacked("far", **FAR)
     (whole,), (same,) = (sections(clean, [bag], window=w) for w in (WHOLE_DRIVE, steps(clean, 0, 200)))
-    np.testing.assert_equal(same.records, whole.records)
+    np.testing.assert_equal(rows_of(same), rows_of(whole))
     assert [table.lines for table in same.tables] == [table.lines for table in whole.tables]
     assert "over the whole drive" in dict(whole.formulas)["ate"]
 
@@ -140,18 +141,18 @@ def test_before_the_attack_begins_nothing_is_off(clean, attacked, tmp_path):
         for raw in BagReader(bag).raw_messages():
             writer.copy(raw)
     (section,) = sections(clean, [tmp_path / "told"], window=steps(clean, 0, 79))
-    (row,) = section.records
+    (row,) = rows_of(section)
     assert (row["attacked"], row["span_s"]) == (0, 0)
     assert row["ate_m"] == row["ate_clean_m"] > 0
     assert all(np.isnan(row[name]) for name in ("adv_mean_m", "detection_rate", "echo_rate", "success_rate"))
-    (after,) = sections(clean, [bag], window=steps(clean, 160, 190))[0].records
+    (after,) = rows_of(sections(clean, [bag], window=steps(clean, 160, 190))[0])
     assert after["attacked"] == 0  # it is over
     assert after["ate_m"] != after["ate_clean_m"]
 
 
 def test_a_window_of_one_step_or_none(clean, attacked):
     bag = attacked("far", **FAR)
-    (one,) = sections(clean, [bag], window=steps(clean, 90, 91))[0].records
+    (one,) = rows_of(sections(clean, [bag], window=steps(clean, 90, 91))[0])
     assert (one["fixes"], one["attacked"]) == (1, 1)
     assert sections(clean, [bag], window=steps(clean, 300, 310)) == ()
 

@@ -4,7 +4,7 @@ import pytest
 
 from advpipe.pipeline.results.evaluation import plain
 from advpipe.stages.evaluate.detection.summary import classes_in_map
-from advpipe.stages.evaluate.report.table import changed_points, interval, number
+from advpipe.stages.evaluate.report.table import changed_percent, interval, number
 
 
 @pytest.mark.parametrize(
@@ -21,9 +21,8 @@ def test_intervals():
 
 
 def test_changed_points():
-    row = {"points_clean": 1000, "points_removed": 10, "points_added": 0, "points_moved": 5}
-    assert changed_points(row) == "−1.00 % ~0.50 %"
-    assert changed_points(dict.fromkeys(row)) == "–"
+    assert changed_percent(removed=10, added=0, moved=5, clean=1000) == "−1.00 % ~0.50 %"
+    assert changed_percent(0, 0, 0, 1000) == changed_percent(1, 2, 3, 0) == "–"
 
 
 def test_classes_of_the_map():

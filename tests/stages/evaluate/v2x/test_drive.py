@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from section_rows import rows_of
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
@@ -48,7 +49,7 @@ def test_nobody_listens(clean: Drive) -> None:
     assert silent.most_fooled is None
     made = section(clean, [silent], DetectorConfig())
     assert [picture.file_name for picture in made.pictures] == ["v2x-detection.png"]
-    assert [record["bag"] for record in made.records] == ["clean"]
+    assert [record["bag"] for record in rows_of(made)] == ["clean"]
 
 
 def test_delivery_is_of_the_same_messages(clean: Drive) -> None:

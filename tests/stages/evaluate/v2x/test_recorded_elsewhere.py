@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from section_rows import rows_of
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
@@ -94,11 +95,11 @@ def test_bags_recorded_before_receptions_were(smoke: Path, offset: Path, tmp_pat
     (note,) = found.notes
     assert note.startswith(f"{offset.name}: which sent messages ")
     assert "recorded again" in note
-    clean, attacked = found.records
-    np.testing.assert_equal(clean["false_positive_rate"], whole.records[0]["false_positive_rate"])
-    assert clean["messages"] == whole.records[0]["messages"]
+    clean, attacked = rows_of(found)
+    np.testing.assert_equal(clean["false_positive_rate"], rows_of(whole)[0]["false_positive_rate"])
+    assert clean["messages"] == rows_of(whole)[0]["messages"]
     assert (attacked["messages"], attacked["lies"]) == (0, 0)
-    for name, value in whole.records[1].items():
+    for name, value in rows_of(whole)[1].items():
         if name.startswith(("ldm_", "warning_", "radio_")):
             np.testing.assert_equal(attacked[name], value)
     with pytest.raises(AdvpipeError, match=r"/ego/ground_truth/receptions does not say which sent message"):

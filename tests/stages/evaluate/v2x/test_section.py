@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from section_rows import rows_of
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
@@ -53,7 +54,7 @@ def test_section(found: Section, offset: Path) -> None:
     for picture in found.pictures:
         assert picture.section == SECTION
         assert picture.png.startswith(b"\x89PNG")
-    clean, attacked = found.records
+    clean, attacked = rows_of(found)
     assert attacked["f1"] > 0.7  # type: ignore[operator]
     assert attacked["ldm_displaced"] > clean["ldm_displaced"]  # type: ignore[operator]
     assert clean["radio_delivered"] == attacked["radio_delivered"]  # nothing was added or left out
@@ -67,7 +68,7 @@ def test_section(found: Section, offset: Path) -> None:
 def test_pictures_are_the_same_again(found: Section, smoke: Path, offset: Path) -> None:
     (again,) = sections(smoke, [offset], 1)  # no draw depends on the seed
     assert [p.png for p in again.pictures] == [p.png for p in found.pictures]
-    np.testing.assert_equal(again.records, found.records)
+    np.testing.assert_equal(rows_of(again), rows_of(found))
 
 
 def test_nothing_to_say_without_attacks_on_messages(smoke: Path) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from section_rows import rows_of
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window, window_of
@@ -84,9 +85,9 @@ def test_the_channel_is_told_of_whole_drives_alone(smoke: Path, offset: Path) ->
     (whole,), (same,) = (
         sections(smoke, [offset], window=window) for window in (WHOLE_DRIVE, seconds(smoke, 0, 9))
     )
-    radio = [name for name in whole.records[0] if name.startswith("radio_")]
+    radio = [name for name in rows_of(whole)[0] if name.startswith("radio_")]
     assert len(radio) == 6
-    for before, after in zip(whole.records, same.records, strict=True):
+    for before, after in zip(rows_of(whole), rows_of(same), strict=True):
         np.testing.assert_equal(after, {k: v for k, v in before.items() if k not in radio})
     assert [len(found.tables[2].lines) for found in (whole, same)] == [2, 0]
     assert whole.notes == ()
@@ -96,7 +97,7 @@ def test_the_channel_is_told_of_whole_drives_alone(smoke: Path, offset: Path) ->
 def test_before_the_attack_begins_nobody_lies(smoke: Path, offset: Path) -> None:
     """Lies begin after 2 s: until then both bags are one."""
     (found,) = sections(smoke, [offset], window=seconds(smoke, 0.5, 1.9))
-    clean, attacked = found.records
+    clean, attacked = rows_of(found)
     assert (attacked["lies"], attacked["attack"]) == (0, "cam-position-offset")
     names = [name for name in clean if name.startswith(("ldm_", "warning_", "honest_"))]
     assert len(names) > 10
@@ -125,6 +126,6 @@ def test_frames_choose_the_window_and_the_report_says_so(smoke: Path, offset: Pa
     frames = FrameSlice.parse("25:33:4")  # 25 and 29: until 3.0 s, and all that lies between
     (found,) = added_sections(smoke, [offset], Options(frames=frames))
     (expected,) = sections(smoke, [offset], window=seconds(smoke, 2.5, 3.0))
-    np.testing.assert_equal(found.records, expected.records)
+    np.testing.assert_equal(rows_of(found), rows_of(expected))
     assert window_of(BagReader(smoke), frames) == seconds(smoke, 2.5, 3.0)
     assert "window of 0.5 s" in found.notes[-1]

@@ -1,0 +1,36 @@
+"""The options of one attack that the command line and the scenario file share: default, help and bound."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from advpipe.pipeline.core import options
+from advpipe.pipeline.core.options import option
+
+
+@dataclass(frozen=True)
+class AttackOptions:
+    """What `advpipe attack` takes its options from, and `AttackSpec` of the scenario file its fields.
+
+    It lies apart from `AttackSpec` so that `advpipe --help` need not wait for pydantic. type: by default
+    the attack that needs no gradient and so works on any detector; the scenario file names each attack.
+    """
+
+    type: str = option("detach", "detach, perturb, attach, cam-..., gnss-..., or module:Class.")
+    recipe: str | None = option(
+        None,
+        "best, robust, paper (as published), or by chance random, random-near, random-best (the "
+        "strongest baseline).",
+    )
+    victim: str | None = option(None, "Vehicle whose GPS or LiDAR is attacked, or that CAMs aim at.")
+    dcc_reacts: bool = option(
+        False,
+        "Others' congestion control holds back CAMs when a V2X attack fills the channel; "
+        "without it, they send what they sent.",
+    )
+    from_s: float = option(0.0, "Begin, in seconds of the recording.")
+    to_s: float | None = option(None, "End.")
+    lidar: str | None = options.lidar_topic()
+    frames: str = option("::", "start:stop:step; it then holds only these clouds.")
+    detector: str = options.detector()
+    seed: int = option(0, "Seed of the attack's own draws.", least=0)

@@ -1,0 +1,27 @@
+"""The options of an attack are those of the command line and of the scenario file alike."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import fields
+
+from advpipe.pipeline.cli.attack import attack
+from advpipe.pipeline.core.attack_options import AttackOptions
+from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
+
+
+def test_the_command_line_has_their_defaults() -> None:
+    parameters = inspect.signature(attack).parameters
+    for each in fields(AttackOptions):
+        name = "kind" if each.name == "type" else each.name
+        assert parameters[name].default == each.default, name
+
+
+def test_the_scenario_file_has_their_defaults_and_helps() -> None:
+    sections = AttackSpec.model_fields | Schedule.model_fields
+    for each in fields(AttackOptions):
+        if each.name == "seed":  # of all attacks of a scenario: simulation.seed
+            continue
+        assert (sections[each.name].description or "").startswith(each.metadata["help"])
+        assert sections[each.name].default == each.default or sections[each.name].is_required()
+    assert AttackSpec.model_fields["type"].is_required()
