@@ -189,7 +189,13 @@ class Crossing:
         if self.tactics.groups:
             taken |= self._groups(choice, best, worth, count, taken, probability)
         after = np.where(taken, best, choice)
-        return self._limited(after)
+        if self.rules.constraints.max_points is not None:  # the least worthy moves are undone
+            worth_of_points = np.zeros(len(self.points))
+            brought = gain[options.cell[after]] - gain[options.cell[options.home]]
+            moved = after != options.home
+            worth_of_points[self.movable] = np.where(moved, np.maximum(brought, 1e-12), 0.0)
+            after = np.where(self.rules.limit(worth_of_points)[self.movable], after, options.home)
+        return after
 
     def _groups(
         self, choice: Int64, best: Int64, worth: Float64, count: Int64, taken: Bool, probability: float
@@ -216,17 +222,6 @@ class Crossing:
         leaving = np.zeros(len(choice), bool)
         leaving[members] = goes[here[members]]
         return leaving
-
-    def _limited(self, choice: Int64) -> Int64:
-        """The choice with the least worthy moves undone, where only so many points may be touched."""
-        if self.rules.constraints.max_points is None:
-            return choice
-        options = self.options
-        moved = choice != options.home
-        worth = np.zeros(len(self.points))
-        brought = self.gain[options.cell[choice]] - self.gain[options.cell[options.home]]
-        worth[self.movable] = np.where(moved, np.maximum(brought, 1e-12), 0.0)
-        return np.where(self.rules.limit(worth)[self.movable], choice, options.home)
 
 
 def _best_option(worth: Float64, options: Crossings, points: int) -> Int64:

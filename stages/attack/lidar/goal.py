@@ -63,27 +63,20 @@ class Goal:
         To break one: no detection of strict overlap, and false ones beside it. To hide one: no detection
         of loose overlap. To conjure one: a detection of it, and short of that a box that nearly is one.
         """
-        here = found if not len(self.decoys) else self._away_from_decoys(found)
-        return np.concatenate([self._success(here), self._seen_decoys(found)])
-
-    def _success(self, found: Detections) -> Float64:
         truth, labels = self.fought.boxes.double().numpy(), self.fought.labels.numpy()
-        overlap = iou_3d(found.boxes, truth) * (found.labels[:, None] == labels[None])
+        on_decoys = iou_bev(found.boxes, self.decoys.boxes.double().numpy()) > 0
+        seen_decoys = FALSE_WEIGHT * (on_decoys * found.scores[:, None]).max(axis=0, initial=0.0)
+        away = ~on_decoys.any(axis=1)
+        here = Detections(found.boxes[away], found.scores[away], found.labels[away])
+        overlap = iou_3d(here.boxes, truth) * (here.labels[:, None] == labels[None])
         if self.kind == "conjure":
-            return np.asarray((overlap * found.scores[:, None]).max(axis=0, initial=0.0), np.float64)
-        if self.kind == "hide":
+            on_objects = np.asarray((overlap * here.scores[:, None]).max(axis=0, initial=0.0), np.float64)
+        elif self.kind == "hide":
             loose = np.array([LOOSE_IOU[self.classes[label]] for label in labels.tolist()])
-            return -np.asarray(((overlap >= loose) * found.scores[:, None]).max(axis=0, initial=0.0))
-        return self._broken(found, overlap, truth, labels)
-
-    def _away_from_decoys(self, found: Detections) -> Detections:
-        away = iou_bev(found.boxes, self.decoys.boxes.double().numpy()).max(axis=1, initial=0.0) <= 0
-        return Detections(found.boxes[away], found.scores[away], found.labels[away])
-
-    def _seen_decoys(self, found: Detections) -> Float64:
-        there = iou_bev(found.boxes, self.decoys.boxes.double().numpy()) > 0
-        seen: Float64 = FALSE_WEIGHT * (there * found.scores[:, None]).max(axis=0, initial=0.0)
-        return seen
+            on_objects = -np.asarray(((overlap >= loose) * here.scores[:, None]).max(axis=0, initial=0.0))
+        else:
+            on_objects = self._broken(here, overlap, truth, labels)
+        return np.concatenate([on_objects, seen_decoys])
 
     def _broken(self, found: Detections, overlap: Float64, truth: Float64, labels: Int64) -> Float64:
         kept, false = np.zeros(len(truth)), np.zeros(len(truth))
