@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,8 @@ from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud, cloud_to_cdr
 from advpipe.pipeline.messages.markers import markers
 from advpipe.pipeline.messages.types import message_class, serialise, typestore
 from advpipe.pipeline.v2x.codec.codec import asn1_cam
+
+sys.path.insert(0, str(Path(__file__).parent))
 
 STEP_NS = 100_000_000
 START_NS = 1_700_000_000_000_000_000

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cam_as_message import UDP_TYPE, udp_packet
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.receptions import RecordedReception, receiving_vehicles, recorded_receptions
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.messages import build
-from advpipe.pipeline.messages.cam_message import UDP_TYPE, udp_packet
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.messages.v2x import StampedCdr, received_messages

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cam_as_message import cam_message
 
 from advpipe.pipeline.messages.cam_cdr import cam_cdr
-from advpipe.pipeline.messages.cam_message import cam_message
 from advpipe.pipeline.messages.cam_types import full_name
 from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.v2x.codec.cam_error import CamError

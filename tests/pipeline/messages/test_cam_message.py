@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import cam_as_message as cam_message
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
@@ -11,7 +12,6 @@ from rosbags.highlevel import AnyReader
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.mcap.channel import Topic
-from advpipe.pipeline.messages import cam_message
 from advpipe.pipeline.messages.cam_cdr import cam_cdr
 from advpipe.pipeline.messages.cam_types import full_name
 from advpipe.pipeline.messages.types import serialise, typestore

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from cam_as_message import cam_of_message, udp_packet
 
 from advpipe.pipeline.geometry.transforms import se3_from_yaw
 from advpipe.pipeline.mcap.channel import StampedCdr
 from advpipe.pipeline.messages import build
-from advpipe.pipeline.messages.cam_message import cam_of_message, udp_packet
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.messages.types import message_class, serialise, typestore
 from advpipe.pipeline.messages.v2x import (

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cam_as_message import cam_of_message
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.messages.cam_message import cam_of_message
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.v2x.codec.btp import btp_packet, cam_payload
 from advpipe.pipeline.v2x.codec.codec import asn1_cam, decode, encode

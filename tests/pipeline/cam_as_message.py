@@ -1,4 +1,7 @@
-"""CAMs as messages: decoded (etsi_its_cam_msgs/CAM) and raw (udp_msgs/UdpPacket with its BTP-B header)."""
+"""CAMs as messages, value by value through rosbags: what `cam_cdr.py` writes faster must be the same.
+
+Decoded (etsi_its_cam_msgs/CAM) and raw (udp_msgs/UdpPacket with its BTP-B header).
+"""
 
 from __future__ import annotations
 
