@@ -141,7 +141,7 @@ def _reception_cdr(received: Received) -> bytes:
 
 
 def udp_packet_cdr(stamp_ns: int, payload: bytes) -> bytes:
-    """udp_msgs/UdpPacket, serialised, for the defaults of the etsi_its_conversion node: BTP-B, then the CAM."""
+    """udp_msgs/UdpPacket, serialised, as the etsi_its_conversion node takes it: BTP-B, then the CAM."""
     cdr = Cdr()
     cdr.header(stamp_ns, "")
     cdr.string("")
