@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.core.parquet_pages import ENCODINGS, Page, pages
+from advpipe.pipeline.core.parquet_pages import ENCODINGS, Chunk, Page, column_chunks, pages
 
 Kind = Literal["whole", "truth", "text"]
 KINDS: dict[Kind, str] = {"whole": "whole number", "truth": "true or false", "text": "text"}
@@ -28,7 +28,7 @@ READ_BYTES = 1 << 16
 LONGEST_TEXT_BYTES = 1 << 11
 """Of a text in a cell. Files keep equal texts once: a million rows of a long one lie in a few kilobytes."""
 
-FOOTER_LIMIT_BYTES = 1 << 24
+FOOTER_LIMIT_BYTES = 1 << 22
 MOST_COLUMNS, MOST_GROUPS = 1000, 10_000
 """A footer is read whole, and takes some ten times its bytes."""
 
@@ -84,7 +84,9 @@ def batches(
                 unpacked = [_unpacked(path, name, batch.column(name)) for name in names]
                 for name, kind in columns.items() if isinstance(columns, Mapping) else ():
                     _check_kind(path, name, batch.column(name), kind)
-                yield pa.RecordBatch.from_arrays(unpacked, names=names)
+                whole = pa.RecordBatch.from_arrays(unpacked, names=names)
+                whole.validate(full=True)  # texts are UTF-8
+                yield whole
     except (OSError, pa.ArrowException, ValueError, KeyError, MemoryError) as error:
         raise _no_table(path, error) from None
 
@@ -95,14 +97,29 @@ def _opened(path: Path) -> Any:
     import pyarrow.parquet as pq
 
     try:
-        with path.open("rb") as file:
-            file.seek(max(_size(path) - 8, 0))
-            end = file.read(8)
-        length = int.from_bytes(end[:4], "little")
-        if end[4:] == b"PAR1" and length > FOOTER_LIMIT_BYTES:
+        length, magic = _end(path)
+        if magic == b"PAR1" and length > FOOTER_LIMIT_BYTES:
             raise AdvpipeError(f"{path}: a footer of {length} bytes is too long to read")
         return pq.ParquetFile(_file(path))
     except (OSError, pa.ArrowException, ValueError) as error:
+        raise _no_table(path, error) from None
+
+
+def _end(path: Path) -> tuple[int, bytes]:
+    """The length of the footer, and the file's last four bytes."""
+    with path.open("rb") as file:
+        file.seek(max(_size(path) - 8, 0))
+        end = file.read(8)
+    return int.from_bytes(end[:4], "little"), end[4:]
+
+
+def _column_chunks(path: Path) -> list[list[Chunk]]:
+    try:
+        length, _ = _end(path)
+        with path.open("rb") as file:
+            file.seek(max(_size(path) - 8 - length, 0))
+            return column_chunks(file.read(length))
+    except (ValueError, OSError) as error:
         raise _no_table(path, error) from None
 
 
@@ -131,14 +148,15 @@ def _check(path: Path, table: Any, names: Sequence[str], most_rows: int | None) 
     if not 0 <= count <= most_rows or any(group.num_rows < 0 for group in groups):
         raise AdvpipeError(f"{path}: {count} rows are too many to read; at most {most_rows} in such a file")
     columns = [table.schema.column(index).path for index in range(metadata.num_columns)]
-    if any(group.num_columns != len(columns) for group in groups):
+    chunks = _column_chunks(path)
+    if any(len(group) != len(columns) for group in chunks) or len(chunks) != len(groups):
         raise AdvpipeError(f"{path}: a group of rows has other columns than the table")
     chosen = set(names)  # a dot leads into a column, or is a part of its name
     read = {i: column for i, column in enumerate(columns) if {column, column.partition(".")[0]} & chosen}
-    _check_pages(path, groups, read)
+    _check_pages(path, chunks, read)
 
 
-def _check_pages(path: Path, groups: Sequence[Any], columns: Mapping[int, str]) -> None:
+def _check_pages(path: Path, groups: Sequence[Sequence[Chunk]], columns: Mapping[int, str]) -> None:
     """What the columns of a group hold at a time: of each its dictionary and its largest page.
 
     columns: names by the place in a group, which is what Arrow reads by, whatever a group calls them.
@@ -149,7 +167,7 @@ def _check_pages(path: Path, groups: Sequence[Any], columns: Mapping[int, str]) 
             held_bytes = 0
             for index, column in columns.items():
                 dictionary = largest = 0
-                for page in _pages(path, file, column, group.column(index)):
+                for page in _pages(path, file, column, group[index]):
                     dictionary = max(dictionary, page.uncompressed_bytes * page.is_dictionary)
                     largest = max(largest, page.uncompressed_bytes)
                     count += 1
@@ -160,11 +178,9 @@ def _check_pages(path: Path, groups: Sequence[Any], columns: Mapping[int, str]) 
                 raise AdvpipeError(f"{path}: its pages unpack to {held_bytes} bytes, too many to read")
 
 
-def _pages(path: Path, file: Any, column: str, chunk: Any) -> Iterator[Page]:
-    begins = [chunk.data_page_offset, chunk.dictionary_page_offset if chunk.has_dictionary_page else None]
-    start = min((place for place in begins if place), default=0)  # a table without rows has no data page
+def _pages(path: Path, file: Any, column: str, chunk: Chunk) -> Iterator[Page]:
     try:
-        for page in pages(file, start, chunk.total_compressed_size):
+        for page in pages(file, chunk.start, chunk.length):
             if page.encoding not in ENCODINGS:
                 raise AdvpipeError(
                     f"{path}: {column} has an encoding that is not read here; "

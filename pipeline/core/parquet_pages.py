@@ -1,6 +1,8 @@
 """Headers of Parquet pages: what each page unpacks to, whatever the file's footer says of it.
 
 A footer is believed by readers and may lie; they unpack page by page, as much as the page's header says.
+Where the pages of a column lie is read here from the footer, too: pyarrow ends the process where what it
+says of a column does not fit the rest, encryption and histograms of levels among it.
 Source: parquet-format 2.11, parquet.thrift, in Thrift's compact protocol.
 """
 
@@ -38,6 +40,30 @@ def pages(file: IO[bytes], start: int, length: int) -> Iterator[Page]:
         page, header_bytes = _read(file, here)
         yield page
         here += header_bytes + page.compressed_bytes
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Where the pages of one column in one group of rows lie."""
+
+    start: int
+    length: int
+
+
+def column_chunks(footer: bytes) -> list[list[Chunk]]:
+    """Of each group of rows its columns, as a file's footer has them; ValueError for what is no footer."""
+    try:
+        groups = _Compact(footer).struct().get(4, [])
+        return [[_chunk(column[3]) for column in group[1]] for group in groups]
+    except (KeyError, TypeError, AttributeError):
+        raise ValueError("a footer without columns") from None
+
+
+def _chunk(about: dict[int, Any]) -> Chunk:
+    length, places = about[7], [place for place in (about[9], about.get(11)) if place]
+    if not all(isinstance(value, int) and value >= 0 for value in (length, *places)):
+        raise ValueError("a column that begins nowhere")
+    return Chunk(min(places, default=0), length)  # a table without rows has no data page
 
 
 def _read(file: IO[bytes], place: int) -> tuple[Page, int]:
@@ -94,10 +120,16 @@ class _Compact:
         if kind in (_LIST, _SET):
             head = self._byte()
             count = head >> 4 if head >> 4 < 15 else self._unsigned()
-            return [self._value(head & 15, level + 1) for _ in range(min(count, LONGEST_HEADER))]
+            if count > LONGEST_HEADER:
+                raise ValueError("a page whose header holds too long a list")
+            return [self._item(head & 15, level + 1) for _ in range(count)]
         if kind == _STRUCT:
             return self.struct(level + 1)
         raise ValueError(f"a page whose header holds a value of kind {kind}")
+
+    def _item(self, kind: int, level: int) -> Any:
+        """A value in a list, where true and false are bytes."""
+        return self._byte() == _TRUE if kind in (_TRUE, _FALSE) else self._value(kind, level)
 
     def _byte(self) -> int:
         if self.at >= len(self._data):

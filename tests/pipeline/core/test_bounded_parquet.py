@@ -248,3 +248,41 @@ def test_a_table_without_rows(tmp_path: Path) -> None:
     schema = pa.schema([("a", pa.int64()), ("b", pa.string())])
     pq.write_table(schema.empty_table(), path)
     assert list(rows(path, ["a", "b"])) == []
+
+
+FLIPPED = """
+import sys
+from pathlib import Path
+from advpipe.pipeline.core.bounded_parquet import rows
+from advpipe.pipeline.core.errors import AdvpipeError
+path = Path(sys.argv[1])
+whole = path.read_bytes()
+footer = len(whole) - 8 - int.from_bytes(whole[-8:-4], "little")
+refused = 0
+for bit in range(8 * footer, 8 * (len(whole) - 8)):
+    data = bytearray(whole)
+    data[bit // 8] ^= 1 << bit % 8
+    path.write_bytes(data)
+    try:
+        list(rows(path))
+    except AdvpipeError:
+        refused += 1
+print(refused)
+"""
+
+
+def test_no_flipped_bit_of_a_footer_ends_the_process(tmp_path: Path) -> None:
+    """Such as one that makes a column's levels, or its encryption, other than the rest says."""
+    path = tmp_path / "t.parquet"
+    pq.write_table(pa.table({"name": ["a", "b"], "x_m": [1.0, 2.0]}), path)
+    done = subprocess.run([sys.executable, "-c", FLIPPED, str(path)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert int(done.stdout) > 1000
+
+
+def test_texts_that_are_not_utf8_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "t.parquet"
+    pq.write_table(pa.table({"name": ["sedan", "estate"]}), path, compression="none")
+    path.write_bytes(path.read_bytes().replace(b"sedan", b"s\xe7dan"))
+    with pytest.raises(AdvpipeError, match="no whole Parquet table"):
+        list(rows(path))
