@@ -21,7 +21,20 @@ ClickException: type[Exception] = next(
 
 
 class OneLineErrors(TyperGroup):
-    """Whatever goes wrong becomes one line and an exit code; see `endings`."""
+    """Whatever goes wrong becomes one line and an exit code; see `endings`.
+
+    Its own help is plain text: to load `rich` takes longer than all else that `advpipe --help` does.
+    """
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self.rich_markup_mode = None
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Writes each command's first sentence whole; click would cut it off at the end of the line."""
+        helps = [(name, command.get_short_help_str(limit=1000)) for name, command in self.commands.items()]
+        with formatter.section("Commands"):
+            formatter.write_dl(helps)
 
     def make_context(self, *args: Any, **extra: Any) -> typer.Context:
         with _in_one_line():

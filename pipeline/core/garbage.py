@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def settled() -> Iterator[None]:
+def gc_frozen() -> Iterator[None]:
     """What exists at the beginning of the block is not searched for garbage within it.
 
     A loop over many small objects sets off collections all the time; with a world, message types and ASN.1

@@ -31,20 +31,20 @@ def class_of_users(of_use: object) -> tuple[str, ...]:
     return () if kind.__module__.startswith("advpipe.") else (f"{kind.__module__}:{kind.__qualname__}",)
 
 
-def told(prepare: Callable[[], Work], own: Sequence[str]) -> Work:
-    """The work that `prepare` makes, with the mistakes in code of the user's own told."""
-    with mistakes_told(own):
+def reporting_mistakes(prepare: Callable[[], Work], own: Sequence[str]) -> Work:
+    """The work that `prepare` makes, with mistakes in code of the user's own reported in one line."""
+    with mistakes_reported(own):
         work = prepare()
 
     def work_and_tell(job: int) -> None:
-        with mistakes_told(own):
+        with mistakes_reported(own):
             work(job)
 
     return work_and_tell
 
 
 @contextmanager
-def mistakes_told(own: Sequence[str]) -> Iterator[None]:
+def mistakes_reported(own: Sequence[str]) -> Iterator[None]:
     """Raises AdvpipeError, one line, for whatever goes wrong inside; as it is where nothing is `own`.
 
     A program that ends itself goes wrong, too: it leaves nothing behind, and no word why.

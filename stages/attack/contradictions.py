@@ -17,7 +17,7 @@ def refuse_contradictions(reader: BagReader, attacks: Sequence[AttackSpec], seed
     """Raises AdvpipeError for two V2X attacks that set the same of the same messages at the same time.
 
     Two on the same clouds, and two on one vehicle's GPS, are refused where these are found: in
-    `clouds.plan_clouds` and `gnss.strikes`.
+    `clouds.plan_clouds` and `gnss.spoofing_schedule`.
     """
     attackers: Callable[[AttackSpec], tuple[int, ...]] | None = None
     for one, other in combinations(attacks, 2):

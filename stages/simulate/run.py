@@ -9,9 +9,9 @@ from pathlib import Path
 from advpipe.pipeline.bag.provenance import clean_provenance
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import wrong_use
-from advpipe.pipeline.core.garbage import settled
+from advpipe.pipeline.core.garbage import gc_frozen
 from advpipe.pipeline.core.partial import FolderKind, staged_folder
-from advpipe.pipeline.core.plugins import mistakes_told, own_words
+from advpipe.pipeline.core.plugins import mistakes_reported, own_words
 from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.core.seeding import named_generator
@@ -77,7 +77,11 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
     """
     text, seed = dump_scenario(scenario), scenario.simulation.seed
     own = own_words((scenario.traffic.source, scenario.world, scenario.v2x.network))
-    with staged_folder(out, overwrite, DATA_SET) as folder, scratch_folder() as scratch, mistakes_told(own):
+    with (
+        staged_folder(out, overwrite, DATA_SET) as folder,
+        scratch_folder() as scratch,
+        mistakes_reported(own),
+    ):
         (folder / "scenario.yaml").write_text(text, encoding="utf-8")
         with wrong_use():  # nothing but what the scenario names has been read so far
             roads = load_network(scenario.map, scratch, seed)
@@ -87,7 +91,7 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
         provenance = clean_provenance(scenario.name, text, seed, roads.map_sha256)
         compression = scenario.recording.compression
         with (
-            settled(),
+            gc_frozen(),
             prepared as traffic,
             BagWriter(folder / "clean", provenance=provenance, compression=compression) as writer,
         ):

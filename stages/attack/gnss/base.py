@@ -15,7 +15,7 @@ from advpipe.pipeline.localisation.estimate import Innovation
 from advpipe.stages.attack.base import Attack, Traits
 
 
-class Genuine(NamedTuple):
+class TrueFix(NamedTuple):
     """A fix as the satellites alone would have given it: position_m (3,) in the map."""
 
     stamp_ns: int
@@ -23,7 +23,7 @@ class Genuine(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Sight:
+class SpoofingContext:
     """One fix at the moment of the attack, and what a spoofer may know of its victim.
 
     genuine: all fixes until now, attacked or not, as they would have been; the last one is this fix.
@@ -33,7 +33,7 @@ class Sight:
     far; only a spoofer who knows the filter and its sensors can ask for it.
     """
 
-    genuine: Sequence[Genuine]
+    genuine: Sequence[TrueFix]
     since_s: float
     interval_s: float
     heading_rad: float
@@ -50,7 +50,7 @@ class Sight:
         return self.since_s == 0
 
 
-Spoofer = Callable[[Sight], Float64 | None]
+Spoofer = Callable[[SpoofingContext], Float64 | None]
 """Gives the false fix (3,) in the map, None for no fix at all; called for each attacked fix in order."""
 
 
@@ -58,8 +58,8 @@ Spoofer = Callable[[Sight], Float64 | None]
 class GnssTraits(Traits):
     """What is known of a GPS attack whatever its parameters.
 
-    needs_filter: it asks for `Sight.innovation`, so that a station of which the bag holds CAMs alone cannot
-    be its victim.
+    needs_filter: it asks for `SpoofingContext.innovation`, so that a station of which the bag holds CAMs
+    alone cannot be its victim.
     """
 
     needs_filter: bool = False
@@ -76,7 +76,7 @@ class GnssAttack(Attack):
     ...         self.offset_m = offset_m
     ...
     ...     def begin(self, rng):
-    ...         return lambda sight: sight.position_m + [0.0, self.offset_m, 0.0]
+    ...         return lambda context: context.position_m + [0.0, self.offset_m, 0.0]
 
     Several on one vehicle cannot act at the same time: a receiver reports one place.
     """

@@ -8,7 +8,7 @@ import numpy as np
 
 from advpipe.pipeline.localisation.gnss import HEIGHT_FACTOR
 from advpipe.stages.attack.bounds import number
-from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Sight, Spoofer
+from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +34,7 @@ class Bias(GnssAttack):
         """Draws the bias."""
         delta_m = rng.uniform(-1, 1, 3) * (self.bound_m, self.bound_m, self.bound_up_m)
 
-        def spoof(sight: Sight) -> np.ndarray:
-            return sight.position_m + delta_m
+        def spoof(context: SpoofingContext) -> np.ndarray:
+            return context.position_m + delta_m
 
         return spoof

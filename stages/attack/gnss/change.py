@@ -25,7 +25,7 @@ from advpipe.stages.attack.gnss.estimated_cams import EstimatedCams
 from advpipe.stages.attack.gnss.labels import write_labels
 from advpipe.stages.attack.gnss.registry import GNSS_ATTACKS
 from advpipe.stages.attack.gnss.reported_cams import ReportedCams
-from advpipe.stages.attack.gnss.strikes import Strikes
+from advpipe.stages.attack.gnss.spoofing_schedule import SpoofingSchedule
 from advpipe.stages.attack.gnss.victim import SpoofedVehicle, spoof_vehicle
 from advpipe.stages.attack.recording import recording_of
 from advpipe.stages.attack.v2x.base import MessageEditor
@@ -91,7 +91,7 @@ class GnssChange:
         return (
             *(EstimatedCams(one, recorded, drive.v2x) for one in self.vehicles),
             *(
-                ReportedCams(Strikes(station, specs, recording, self._seed), recorded.geodesy)
+                ReportedCams(SpoofingSchedule(station, specs, recording, self._seed), recorded.geodesy)
                 for station, specs in self.others
             ),
         )
@@ -125,7 +125,7 @@ def spoof(reader: BagReader, attacks: Sequence[AttackSpec], seed: int) -> GnssCh
     known, stations = vehicles_with_filter(reader), None
     for spec in attacks:
         by_victim.setdefault(_victim(reader, spec, known), []).append(spec)
-    strikes = {name: Strikes(name, specs, recording, seed) for name, specs in by_victim.items()}
+    strikes = {name: SpoofingSchedule(name, specs, recording, seed) for name, specs in by_victim.items()}
     others = tuple((name, tuple(specs)) for name, specs in by_victim.items() if name not in known)
     if others:
         stations = _stations(reader)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.stages.attack.bounds import number
-from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Sight, Spoofer, level
+from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext, level
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,10 +35,10 @@ class Drift(GnssAttack):
         """Draws nothing."""
         direction = np.zeros(3)
 
-        def spoof(sight: Sight) -> np.ndarray:
+        def spoof(context: SpoofingContext) -> np.ndarray:
             nonlocal direction
-            if sight.is_first:
-                direction = level(sight.heading_rad + math.radians(self.angle_deg))
-            return sight.position_m + min(self.rate_mps * sight.since_s, self.most_m) * direction
+            if context.is_first:
+                direction = level(context.heading_rad + math.radians(self.angle_deg))
+            return context.position_m + min(self.rate_mps * context.since_s, self.most_m) * direction
 
         return spoof

@@ -10,7 +10,7 @@ import numpy as np
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.estimate import Innovation
 from advpipe.stages.attack.bounds import number
-from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Sight, Spoofer, level
+from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext, level
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,14 +51,14 @@ class DriftAware(GnssAttack):
         """Draws nothing."""
         direction, offset_m, allowed = np.zeros(3), 0.0, self.allowed_nis
 
-        def spoof(sight: Sight) -> np.ndarray:
+        def spoof(context: SpoofingContext) -> np.ndarray:
             nonlocal direction, offset_m
-            if sight.is_first:
-                direction, offset_m = level(sight.heading_rad + math.radians(self.angle_deg)), 0.0
-            low_m, high_m = unsuspicious_m(sight.innovation(), direction, allowed)
-            wanted_m = offset_m + self.rate_mps * sight.interval_s
+            if context.is_first:
+                direction, offset_m = level(context.heading_rad + math.radians(self.angle_deg)), 0.0
+            low_m, high_m = unsuspicious_m(context.innovation(), direction, allowed)
+            wanted_m = offset_m + self.rate_mps * context.interval_s
             offset_m = min(max(min(max(wanted_m, low_m), high_m), 0.0), self.most_m)
-            return sight.position_m + offset_m * direction
+            return context.position_m + offset_m * direction
 
         return spoof
 

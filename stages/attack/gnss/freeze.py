@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Sight, Spoofer
+from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,10 +19,10 @@ class Freeze(GnssAttack):
         """Draws nothing."""
         frozen_m = np.zeros(3)
 
-        def spoof(sight: Sight) -> np.ndarray:
+        def spoof(context: SpoofingContext) -> np.ndarray:
             nonlocal frozen_m
-            if sight.is_first:
-                frozen_m = sight.position_m
+            if context.is_first:
+                frozen_m = context.position_m
             return frozen_m
 
         return spoof

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Sight, Spoofer
+from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,7 +18,7 @@ class Jam(GnssAttack):
     def begin(self, rng: np.random.Generator) -> Spoofer:
         """Draws nothing."""
 
-        def spoof(sight: Sight) -> None:
+        def spoof(context: SpoofingContext) -> None:
             return None
 
         return spoof

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.stages.attack.bounds import number, one_of
-from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Sight, Spoofer, any_direction
+from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext, any_direction
 
 MODES = ("glitch", "step")
 
@@ -35,13 +35,13 @@ class Jump(GnssAttack):
         """Two draws for each attacked fix."""
         offset_m = np.zeros(3)
 
-        def spoof(sight: Sight) -> np.ndarray:
+        def spoof(context: SpoofingContext) -> np.ndarray:
             nonlocal offset_m
-            if sight.is_first or self.mode == "glitch":
+            if context.is_first or self.mode == "glitch":
                 offset_m = np.zeros(3)
             jumps, direction = rng.random() < self.probability, any_direction(rng)
             if jumps:
                 offset_m = offset_m + self.distance_m * direction
-            return sight.position_m + offset_m
+            return context.position_m + offset_m
 
         return spoof

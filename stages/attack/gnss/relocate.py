@@ -8,7 +8,7 @@ import numpy as np
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.stages.attack.bounds import number, one_of
-from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Sight, Spoofer, any_direction
+from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext, any_direction
 
 MODES = ("offset", "place")
 
@@ -42,10 +42,10 @@ class Relocate(GnssAttack):
         away_m = rng.uniform(self.least_m, self.most_m) * any_direction(rng)
         place_m = np.zeros(3)
 
-        def spoof(sight: Sight) -> np.ndarray:
+        def spoof(context: SpoofingContext) -> np.ndarray:
             nonlocal place_m
-            if self.mode == "offset" or sight.is_first:
-                place_m = sight.position_m + away_m
+            if self.mode == "offset" or context.is_first:
+                place_m = context.position_m + away_m
             return place_m
 
         return spoof

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.stages.attack.bounds import number
-from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Sight, Spoofer
+from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext
 
 NS_PER_S = 1e9
 
@@ -31,9 +31,9 @@ class Replay(GnssAttack):
     def begin(self, rng: np.random.Generator) -> Spoofer:
         """Draws nothing."""
 
-        def spoof(sight: Sight) -> np.ndarray:
-            until_ns = sight.genuine[-1].stamp_ns - round(self.delay_s * NS_PER_S)
-            after = bisect_right(sight.genuine, until_ns, key=lambda fix: fix.stamp_ns)
-            return sight.genuine[max(after - 1, 0)].position_m
+        def spoof(context: SpoofingContext) -> np.ndarray:
+            until_ns = context.genuine[-1].stamp_ns - round(self.delay_s * NS_PER_S)
+            after = bisect_right(context.genuine, until_ns, key=lambda fix: fix.stamp_ns)
+            return context.genuine[max(after - 1, 0)].position_m
 
         return spoof

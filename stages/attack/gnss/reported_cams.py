@@ -15,7 +15,7 @@ from advpipe.pipeline.v2x.air import Sent
 from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.facilities.cam import Cam
 from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam, encode_cam
-from advpipe.stages.attack.gnss.strikes import Lie, Strikes
+from advpipe.stages.attack.gnss.spoofing_schedule import Lie, SpoofingSchedule
 
 
 class ReportedCams:
@@ -29,7 +29,7 @@ class ReportedCams:
     Calls of `edit` go through the drive's steps in order, once.
     """
 
-    def __init__(self, strikes: Strikes, geodesy: Geodesy) -> None:
+    def __init__(self, strikes: SpoofingSchedule, geodesy: Geodesy) -> None:
         self.name = strikes.name
         self._strikes = strikes
         self._geodesy = geodesy

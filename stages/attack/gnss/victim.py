@@ -21,7 +21,7 @@ from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.replay.recorded_filter import RecordedFilter, filter_errors
-from advpipe.stages.attack.gnss.strikes import Lie, Strikes
+from advpipe.stages.attack.gnss.spoofing_schedule import Lie, SpoofingSchedule
 
 NO_FIX = -1
 COVARIANCE_UNKNOWN = 0
@@ -63,13 +63,13 @@ class SpoofedVehicle:
         return next((record.stamp_ns for record in self.records if record.lie is not None), None)
 
 
-def spoof_vehicle(reader: BagReader, recorded: RecordedFilter, strikes: Strikes) -> SpoofedVehicle:
+def spoof_vehicle(reader: BagReader, recorded: RecordedFilter, strikes: SpoofingSchedule) -> SpoofedVehicle:
     """Goes through the recording with the victim's filter. Without a lie, nothing changes, to the bit."""
     with filter_errors(reader, strikes.victim):
         return _spoof_vehicle(reader, recorded, strikes)
 
 
-def _spoof_vehicle(reader: BagReader, recorded: RecordedFilter, strikes: Strikes) -> SpoofedVehicle:
+def _spoof_vehicle(reader: BagReader, recorded: RecordedFilter, strikes: SpoofingSchedule) -> SpoofedVehicle:
     topics, geodesy = VehicleTopics(strikes.victim), recorded.geodesy
     estimator = recorded.estimator(reader, topics)
     waiting = reader.raw_messages([topics.gnss_fix.name])
@@ -109,7 +109,7 @@ def _foresight(estimator: Estimator, measured: Measurements) -> Callable[[Float6
 def _spoof_fix(
     raw: RawMessage,
     message: Any,
-    strikes: Strikes,
+    strikes: SpoofingSchedule,
     geodesy: Geodesy,
     heading_rad: float,
     foresee: Callable[[Float64], Innovation],

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.stages.attack.bounds import number
-from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Sight, Spoofer
+from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,13 +33,13 @@ class Walk(GnssAttack):
         """Two draws for each attacked fix; those of a span's first count for nothing."""
         offset_m = np.zeros(3)
 
-        def spoof(sight: Sight) -> np.ndarray:
+        def spoof(context: SpoofingContext) -> np.ndarray:
             nonlocal offset_m
-            step_m = self.stddev_m * math.sqrt(sight.interval_s) * rng.standard_normal(2)
-            offset_m = np.zeros(3) if sight.is_first else offset_m + [*step_m, 0.0]
+            step_m = self.stddev_m * math.sqrt(context.interval_s) * rng.standard_normal(2)
+            offset_m = np.zeros(3) if context.is_first else offset_m + [*step_m, 0.0]
             length_m = float(np.linalg.norm(offset_m))
             if length_m > self.most_m:
                 offset_m = offset_m * (self.most_m / length_m)
-            return sight.position_m + offset_m
+            return context.position_m + offset_m
 
         return spoof

@@ -26,7 +26,7 @@ from advpipe.stages.attack.lidar.base import (
     LidarResult,
     LidarTraits,
     PublishedFigure,
-    told,
+    join_notes,
     unchanged,
 )
 from advpipe.stages.attack.lidar.climb import climb, looks
@@ -176,7 +176,7 @@ class Attach(LidarAttack):
         try:
             places, note = self._places(xyzi(scene), goal, detector, rules, rng)
         except NoGradientError:
-            return unchanged(cloud, told(goal.note, NO_GRADIENT), loss_before)
+            return unchanged(cloud, join_notes(goal.note, NO_GRADIENT), loss_before)
         if len(places) < self.points:
             return unchanged(cloud, "the constraints leave no place for so many points", loss_before)
         added = scene[places.source].copy()
@@ -184,7 +184,7 @@ class Attach(LidarAttack):
             added[name] = places.points[:, column]
         adversarial = np.concatenate([cloud, added])
         loss_after = detection_loss(detector, np.concatenate([scene, added]), goal.taught)
-        note = told(goal.note if len(goal) else "", note)
+        note = join_notes(goal.note if len(goal) else "", note)
         return LidarResult(adversarial, _labels(scene, added), loss_before, loss_after, note)
 
     def _places(
@@ -210,7 +210,7 @@ class Attach(LidarAttack):
         best = places[np.concatenate([chosen, reserve])[: self.points]]
         short = self.points - len(best)
         if short:
-            note = told(note, "nothing more to gain: the rest added at random")
+            note = join_notes(note, "nothing more to gain: the rest added at random")
             near_m = min(self.eps_m, REST_M)
             rest = ball_places(clean, sources, short, boxes, rules, near_m, MARGIN_M, rng)
             best = joined([best, rest])

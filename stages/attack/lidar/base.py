@@ -39,7 +39,7 @@ def unchanged(cloud: Cloud, note: str, loss: float = np.nan) -> LidarResult:
     return LidarResult(cloud, PointLabels.removed(np.zeros(0, np.int64)), loss, loss, note)
 
 
-def told(*notes: str) -> str:
+def join_notes(*notes: str) -> str:
     """Several notes on a frame as one; those that say nothing are left out."""
     return "; ".join(filter(None, notes))
 

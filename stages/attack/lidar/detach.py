@@ -21,7 +21,7 @@ from advpipe.stages.attack.lidar.base import (
     LidarResult,
     LidarTraits,
     PublishedFigure,
-    told,
+    join_notes,
     unchanged,
 )
 from advpipe.stages.attack.lidar.climb import climb, looks
@@ -136,15 +136,15 @@ class Detach(LidarAttack):
         allowed = np.flatnonzero(self.constraints.on(xyz(scene), boxes).allowed)
         budget = min(self.budget(len(scene)), len(allowed))
         if not budget:
-            return unchanged(cloud, told(goal.note, "no point that may be removed"), loss_before)
+            return unchanged(cloud, join_notes(goal.note, "no point that may be removed"), loss_before)
         note = "" if budget == self.budget(len(scene)) else f"only {budget} points lie near enough"
         try:
             chosen, shortage = self._choose(scene, allowed, budget, goal, detector, rng)
         except NoGradientError:
-            return unchanged(cloud, told(goal.note, NO_GRADIENT), loss_before)
+            return unchanged(cloud, join_notes(goal.note, NO_GRADIENT), loss_before)
         removed = finite[chosen]
         loss_after = detection_loss(detector, np.delete(scene, chosen), goal.taught)
-        note = told(goal.note if len(goal) else "", note, shortage)
+        note = join_notes(goal.note if len(goal) else "", note, shortage)
         return LidarResult(
             np.delete(cloud, removed), PointLabels.removed(removed), loss_before, loss_after, note
         )
@@ -179,7 +179,7 @@ class Detach(LidarAttack):
         short = budget - len(chosen)
         rest = np.setdiff1d(allowed, chosen, assume_unique=True)
         is_plain = self.recipe in ("best", "robust") and not isinstance(detector, VoxelDetector)
-        note = told(
+        note = join_notes(
             "nothing more to gain: the rest removed at random" if short and self.recipe in CLIMBING else "",
             "no occupancy_loss: points by the gradient of the loss" if is_plain else "",
         )

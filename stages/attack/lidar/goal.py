@@ -18,7 +18,7 @@ from advpipe.pipeline.geometry.iou import iou_3d, iou_bev
 from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.pipeline.metrics.average_precision import LOOSE_IOU, STRICT_IOU
 from advpipe.pipeline.metrics.matching import match_overlaps
-from advpipe.stages.attack.lidar.base import told
+from advpipe.stages.attack.lidar.base import join_notes
 from advpipe.stages.attack.lidar.constraints import Constraints
 from advpipe.stages.attack.lidar.targets import Targets, find_targets
 
@@ -111,7 +111,7 @@ def goal_of(constraints: Constraints, detector: Detector, cloud: Cloud, boxes: B
     absent = constraints.absent(boxes)
     note = f"not in the ground truth: {', '.join(absent)}" if absent else ""
     if not len(chosen):
-        note = told(note, "no object to hide that the detector could find")
+        note = join_notes(note, "no object to hide that the detector could find")
     if constraints.objects:
         return Goal(chosen, _without(everyone, chosen), -1.0, "hide", classes, note)
     return Goal(everyone, everyone, 1.0, constraints.goal, classes, note)

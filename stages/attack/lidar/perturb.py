@@ -20,7 +20,7 @@ from advpipe.stages.attack.lidar.base import (
     LidarResult,
     LidarTraits,
     PublishedFigure,
-    told,
+    join_notes,
     unchanged,
 )
 from advpipe.stages.attack.lidar.chance import Chance
@@ -175,7 +175,7 @@ class Perturb(LidarAttack):
             jitter_m = self.tactics.jitter_m
         else:
             search = Descent(points, goal, detector, rules, near, self.eps_m, rng)
-            note = told(NO_OCCUPANCY.format(self.recipe), INTENSITY_STAYS if self.intensity else "")
+            note = join_notes(NO_OCCUPANCY.format(self.recipe), INTENSITY_STAYS if self.intensity else "")
         judge = Keeper(goal, detector, points, owner, jitter_m, rng) if looks and self.tactics.keep else None
 
         # Descend, have the detector judge each attempt, and choose what hurt it most.
@@ -184,7 +184,7 @@ class Perturb(LidarAttack):
             for moved in search.attempts(self.steps):
                 search.keep(everywhere if judge is None else judge.show(moved))
         except NoGradientError:
-            return unchanged(cloud, told(goal.note, NO_GRADIENT), loss_before)
+            return unchanged(cloud, join_notes(goal.note, NO_GRADIENT), loss_before)
         if judge is not None:
             moved = judge.settle()
 
@@ -197,5 +197,5 @@ class Perturb(LidarAttack):
         way_m = moved[changed, :3].astype(np.float64) - points[changed, :3]
         displacement_m = np.linalg.norm(way_m, axis=1)
         labels = PointLabels(finite[changed], np.full(len(changed), MOVED), displacement_m)
-        note = told(goal.note if len(goal) else "", note, "" if len(changed) else NOTHING_MOVED)
+        note = join_notes(goal.note if len(goal) else "", note, "" if len(changed) else NOTHING_MOVED)
         return LidarResult(adversarial, labels, loss_before, loss_after, note)

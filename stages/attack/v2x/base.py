@@ -12,8 +12,8 @@ them; it returns all that are to be sent instead:
 ...         return [self._zero(one) if self.context.acts(one) else one for one in sent]
 
 - *Change* a message: `replace(one, payload=...)`; open CAMs with `context.cams.open(payload)` (None: corrupt,
-  hand it on as it is), make them say other things with `retold(tree, speed_mps=0.0)` of `cams.py`, and close
-  them with `context.cams.close(tree)`. Trees are shared: never change one in place.
+  hand it on as it is), make them say other things with `with_fields(tree, speed_mps=0.0)` of `cams.py`, and
+  close them with `context.cams.close(tree)`. Trees are shared: never change one in place.
 - *Drop* one: leave it out. *Delay* one: leave it out, and return it in a later step under its own number with
   `replace(one, request_ns=...)`.
 - *Add* one: `context.message(sender, request_ns, payload)`. Ghosts' station ids: `context.pseudonym(...)`.

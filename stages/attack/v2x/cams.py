@@ -43,7 +43,7 @@ class Cams:
         self._trees.clear()
 
 
-def told(tree: CamTree, field: str) -> Any:
+def field_of(tree: CamTree, field: str) -> Any:
     """A field of a vehicle's CAM, one of `FIELDS`: as in `Cam`, None where it is unavailable or left out."""
     if field in QUANTITIES:
         path, quantity = QUANTITIES[field]
@@ -54,7 +54,7 @@ def told(tree: CamTree, field: str) -> Any:
     return None if pedals is None else AccelerationControl(pedals[0])
 
 
-def retold(tree: CamTree, **fields: Any) -> CamTree:
+def with_fields(tree: CamTree, **fields: Any) -> CamTree:
     """The same CAM with other values in these of `FIELDS`; all else is shared with `tree`, to the bit.
 
     Raises CamError for a value that a CAM cannot tell.

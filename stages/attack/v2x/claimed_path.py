@@ -8,7 +8,7 @@ from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.pipeline.v2x.codec.timestamps import generation_time_ns
 from advpipe.pipeline.v2x.facilities.cam import PathPoint
 from advpipe.pipeline.v2x.facilities.path_history import PathHistory
-from advpipe.stages.attack.v2x.cams import LOW, VEHICLE_LOW, told, with_code
+from advpipe.stages.attack.v2x.cams import LOW, VEHICLE_LOW, field_of, with_code
 
 _LOW = ("cam", "camParameters", LOW)
 
@@ -25,11 +25,11 @@ class ClaimedPath:
 
     def follow(self, sent: Sent, tree: CamTree, is_lie: bool) -> CamTree:
         """The CAM, its path history exchanged if it has one and lies."""
-        latitude_deg, longitude_deg = told(tree, "latitude_deg"), told(tree, "longitude_deg")
-        altitude_m = told(tree, "altitude_m")
+        latitude_deg, longitude_deg = field_of(tree, "latitude_deg"), field_of(tree, "longitude_deg")
+        altitude_m = field_of(tree, "altitude_m")
         if latitude_deg is None or longitude_deg is None:
             return tree
-        time_ns = generation_time_ns(told(tree, "generation_delta_time_ms"), sent.request_ns)
+        time_ns = generation_time_ns(field_of(tree, "generation_delta_time_ms"), sent.request_ns)
         path, newest_ns = self._paths.setdefault(sent.station_id, (PathHistory(), -1))
         if time_ns > newest_ns:
             path.add(time_ns, latitude_deg, longitude_deg, altitude_m)

@@ -12,7 +12,7 @@ from advpipe.pipeline.v2x.air import Sent
 from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.stages.attack.bounds import number, span, whole
 from advpipe.stages.attack.v2x.base import ALL_CLAIMS, AttackContext, V2xAttack, V2xTraits
-from advpipe.stages.attack.v2x.cams import retold, told
+from advpipe.stages.attack.v2x.cams import field_of, with_fields
 from advpipe.stages.attack.v2x.ears import later
 
 
@@ -100,5 +100,5 @@ class Stale(V2xAttack):
             return one
         old = said[0]
         if self._restamp:
-            old = retold(old, generation_delta_time_ms=told(own, "generation_delta_time_ms"))
+            old = with_fields(old, generation_delta_time_ms=field_of(own, "generation_delta_time_ms"))
         return replace(one, payload=cams.close(later(old, self._ahead_ns)))

@@ -12,7 +12,7 @@ from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.stages.attack.bounds import number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
-from advpipe.stages.attack.v2x.cams import told
+from advpipe.stages.attack.v2x.cams import field_of
 
 
 class Drop(V2xAttack):
@@ -64,5 +64,5 @@ class Drop(V2xAttack):
 
     def _acceleration_mps2(self, one: Sent) -> float:
         tree = self.context.cams.open(one.payload)
-        told_mps2 = None if tree is None else told(tree, "longitudinal_acceleration_mps2")
+        told_mps2 = None if tree is None else field_of(tree, "longitudinal_acceleration_mps2")
         return math.inf if told_mps2 is None else float(told_mps2)

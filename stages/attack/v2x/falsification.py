@@ -13,7 +13,7 @@ from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack
-from advpipe.stages.attack.v2x.cams import retold, told
+from advpipe.stages.attack.v2x.cams import field_of, with_fields
 from advpipe.stages.attack.v2x.claimed_path import ClaimedPath
 
 FRONT_M = "front_m"
@@ -34,8 +34,8 @@ class Told:
     front_m: tuple[float, float]
 
     def says(self, field: str) -> Any:
-        """A field of the CAM; see `cams.told`."""
-        return told(self.tree, field)
+        """A field of the CAM; see `cams.field_of`."""
+        return field_of(self.tree, field)
 
 
 class Falsification(V2xAttack):
@@ -72,7 +72,7 @@ class Falsification(V2xAttack):
         ]
         self._to_geographic(lies)
         for (index, one, tree, is_lie), fields in zip(found, lies, strict=True):
-            false = retold(tree, **fields)
+            false = with_fields(tree, **fields)
             if self._path is not None:
                 false = self._path.follow(one, false, is_lie)
             if false is not tree:
@@ -84,7 +84,7 @@ class Falsification(V2xAttack):
         if not self._moves or not trees:
             return [(np.nan, np.nan)] * len(trees)
         degrees = [
-            [np.nan if (degree := told(tree, name)) is None else degree for tree in trees]
+            [np.nan if (degree := field_of(tree, name)) is None else degree for tree in trees]
             for name in ("latitude_deg", "longitude_deg")
         ]
         x_m, y_m, _ = self.context.geodesy.to_map([*degrees, [0.0] * len(trees)])

@@ -21,7 +21,7 @@ from advpipe.pipeline.v2x.facilities.cam_tree import cam_tree
 from advpipe.pipeline.v2x.facilities.ellipsoid import east_north_m
 from advpipe.stages.attack.bounds import number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
-from advpipe.stages.attack.v2x.cams import retold, told
+from advpipe.stages.attack.v2x.cams import field_of, with_fields
 from advpipe.stages.attack.v2x.ears import HEARING_M, Ears, later
 from advpipe.stages.attack.v2x.gate import Gate
 
@@ -78,7 +78,7 @@ class Flood(V2xAttack):
                 if self.sybil:
                     self._disguises += 1
                     disguise = self.context.pseudonym("flood", attacker, self._disguises)
-                    tree = retold(tree, station_id=disguise)
+                    tree = with_fields(tree, station_id=disguise)
                 if self._ahead_ns:
                     tree = later(tree, self._ahead_ns)
                 poured.append(self.context.message(attacker, at_ns, cams.close(tree)))
@@ -167,7 +167,7 @@ class DosRandom(Flood):
         tree, latitude_deg, longitude_deg = self._base
         east, north, speed, heading, acceleration = self._rngs[attacker].random(5).tolist()
         per_east_deg, per_north_deg = self._axes_deg
-        return retold(
+        return with_fields(
             tree,
             generation_delta_time_ms=generation_delta_time_ms(at_ns),
             latitude_deg=latitude_deg + (2 * north - 1) * self._extent_m * per_north_deg,
@@ -215,7 +215,9 @@ class DosDisruptive(Flood):
         tree = None if heard is None else self.context.cams.open(heard.payload)
         if tree is None:
             return None
-        return retold(tree, station_id=attacker, generation_delta_time_ms=generation_delta_time_ms(at_ns))
+        return with_fields(
+            tree, station_id=attacker, generation_delta_time_ms=generation_delta_time_ms(at_ns)
+        )
 
 
 class DosDisruptiveSybil(DosDisruptive):
@@ -231,13 +233,13 @@ class DosDisruptiveSybil(DosDisruptive):
 def _moved_on(tree: CamTree, by_ns: int) -> CamTree:
     """A CAM so much later of a vehicle that went straight on."""
     names = ("latitude_deg", "longitude_deg", "heading_rad", "speed_mps")
-    latitude_deg, longitude_deg, heading_rad, speed_mps = (told(tree, name) for name in names)
+    latitude_deg, longitude_deg, heading_rad, speed_mps = (field_of(tree, name) for name in names)
     values = (latitude_deg, longitude_deg, heading_rad, speed_mps)
     if any(value is None or not np.isfinite(value) for value in values):
         return later(tree, by_ns)
     way_m = speed_mps * by_ns / 1e9
     per_east_deg, per_north_deg = _degrees_per_metre(latitude_deg, longitude_deg)
-    moved = retold(
+    moved = with_fields(
         tree,
         latitude_deg=latitude_deg + way_m * math.cos(heading_rad) * per_north_deg,
         longitude_deg=longitude_deg + way_m * math.sin(heading_rad) * per_east_deg,

@@ -25,7 +25,7 @@ from advpipe.pipeline.v2x.air import Sent
 from advpipe.pipeline.v2x.facilities.cam_values import FIELDS, Values, changed_fields, places_m, values
 from advpipe.pipeline.v2x.facilities.effect import matters
 from advpipe.stages.attack.v2x.base import MessageEditor, V2xAttack
-from advpipe.stages.attack.v2x.cams import Cams, told
+from advpipe.stages.attack.v2x.cams import Cams, field_of
 
 _BLOCK = 1000
 
@@ -134,7 +134,7 @@ class Labels:
         tree = self.cams.open(one.payload)
         if tree is None:
             return None
-        station_id = told(tree, "station_id")
+        station_id = field_of(tree, "station_id")
         payload = self._newest.get(station_id)
         for said in self._by_station.get(station_id, ()):
             if said.request_ns <= one.request_ns:

@@ -13,7 +13,7 @@ from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.stages.attack.bounds import number, one_of
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
-from advpipe.stages.attack.v2x.cams import retold
+from advpipe.stages.attack.v2x.cams import with_fields
 from advpipe.stages.attack.v2x.ears import HEARING_M, later
 
 IDENTITIES = ("nearest", "random", "each", "victim")
@@ -56,7 +56,7 @@ class Masquerade(V2xAttack):
         mask = self._mask(step, one.station_id)
         if tree is None or mask is None:
             return one
-        tree = later(retold(tree, station_id=mask), self._ahead_ns)
+        tree = later(with_fields(tree, station_id=mask), self._ahead_ns)
         return replace(one, payload=cams.close(tree))
 
     def _mask(self, step: V2xStep, attacker: int) -> int | None:

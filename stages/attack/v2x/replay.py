@@ -13,7 +13,7 @@ from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.stages.attack.bounds import number, one_of, span
 from advpipe.stages.attack.v2x.base import ALL_CLAIMS, AttackContext, V2xAttack, V2xTraits
-from advpipe.stages.attack.v2x.cams import retold, told
+from advpipe.stages.attack.v2x.cams import field_of, with_fields
 from advpipe.stages.attack.v2x.ears import HEARING_M, Ears, later
 
 IDENTITIES = ("own", "theirs")
@@ -60,9 +60,9 @@ class _Echo(V2xAttack):
         if own is None or tree is None:
             return one
         if self._identity == "own":
-            tree = retold(tree, station_id=told(own, "station_id"))
+            tree = with_fields(tree, station_id=field_of(own, "station_id"))
         if self._restamp:
-            tree = retold(tree, generation_delta_time_ms=told(own, "generation_delta_time_ms"))
+            tree = with_fields(tree, generation_delta_time_ms=field_of(own, "generation_delta_time_ms"))
         return replace(one, payload=cams.close(later(tree, self._ahead_ns)))
 
     @abstractmethod

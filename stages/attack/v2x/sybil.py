@@ -16,7 +16,7 @@ from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.air import Sent
 from advpipe.stages.attack.bounds import number, one_of, whole
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
-from advpipe.stages.attack.v2x.cams import retold
+from advpipe.stages.attack.v2x.cams import with_fields
 from advpipe.stages.attack.v2x.ears import HEARING_M, Ears, later
 from advpipe.stages.attack.v2x.ghosts import GhostsAhead
 from advpipe.stages.attack.v2x.phantoms import Braking, Companion, Key, Motion, PhantomAttack
@@ -256,7 +256,7 @@ class SybilReplay(V2xAttack):
                 at_ns = old.request_ns + self._age_ns
                 tree = cams.open(old.payload)
                 if tree is not None and self.context.active(at_ns):
-                    tree = later(retold(tree, station_id=track.id), self._age_ns + self._ahead_ns)
+                    tree = later(with_fields(tree, station_id=track.id), self._age_ns + self._ahead_ns)
                     told.append(self.context.message(attacker, at_ns, cams.close(tree)))
         return told
 

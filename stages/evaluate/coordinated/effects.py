@@ -13,7 +13,7 @@ from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.messages.topics import V2X_STATIONS, VehicleTopics
 from advpipe.stages.evaluate.cooperative.pair import poses
-from advpipe.stages.evaluate.coordinated.struck import Int64, touched_points
+from advpipe.stages.evaluate.coordinated.attack_timeline import Int64, touched_points
 from advpipe.stages.evaluate.v2x.ldm_error import ldm_error, moments
 from advpipe.stages.evaluate.v2x.recording import read_recording
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from advpipe.stages.evaluate.coordinated.attack_timeline import AttackTimeline
 from advpipe.stages.evaluate.coordinated.effects import Effect
-from advpipe.stages.evaluate.coordinated.struck import Struck
 from advpipe.stages.evaluate.report.style import BASELINE, INK, PREDICTION, SOFT, plain_axes
 
 if TYPE_CHECKING:
@@ -16,7 +16,10 @@ SHADE = "#fbe3e4"
 
 
 def draw_coordinated(
-    strikes: Sequence[Struck], told: Sequence[Effect], together_ns: tuple[int, int] | None, start_ns: int
+    strikes: Sequence[AttackTimeline],
+    told: Sequence[Effect],
+    together_ns: tuple[int, int] | None,
+    start_ns: int,
 ) -> Figure:
     """A stroke for each fix, message and cloud that is struck, and the effects below; shaded: while all are.
 

@@ -15,9 +15,9 @@ from advpipe.pipeline.results.coordinated import (
     StruckCounts,
     TogetherFigures,
 )
+from advpipe.stages.evaluate.coordinated.attack_timeline import AttackTimeline, read_struck
 from advpipe.stages.evaluate.coordinated.effects import Effect, effects
 from advpipe.stages.evaluate.coordinated.picture import draw_coordinated
-from advpipe.stages.evaluate.coordinated.struck import Struck, read_struck
 from advpipe.stages.evaluate.detection.comparison import bag_name
 from advpipe.stages.evaluate.report.numbers import number
 from advpipe.stages.evaluate.report.pictures import to_png
@@ -89,7 +89,7 @@ def sections(
     )
 
 
-def together(strikes: Sequence[Struck]) -> tuple[int, int] | None:
+def together(strikes: Sequence[AttackTimeline]) -> tuple[int, int] | None:
     """From when to when all strike, in nanoseconds; None for never."""
     begin_ns = max(int(one.times_ns[0]) for one in strikes)
     end_ns = min(int(one.times_ns[-1]) for one in strikes)
@@ -102,7 +102,7 @@ def _is_of_kinds(bag: Path) -> bool:
 
 
 def _lead(
-    name: str, vehicle: str, strikes: Sequence[Struck], span_ns: tuple[int, int] | None, start_ns: int
+    name: str, vehicle: str, strikes: Sequence[AttackTimeline], span_ns: tuple[int, int] | None, start_ns: int
 ) -> str:
     *others, last = [" + ".join(one.attacks) for one in strikes]
     words = f"{', '.join(others)} and {last}"
@@ -112,7 +112,7 @@ def _lead(
     return f"{name}: {words} strike {vehicle} together from {begin_s:.1f} to {end_s:.1f} s."
 
 
-def _line(name: str, one: Struck, start_ns: int) -> tuple[str, ...]:
+def _line(name: str, one: AttackTimeline, start_ns: int) -> tuple[str, ...]:
     ends_s = [number((int(ns) - start_ns) / 1e9, 1) for ns in (one.times_ns[0], one.times_ns[-1])]
     return (name, one.vehicle, " + ".join(one.attacks), f"{len(one.times_ns):,} {one.what}", *ends_s)
 
@@ -125,7 +125,7 @@ def _outcome(name: str, vehicle: str, effect: Effect, span_ns: tuple[int, int]) 
 def _record(
     name: str,
     vehicle: str,
-    strikes: Sequence[Struck],
+    strikes: Sequence[AttackTimeline],
     told: Sequence[Effect],
     span_ns: tuple[int, int] | None,
     start_ns: int,

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from advpipe.pipeline.bag.frames import Frame
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.core.plugins import class_of_users, mistakes_told
+from advpipe.pipeline.core.plugins import class_of_users, mistakes_reported
 from advpipe.pipeline.defences.base import Placement
 from advpipe.pipeline.detector.protocol import Detections, Detector, Range
 from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS, Boxes, count_points
@@ -119,7 +119,7 @@ class Eye:
         about = f"{placement}".encode()
         key = hashlib.blake2b(np.ascontiguousarray(cloud).tobytes() + about, digest_size=16).digest()
         if key not in self._seen:
-            with mistakes_told(self._own):
+            with mistakes_reported(self._own):
                 seen = self._detector.detect(cloud)
             found = self._checked(seen)
             boxes = placement.boxes_back(found.boxes)

@@ -2,18 +2,18 @@ import gc
 
 import pytest
 
-from advpipe.pipeline.core.garbage import settled
+from advpipe.pipeline.core.garbage import gc_frozen
 
 
 def test_what_is_there_is_frozen_within_the_block_only() -> None:
     before = gc.get_freeze_count()
-    with settled():
+    with gc_frozen():
         assert gc.get_freeze_count() > before + 1000
     assert gc.get_freeze_count() == 0
 
 
 def test_also_when_the_block_fails() -> None:
-    with pytest.raises(ZeroDivisionError), settled():
+    with pytest.raises(ZeroDivisionError), gc_frozen():
         1 / 0  # noqa: B018
     assert gc.get_freeze_count() == 0
 
@@ -28,7 +28,7 @@ def test_new_garbage_is_still_found() -> None:
         def __del__(self) -> None:
             Loop.found += 1
 
-    with settled():
+    with gc_frozen():
         Loop()
         gc.collect()
         assert Loop.found == 1

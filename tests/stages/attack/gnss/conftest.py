@@ -11,7 +11,7 @@ import pytest
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.localisation.estimate import Innovation
 from advpipe.pipeline.scenario import load_scenario
-from advpipe.stages.attack.gnss.base import Genuine, GnssAttack, Sight
+from advpipe.stages.attack.gnss.base import GnssAttack, SpoofingContext, TrueFix
 from advpipe.stages.simulate.run import simulate
 
 Follow = Callable[..., list[np.ndarray | None]]
@@ -32,11 +32,13 @@ def follow() -> Follow:
         seed: int = 1,
     ) -> list[np.ndarray | None]:
         spoof, told = attack.begin(np.random.default_rng(seed)), []
-        genuine = [Genuine(k * PERIOD_NS, np.array(p, dtype=float)) for k, p in enumerate(positions_m)]
+        genuine = [TrueFix(k * PERIOD_NS, np.array(p, dtype=float)) for k, p in enumerate(positions_m)]
         for k in range(first, len(genuine)):
             interval_s = 0.1 if k > first else 0.0
             seen = (lambda now: lambda: innovations[now])(k)
-            told.append(spoof(Sight(genuine[: k + 1], 0.1 * (k - first), interval_s, heading_rad, seen)))
+            told.append(
+                spoof(SpoofingContext(genuine[: k + 1], 0.1 * (k - first), interval_s, heading_rad, seen))
+            )
         return told
 
     return follow

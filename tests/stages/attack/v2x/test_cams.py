@@ -9,7 +9,7 @@ from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.codec.codec import decode
 from advpipe.pipeline.v2x.facilities.cam_tree import cam_of_tree
 from advpipe.pipeline.v2x.facilities.cam_values import FIELDS, values
-from advpipe.stages.attack.v2x.cams import Cams, retold, told
+from advpipe.stages.attack.v2x.cams import Cams, field_of, with_fields
 
 OTHER = {"heading_rad": None, "speed_mps": math.inf, "acceleration_control": None, "yaw_rate_radps": 0.5}
 
@@ -18,34 +18,38 @@ OTHER = {"heading_rad": None, "speed_mps": math.inf, "acceleration_control": Non
 def test_fields_are_those_of_a_cam(fields):
     tree = decode(honest(0, **fields).payload)
     cam = cam_of_tree(tree)
-    assert {name: told(tree, name) for name in FIELDS} == {name: getattr(cam, name) for name in FIELDS}
+    assert {name: field_of(tree, name) for name in FIELDS} == {name: getattr(cam, name) for name in FIELDS}
     assert values(tree) == {name: getattr(cam, name) for name in FIELDS}
 
 
 def test_what_is_retold_and_nothing_else():
     tree = decode(honest(0).payload)
-    new = retold(tree, speed_mps=3.21, station_id=99, acceleration_control=64)
-    assert {name for name in FIELDS if told(new, name) != told(tree, name)} == {
+    new = with_fields(tree, speed_mps=3.21, station_id=99, acceleration_control=64)
+    assert {name for name in FIELDS if field_of(new, name) != field_of(tree, name)} == {
         "speed_mps",
         "station_id",
         "acceleration_control",
     }
-    assert (told(new, "speed_mps"), told(new, "station_id"), told(new, "acceleration_control")) == (
+    assert (
+        field_of(new, "speed_mps"),
+        field_of(new, "station_id"),
+        field_of(new, "acceleration_control"),
+    ) == (
         3.21,
         99,
         64,
     )
-    assert told(tree, "speed_mps") == 10
+    assert field_of(tree, "speed_mps") == 10
     with pytest.raises(ValueError, match="colour is none of station_id"):
-        retold(tree, colour=1)
+        with_fields(tree, colour=1)
     with pytest.raises(CamError, match="speed_mps"):
-        retold(tree, speed_mps=-1.0)
+        with_fields(tree, speed_mps=-1.0)
 
 
 def test_bytes_that_are_no_cam_and_those_of_a_closed_one():
     cams = Cams()
     assert cams.open(b"\xff" * 20) is None
-    tree = retold(decode(honest(0).payload), speed_mps=1.0)
+    tree = with_fields(decode(honest(0).payload), speed_mps=1.0)
     payload = cams.close(tree)
     assert cams.open(payload) is tree
     cams.forget()

@@ -16,8 +16,8 @@ from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
 from advpipe.stages.attack.request import AttackRequest
 from advpipe.stages.attack.run import attack
+from advpipe.stages.evaluate.coordinated.attack_timeline import AttackTimeline
 from advpipe.stages.evaluate.coordinated.section import sections, together
-from advpipe.stages.evaluate.coordinated.struck import Struck
 from advpipe.stages.evaluate.report.section import SECTION, Section
 from advpipe.stages.simulate.run import simulate
 
@@ -146,8 +146,8 @@ def test_a_window_before_it_names_the_bag_alone(smoke: Path, struck: Path) -> No
 
 
 def test_together() -> None:
-    def strikes(*times_ns: int) -> Struck:
-        return Struck("ego", ("word",), "fixes", np.array(times_ns))
+    def strikes(*times_ns: int) -> AttackTimeline:
+        return AttackTimeline("ego", ("word",), "fixes", np.array(times_ns))
 
     assert together([strikes(1, 9), strikes(4, 12), strikes(3, 7)]) == (4, 7)
     assert together([strikes(1, 4), strikes(4)]) == (4, 4)

@@ -13,7 +13,7 @@ from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.estimate import Innovation
 from advpipe.pipeline.scenario.acting import Acting, acting_on_fixes
 from advpipe.pipeline.scenario.attacks import AttackSpec
-from advpipe.stages.attack.gnss.base import Genuine, Sight, Spoofer
+from advpipe.stages.attack.gnss.base import Spoofer, SpoofingContext, TrueFix
 from advpipe.stages.attack.gnss.registry import GNSS_ATTACKS
 from advpipe.stages.attack.parameters import resolved_parameters
 from advpipe.stages.attack.recording import Recording
@@ -37,7 +37,7 @@ class _Strike:
     last_ns: int = 0
 
 
-class Strikes:
+class SpoofingSchedule:
     """All attacks on one victim; `of` is asked for each of its fixes in order.
 
     Raises AdvpipeError for a bad parameter, a schedule that begins after the recording, and for two attacks
@@ -47,7 +47,7 @@ class Strikes:
     def __init__(self, victim: str, specs: Sequence[AttackSpec], recording: Recording, seed: int) -> None:
         self.victim = victim
         self.name = "+".join(dict.fromkeys(spec.type for spec in specs))
-        self._genuine: list[Genuine] = []
+        self._genuine: list[TrueFix] = []
         for one, other in combinations(specs, 2):
             if one.schedule.overlaps(other.schedule):
                 raise UsageError(
@@ -68,7 +68,7 @@ class Strikes:
         self, time_ns: int, position_m: Float64, heading_rad: float, innovation: Callable[[], Innovation]
     ) -> Lie | None:
         """The lie about a genuine fix (3,) in the map at a log time; None where it is left alone."""
-        self._genuine.append(Genuine(time_ns, position_m))
+        self._genuine.append(TrueFix(time_ns, position_m))
         lie = None
         for strike in self._strikes:
             if not strike.acts(time_ns):
@@ -77,7 +77,7 @@ class Strikes:
             if strike.begin_ns is None:
                 strike.begin_ns = strike.last_ns = time_ns
             since_s, interval_s = (time_ns - strike.begin_ns) / 1e9, (time_ns - strike.last_ns) / 1e9
-            sight = Sight(self._genuine, since_s, interval_s, heading_rad, innovation)
+            context = SpoofingContext(self._genuine, since_s, interval_s, heading_rad, innovation)
             strike.last_ns = time_ns
-            lie = Lie(strike.spec.type, strike.spoofer(sight))
+            lie = Lie(strike.spec.type, strike.spoofer(context))
         return lie

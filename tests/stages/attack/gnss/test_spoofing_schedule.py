@@ -7,7 +7,7 @@ import pytest
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import attack_spec
-from advpipe.stages.attack.gnss.strikes import Strikes
+from advpipe.stages.attack.gnss.spoofing_schedule import SpoofingSchedule
 from advpipe.stages.attack.recording import Recording
 
 START_NS = 5_000_000_000
@@ -16,7 +16,7 @@ TEN_SECONDS = Recording(START_NS, START_NS + 10_000_000_000)
 
 def offsets(*specs: dict, seed: int = 1) -> list[float | None]:
     """To the east, of fixes once a second on a straight road to the east at 10 m/s; None where left alone."""
-    strikes = Strikes("ego", [attack_spec(spec) for spec in specs], TEN_SECONDS, seed)
+    strikes = SpoofingSchedule("ego", [attack_spec(spec) for spec in specs], TEN_SECONDS, seed)
     found = []
     for second in range(11):
         genuine = np.array([10.0 * second, 0, 0])

@@ -28,7 +28,7 @@ Int64 = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Struck:
+class AttackTimeline:
     """What attacks of one kind did to one vehicle.
 
     attacks: their words. what: "fixes", "messages" or "clouds". times_ns: (N,) of each one, ascending, N > 0.
@@ -40,14 +40,16 @@ class Struck:
     times_ns: Int64
 
 
-def read_struck(clean: BagReader, bag: Path, window: Window = WHOLE_DRIVE) -> dict[str, tuple[Struck, ...]]:
+def read_struck(
+    clean: BagReader, bag: Path, window: Window = WHOLE_DRIVE
+) -> dict[str, tuple[AttackTimeline, ...]]:
     """By vehicle, whatever strikes it in a window; messages that aim at nobody strike all but their senders.
 
     bag: the adversarial bag's folder, or the file in it. Raises AdvpipeError for labels that cannot be read.
     """
     reader = BagReader(bag)
     told = reader.provenance.said.attacks
-    found: dict[str, list[Struck]] = {}
+    found: dict[str, list[AttackTimeline]] = {}
     fixes, sent = _fixes(clean, reader, told, window.last_ns), _messages(reader, bag, told, window.end_ns)
     for one in (*fixes, *sent, *_clouds(bag)):
         times_ns = one.times_ns[window.holds(one.times_ns)]
@@ -74,18 +76,18 @@ def touched_points(bag: Path, vehicle: str) -> dict[int, int]:
 
 def _fixes(
     clean: BagReader, reader: BagReader, told: Sequence[AttackRecord], last_ns: int | None
-) -> Iterator[Struck]:
+) -> Iterator[AttackTimeline]:
     spoofs = [one for one in told if one.family == "gnss"]
     for vehicle in sorted({*vehicles_with_filter(clean)} & {*vehicles_with_filter(reader)}) if spoofs else ():
         times_ns = attacked_fixes_ns(clean, reader, vehicle, last_ns)
         if len(times_ns):
             words = dict.fromkeys(one.type for one in spoofs if one.victim in (None, vehicle))
-            yield Struck(vehicle, tuple(words), "fixes", times_ns)
+            yield AttackTimeline(vehicle, tuple(words), "fixes", times_ns)
 
 
 def _messages(
     reader: BagReader, bag: Path, told: Sequence[AttackRecord], until_ns: int | None
-) -> Iterator[Struck]:
+) -> Iterator[AttackTimeline]:
     sent = [one for one in told if one.family == "v2x"]
     names = {one.type for one in sent}
     labels = [label for label in read_labels(bag) if label.attack in names] if sent else []
@@ -94,17 +96,19 @@ def _messages(
         own = [label for label in labels if label.attack in words and label.attacker != vehicle]
         if own:
             met = tuple(sorted({label.attack for label in own}))
-            yield Struck(vehicle, met, "messages", np.array(sorted(label.time_ns for label in own)))
+            yield AttackTimeline(vehicle, met, "messages", np.array(sorted(label.time_ns for label in own)))
 
 
-def _clouds(bag: Path) -> Iterator[Struck]:
+def _clouds(bag: Path) -> Iterator[AttackTimeline]:
     if not _beside(bag, FRAMES).exists():
         return
     struck = [row for row in _clouds_of(bag) if row["attack"]]
     for vehicle in sorted({_vehicle(row["topic"]) for row in struck}):
         own = [row for row in struck if _vehicle(row["topic"]) == vehicle]
         words = dict.fromkeys(row["attack"] for row in own)
-        yield Struck(vehicle, tuple(words), "clouds", np.array(sorted(row["stamp_ns"] for row in own)))
+        yield AttackTimeline(
+            vehicle, tuple(words), "clouds", np.array(sorted(row["stamp_ns"] for row in own))
+        )
 
 
 def _clouds_of(bag: Path) -> list[dict[str, Any]]:
