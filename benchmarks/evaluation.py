@@ -26,7 +26,7 @@ from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.stages.evaluate.detection.comparison import CloudResult, Comparison, FrameResult
-from advpipe.stages.evaluate.detection.looking import Looking
+from advpipe.stages.evaluate.detection.detection_run import DetectionRun
 from advpipe.stages.evaluate.detection.scoring import known_classes, match
 from advpipe.stages.evaluate.detection.summary import summarise
 from advpipe.stages.simulate.run import simulate
@@ -91,7 +91,7 @@ def main() -> None:
             simulate(load_scenario("boulevard", ["simulation.duration_s=3"]), bag)
         bag = resolve_bag(bag)
         detect_s = time_to_detect_s(bag, options.detector, options.frames)
-        looking = Looking(options.detector, bag, frames=FrameSlice(0, options.frames))
+        looking = DetectionRun(options.detector, bag, frames=FrameSlice(0, options.frames))
         (comparison,) = looking.comparisons(workers=1)
     classes = known_classes(load_detector(options.detector))
     match_s, summarise_s, detections = time_to_score_s(list(comparison.frames), options.scored, classes)

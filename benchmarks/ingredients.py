@@ -44,7 +44,14 @@ from advpipe.pipeline.messages.cloud import Cloud, xyzi
 from advpipe.pipeline.metrics.average_precision import LOOSE_IOU, STRICT_IOU, average_precision
 from advpipe.pipeline.metrics.chamfer import chamfer_distance
 from advpipe.pipeline.metrics.matching import FrameMatches, match_overlaps
-from advpipe.stages.attack.lidar import attach, attach_game, climb, detach, detach_game, harm
+from advpipe.stages.attack.lidar import (
+    attach,
+    attach_game,
+    attack_objective,
+    detach,
+    detach_game,
+    greedy_allocation,
+)
 from advpipe.stages.attack.lidar.attach import Attach
 from advpipe.stages.attack.lidar.detach import Detach
 from advpipe.stages.attack.lidar.perturb import RECIPES, Perturb
@@ -82,9 +89,9 @@ CLIMBING: Mapping[str, Line] = {
     **OTHER_RECIPES,
     "half the rounds": Line({"rounds": 5}),
     "twice the rounds": Line({"rounds": 20}),
-    "rounds of equal size": constant(climb, "CURVE", 1.0),
-    "lower scores do not count": constant(harm, "FAINT", 0.0),
-    "no second look at the choice": constant(climb, "REPAIRS", 1),
+    "rounds of equal size": constant(greedy_allocation, "CURVE", 1.0),
+    "lower scores do not count": constant(attack_objective, "FAINT", 0.0),
+    "no second look at the choice": constant(greedy_allocation, "REPAIRS", 1),
 }
 LINES: Mapping[str, Mapping[str, Line]] = {
     "perturb": {

@@ -40,7 +40,7 @@ from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
 from advpipe.pipeline.misbehaviour.detector import judge_all
 from advpipe.pipeline.misbehaviour.scores import Scores
 from advpipe.pipeline.misbehaviour.tuning import Stream, tune, tune_catch
-from advpipe.pipeline.replay.v2x_attackers import Cast
+from advpipe.pipeline.replay.v2x_attackers import AttackerSelection
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
@@ -212,8 +212,8 @@ def _specs(word: str, clean: Path, seed: int) -> tuple[AttackSpec, ...]:
         return (AttackSpec(type=word, parameters=parameters, schedule=schedule, victim="ego"),)
     victims = ["other"]
     if not gnss_traits(GNSS_ATTACKS[word]).needs_filter:
-        cast = Cast(V2xDrive(BagReader(clean)), str(clean), seed)
-        victims += [cast.names[number] for number in cast.attackers(AttackSpec(type="cam-drop"))]
+        selection = AttackerSelection(V2xDrive(BagReader(clean)), str(clean), seed)
+        victims += [selection.names[number] for number in selection.attackers(AttackSpec(type="cam-drop"))]
     return tuple(AttackSpec(type=word, schedule=schedule, victim=victim) for victim in victims)
 
 

@@ -31,7 +31,7 @@ from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.messages import v2x as bag_v2x
 from advpipe.pipeline.scenario import Scenario, load_scenario
 from advpipe.pipeline.v2x import air as air_module
-from advpipe.pipeline.v2x.air import Air, Sent
+from advpipe.pipeline.v2x.channel import Channel, Sent
 from advpipe.pipeline.v2x.codec.codes import StationType
 from advpipe.pipeline.v2x.facilities import generation
 from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam, encode_cam
@@ -185,7 +185,7 @@ def messages(stations: int = 200, steps: int = 50) -> None:
     """Messages a second through everything but the drive, and through the codec alone."""
     drive = [states(stations, step) for step in range(steps)]
     geodesy = Geodesy(48.0, 11.0, 520.0)
-    air = Air(V2x(), 1, geodesy, {1: "ego"})
+    channel = Channel(V2x(), 1, geodesy, {1: "ego"})
     generators = [generation.CamGenerator(START_NS) for _ in range(stations)]
     antennas_m = [
         np.array([geodesy.to_map([s.latitude_deg, s.longitude_deg, 521.5]) for s in each]) for each in drive
@@ -209,8 +209,8 @@ def messages(stations: int = 200, steps: int = 50) -> None:
             )
         ]
         places = Stations(np.arange(1, stations + 1), antennas_m[step])
-        received += [one.sent.payload for one in air.advance(begin_ns + STEP_NS, places, now).received]
-        air.snapshot("ego", begin_ns + STEP_NS)
+        received += [one.sent.payload for one in channel.advance(begin_ns + STEP_NS, places, now).received]
+        channel.snapshot("ego", begin_ns + STEP_NS)
         sent += now
     whole_s = time.perf_counter() - start_s
     values = [decode_cam(message.payload) for message in sent]

@@ -51,7 +51,7 @@ class Attacked:
     def prepare(self) -> None:
         """Reads what `forge` has to know beforehand; not timed."""
         self._change = forge(self._reader, [self._attack], 1)
-        self._air = self._change.air()
+        self._air = self._change.channel()
 
     def send(self) -> None:
         """Every step through the attack, its labels, the radio and the map."""

@@ -20,7 +20,7 @@ _OF_OTHERS = (
 """Where code lies that is not the user's."""
 
 
-def own_words(words: Iterable[str]) -> tuple[str, ...]:
+def plugin_names(words: Iterable[str]) -> tuple[str, ...]:
     """Those of the attacks and detectors that are named `module:Class`."""
     return tuple(dict.fromkeys(word for word in words if ":" in word))
 

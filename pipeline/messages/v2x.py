@@ -17,7 +17,7 @@ from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.cam_cdr import cam_cdr
 from advpipe.pipeline.messages.cdr import Cdr
 from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATIONS, VehicleTopics
-from advpipe.pipeline.v2x.air import Received, Sent
+from advpipe.pipeline.v2x.channel import Received, Sent
 from advpipe.pipeline.v2x.codec.btp import btp_packet
 from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.codec.codec import CamTree, decode

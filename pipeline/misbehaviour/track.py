@@ -16,7 +16,7 @@ _KALMAN_POSITION_M, _KALMAN_SPEED_MPS = 0.2, 0.15
 _MOST_TURNING_MPS2 = 8.0  # beyond, tyres slip
 
 
-class _Told(NamedTuple):
+class _TrackPoint(NamedTuple):
     """A message, and what all messages up to it tell: the way [m], and how much faster it got [m/s]."""
 
     claim: Claim
@@ -24,11 +24,11 @@ class _Told(NamedTuple):
     y_m: float = 0.0
     faster_mps: float = 0.0
 
-    def then(self, claim: Claim) -> _Told:
+    def then(self, claim: Claim) -> _TrackPoint:
         x_m, y_m = checks.told_way_m(claim, self.claim)
         mean_mps2 = (self.claim.acceleration_mps2 + claim.acceleration_mps2) / 2
         gained_mps = mean_mps2 * checks.elapsed_s(claim, self.claim)
-        return _Told(claim, self.x_m + x_m, self.y_m + y_m, self.faster_mps + gained_mps)
+        return _TrackPoint(claim, self.x_m + x_m, self.y_m + y_m, self.faster_mps + gained_mps)
 
 
 class Track:
@@ -36,7 +36,7 @@ class Track:
 
     def __init__(self, config: DetectorConfig) -> None:
         self._window_s = config.window_s
-        self._told: deque[_Told] = deque()
+        self._told: deque[_TrackPoint] = deque()
         self._kalman = Kalman(config.kalman_acceleration_mps2, _KALMAN_POSITION_M, _KALMAN_SPEED_MPS)
         self.last_fault_ns = 0
 
@@ -54,7 +54,7 @@ class Track:
         if not self._told:
             self.innovation(claim)
         self._kalman.accept()
-        self._told.append(self._told[-1].then(claim) if self._told else _Told(claim))
+        self._told.append(self._told[-1].then(claim) if self._told else _TrackPoint(claim))
         while len(self._told) > 2 and checks.elapsed_s(claim, self._told[1].claim) >= self._window_s:
             self._told.popleft()
 

@@ -18,7 +18,7 @@ _NAMED = 8
 
 
 @dataclass
-class Cast:
+class AttackerSelection:
     """The stations of a drive, and the roadside units that attacks add to them.
 
     names: of all radios, by station id. units: radios of the roadside units, which stand still.

@@ -14,7 +14,7 @@ from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.message_bounds import LATEST_NS
 from advpipe.pipeline.messages.topics import SCENARIO_INFO, V2X_BUILDINGS, V2X_SENT, V2X_STATIONS
 from advpipe.pipeline.messages.v2x import RadioPlace, sent_of_message, stations_of, stations_of_message
-from advpipe.pipeline.v2x.air import Air, Heard, Received, Sent
+from advpipe.pipeline.v2x.channel import Channel, ChannelResult, Received, Sent
 from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 
@@ -38,9 +38,9 @@ class V2xDrive:
     """Reads it from a bag that `simulate` has recorded; memory holds one step.
 
     >>> drive = V2xDrive(BagReader(path))
-    >>> air = drive.air()
+    >>> channel = drive.channel()
     >>> for step in drive.steps():
-    ...     heard = drive.send(air, step, step.sent)  # or other messages instead
+    ...     heard = drive.send(channel, step, step.sent)  # or other messages instead
 
     v2x, seed, origin: those of the scenario. stations: all vehicles that had a radio, by its number.
     listeners: the instrumented ones among them. until_ns: nothing is read of what comes after the step in
@@ -57,8 +57,8 @@ class V2xDrive:
         self.stations = read_stations(reader, until_ns)
         self.listeners = {number: name for number, name in self.stations.items() if name in info.vehicles}
 
-    def air(self, decoder: Callable[[bytes], CamTree] | None = None) -> Air:
-        """The medium and the maps as they were when the drive began. decoder: see `Air`.
+    def channel(self, decoder: Callable[[bytes], CamTree] | None = None) -> Channel:
+        """The medium and the maps as they were when the drive began. decoder: see `Channel`.
 
         Raises UsageError for a drive through another network than ours, which nobody can run again.
         """
@@ -68,7 +68,7 @@ class V2xDrive:
                 "again through the embedded one only"
             )
         geodesy = Geodesy(self.origin.latitude_deg, self.origin.longitude_deg, self.origin.altitude_m)
-        return Air(self.v2x, self.seed, geodesy, self.listeners, self._buildings(), decoder)
+        return Channel(self.v2x, self.seed, geodesy, self.listeners, self._buildings(), decoder)
 
     def steps(self) -> Iterator[V2xStep]:
         """All steps of the drive, as `read_steps` reads them."""
@@ -81,16 +81,16 @@ class V2xDrive:
         for all others.
         """
         self.listeners = {number: self.stations[number] for number in sorted(listeners)}
-        air = self.air()
+        channel = self.channel()
         for step in self.steps():
-            yield step, self.send(air, step, step.sent).received if listeners else ()
+            yield step, self.send(channel, step, step.sent).received if listeners else ()
 
-    def send(self, air: Air, step: V2xStep, sent: Sequence[Sent]) -> Heard:
+    def send(self, channel: Channel, step: V2xStep, sent: Sequence[Sent]) -> ChannelResult:
         """Goes through one step with these messages."""
         stations = stations_of(self.v2x, step.radios)
         if step.end_ns is None:
-            return air.finish(step.begin_ns, stations)
-        return air.advance(step.end_ns, stations, sent)
+            return channel.finish(step.begin_ns, stations)
+        return channel.advance(step.end_ns, stations, sent)
 
     def _buildings(self) -> Buildings | None:
         if V2X_BUILDINGS.name not in self._reader.topics:

@@ -14,7 +14,7 @@ from pydantic import Field
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.v2x.radio.load import ChannelLoad
 from advpipe.pipeline.v2x.radio.medium import Step
-from advpipe.pipeline.v2x.radio.stations import Fates, Int64, Outcome
+from advpipe.pipeline.v2x.radio.stations import Int64, Outcome, ReceptionOutcomes
 
 BIN_M = 50.0
 BINS = 30
@@ -142,20 +142,20 @@ class Tally:
 
     def add(self, step: Step) -> None:
         """Counts what became known in a step of the medium."""
-        fates = step.fates
-        is_received = fates.outcome == Outcome.RECEIVED
-        outcomes = np.bincount(fates.outcome.ravel(), minlength=len(Outcome))
-        pairs, received = delivery_by_distance(fates.distance_m.ravel(), is_received.ravel())
-        pairs[0] -= outcomes[Outcome.OWN]  # who sends is no distance from itself
+        outcomes = step.outcomes
+        is_received = outcomes.outcome == Outcome.RECEIVED
+        by_outcome = np.bincount(outcomes.outcome.ravel(), minlength=len(Outcome))
+        pairs, received = delivery_by_distance(outcomes.distance_m.ravel(), is_received.ravel())
+        pairs[0] -= by_outcome[Outcome.OWN]  # who sends is no distance from itself
         self._pairs += pairs
         self._received += received
-        self._outcomes += outcomes
+        self._outcomes += by_outcome
         row, column = np.nonzero(is_received)
-        delays_ns = fates.arrival_ns[row, column] - fates.request_ns[row]
+        delays_ns = outcomes.arrival_ns[row, column] - outcomes.request_ns[row]
         self._delay_sum_ns += int(delays_ns.sum())
         self._delay_max_ns = max(self._delay_max_ns, int(delays_ns.max(initial=0)))
-        self._dropped += len(fates.dropped)
-        self._add_senders(fates)
+        self._dropped += len(outcomes.dropped)
+        self._add_senders(outcomes)
         for load in step.loads:
             self._add_load(load)
 
@@ -179,10 +179,10 @@ class Tally:
             busy_max=tuple(load[2] for load in self._loads),
         )
 
-    def _add_senders(self, fates: Fates) -> None:
-        order = np.argsort(fates.request_ns, kind="stable")
+    def _add_senders(self, outcomes: ReceptionOutcomes) -> None:
+        order = np.argsort(outcomes.request_ns, kind="stable")
         for station, time_ns in zip(
-            fates.senders[order].tolist(), fates.request_ns[order].tolist(), strict=True
+            outcomes.senders[order].tolist(), outcomes.request_ns[order].tolist(), strict=True
         ):
             sender = self._senders.get(station)
             if sender is None:

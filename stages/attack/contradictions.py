@@ -25,9 +25,9 @@ def refuse_contradictions(reader: BagReader, attacks: Sequence[AttackSpec], seed
         if not shared or not one.schedule.overlaps(other.schedule):
             continue
         if attackers is None:  # it takes a look through the drive
-            from advpipe.pipeline.replay.v2x_attackers import Cast
+            from advpipe.pipeline.replay.v2x_attackers import AttackerSelection
 
-            attackers = Cast(V2xDrive(reader), str(reader.path), seed).attackers
+            attackers = AttackerSelection(V2xDrive(reader), str(reader.path), seed).attackers
         if not set(attackers(one)).isdisjoint(attackers(other)):
             raise UsageError(
                 f"{one.type} and {other.type} contradict each other: both set the {min(shared)} of the same "

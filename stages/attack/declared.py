@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.plugins import mistakes_reported, own_words
+from advpipe.pipeline.core.plugins import mistakes_reported, plugin_names
 from advpipe.pipeline.core.shown import shown
 from advpipe.pipeline.labels.declaration import Declaration
 from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES
@@ -36,7 +36,7 @@ def declaration_of(spec: AttackSpec) -> Declaration:
 
 def _of_clouds(spec: AttackSpec, attack: LidarAttack) -> Declaration:
     bounds: dict[str, tuple[float, float]] = {}
-    with mistakes_reported(own_words([spec.type])):
+    with mistakes_reported(plugin_names([spec.type])):
         for name, (least, most) in attack.bounds.items():
             if name not in CLOUD_QUANTITIES:
                 known = ", ".join(CLOUD_QUANTITIES)

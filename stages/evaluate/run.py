@@ -19,7 +19,7 @@ from advpipe.pipeline.results.origin import Origin
 from advpipe.stages.evaluate.bags import Bags
 from advpipe.stages.evaluate.cooperative.section import KEY as COOPERATIVE
 from advpipe.stages.evaluate.detection.comparison import Comparison
-from advpipe.stages.evaluate.detection.looking import Looking
+from advpipe.stages.evaluate.detection.detection_run import DetectionRun
 from advpipe.stages.evaluate.detection.scoring import known_classes
 from advpipe.stages.evaluate.detection.summary import Summary, summarise
 from advpipe.stages.evaluate.families import added_sections
@@ -105,7 +105,7 @@ def _load(options: Options, at_most: int | None = None) -> dict[str, Detector]:
 
 def _score(bags: Bags, name: str, model: Detector, options: Options, workers: int | None) -> list[Summary]:
     """What one detector makes of each adversarial bag whose clouds were attacked, or of the clean bag."""
-    comparisons = _looking(bags, name, options).comparisons(workers)
+    comparisons = _detection_run(bags, name, options).comparisons(workers)
     topic = find_lidar_topic(BagReader(bags.clean), options.lidar_topic)
     return [
         summarise(
@@ -119,8 +119,8 @@ def _score(bags: Bags, name: str, model: Detector, options: Options, workers: in
     ]
 
 
-def _looking(bags: Bags, detector: str, options: Options) -> Looking:
-    return Looking(
+def _detection_run(bags: Bags, detector: str, options: Options) -> DetectionRun:
+    return DetectionRun(
         detector,
         bags.clean,
         tuple(bags.on_clouds),

@@ -11,7 +11,7 @@ from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import wrong_use
 from advpipe.pipeline.core.garbage import gc_frozen
 from advpipe.pipeline.core.partial import FolderKind, staged_folder
-from advpipe.pipeline.core.plugins import mistakes_reported, own_words
+from advpipe.pipeline.core.plugins import mistakes_reported, plugin_names
 from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.core.seeding import named_generator
@@ -76,7 +76,7 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
     Raises AdvpipeError for a map that is none, a network without room, or an output that exists.
     """
     text, seed = dump_scenario(scenario), scenario.simulation.seed
-    own = own_words((scenario.traffic.source, scenario.world, scenario.v2x.network))
+    own = plugin_names((scenario.traffic.source, scenario.world, scenario.v2x.network))
     with (
         staged_folder(out, overwrite, DATA_SET) as folder,
         scratch_folder() as scratch,

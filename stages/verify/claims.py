@@ -20,11 +20,11 @@ from mcap.records import (
 from advpipe.pipeline.mcap.records import Record, parse
 
 if TYPE_CHECKING:
-    from advpipe.stages.verify.walk import Walk
+    from advpipe.stages.verify.mcap_scanner import McapScanner
 
 
-def check_claims(walk: Walk, records: Iterable[Record], summary_start: int) -> None:
-    """Compare the summary with what was read; differences become faults of the walk.
+def check_claims(scanner: McapScanner, records: Iterable[Record], summary_start: int) -> None:
+    """Compare the summary with what was read; differences become faults of the scanner.
 
     summary_start: where the data section ended. A summary may leave things out, as the format allows; what it
     says has to be so.
@@ -35,12 +35,12 @@ def check_claims(walk: Walk, records: Iterable[Record], summary_start: int) -> N
     for record in records:
         parsed = parse(record.opcode, record.body)
         if parsed is None:
-            walk.faults.append(f"a record of kind {record.opcode:#04x} lies in the summary")
+            scanner.faults.append(f"a record of kind {record.opcode:#04x} lies in the summary")
             continue
-        walk.check_bytes(record, parsed)
+        scanner.check_bytes(record, parsed)
         length = record.end - record.start
         if footer is not None:
-            walk.faults.append("there are records behind the footer")
+            scanner.faults.append("there are records behind the footer")
         if isinstance(parsed, Footer):
             footer = parsed
             continue
@@ -52,57 +52,59 @@ def check_claims(walk: Walk, records: Iterable[Record], summary_start: int) -> N
             groups.append(SummaryOffset(record.opcode, record.start, length))
         told.append(parsed)
     if footer is None:
-        walk.faults.append("the footer is missing")
+        scanner.faults.append("the footer is missing")
         return
     if footer.summary_start != (summary_start if told else 0):
-        walk.faults.append("the footer names another place for the summary")
+        scanner.faults.append("the footer names another place for the summary")
     if footer.summary_offset_start != offset_start:
-        walk.faults.append("the footer names another place for the summary's offsets")
+        scanner.faults.append("the footer names another place for the summary's offsets")
     offsets = [one for one in told if isinstance(one, SummaryOffset) and one.group_length]
     if offsets and _by_start(offsets) != _by_start(groups):
-        walk.faults.append("the summary's offsets are not those of its groups")
-    _compare(walk, told)
+        scanner.faults.append("the summary's offsets are not those of its groups")
+    _compare(scanner, told)
 
 
 def _by_start(offsets: list[SummaryOffset]) -> list[tuple[int, int, int]]:
     return sorted((one.group_start, one.group_opcode, one.group_length) for one in offsets)
 
 
-def _compare(walk: Walk, told: list[McapRecord]) -> None:
+def _compare(scanner: McapScanner, told: list[McapRecord]) -> None:
     for schema in (one for one in told if isinstance(one, Schema)):
-        if walk.schemas.get(schema.id) != schema:
-            walk.faults.append(f"the summary has another schema {schema.id} than the data")
+        if scanner.schemas.get(schema.id) != schema:
+            scanner.faults.append(f"the summary has another schema {schema.id} than the data")
     for channel in (one for one in told if isinstance(one, Channel)):
-        if walk.channels.get(channel.id, channel) != channel:
-            walk.faults.append(f"the summary has another channel {channel.id} than the data")
+        if scanner.channels.get(channel.id, channel) != channel:
+            scanner.faults.append(f"the summary has another channel {channel.id} than the data")
     indexes = sorted((c for c in told if isinstance(c, ChunkIndex)), key=lambda c: c.chunk_start_offset)
-    if indexes and indexes != walk.chunks:
-        walk.faults.append("the summary's index of chunks is not that of the chunks")
+    if indexes and indexes != scanner.chunks:
+        scanner.faults.append("the summary's index of chunks is not that of the chunks")
     metadata = sorted((m for m in told if isinstance(m, MetadataIndex)), key=lambda m: m.offset)
-    if metadata and metadata != walk.metadata:
-        walk.faults.append("the summary's index of metadata is not that of the records")
+    if metadata and metadata != scanner.metadata:
+        scanner.faults.append("the summary's index of metadata is not that of the records")
     attached = sum(isinstance(one, AttachmentIndex) for one in told)
-    if attached not in (0, walk.attachments):
-        walk.faults.append(f"the summary lists {attached} attachments, {walk.attachments} are there")
+    if attached not in (0, scanner.attachments):
+        scanner.faults.append(f"the summary lists {attached} attachments, {scanner.attachments} are there")
     for statistics in (one for one in told if isinstance(one, Statistics)):
-        _compare_statistics(walk, statistics, {one.id for one in told if isinstance(one, Schema)})
+        _compare_statistics(scanner, statistics, {one.id for one in told if isinstance(one, Schema)})
 
 
-def _compare_statistics(walk: Walk, told: Statistics, schema_ids: set[int]) -> None:
+def _compare_statistics(scanner: McapScanner, told: Statistics, schema_ids: set[int]) -> None:
     real = {
-        "message_count": sum(walk.counts.values()),
-        "schema_count": len(schema_ids | set(walk.schemas)),
-        "chunk_count": len(walk.chunks),
-        "metadata_count": len(walk.metadata),
-        "attachment_count": walk.attachments,
-        "message_start_time": walk.first_ns or 0,
-        "message_end_time": walk.last_ns or 0,
+        "message_count": sum(scanner.counts.values()),
+        "schema_count": len(schema_ids | set(scanner.schemas)),
+        "chunk_count": len(scanner.chunks),
+        "metadata_count": len(scanner.metadata),
+        "attachment_count": scanner.attachments,
+        "message_start_time": scanner.first_ns or 0,
+        "message_end_time": scanner.last_ns or 0,
     }
     for name, number in real.items():
         if getattr(told, name) != number:
-            walk.faults.append(f"the statistics say {name} {getattr(told, name)}, it is {number}")
+            scanner.faults.append(f"the statistics say {name} {getattr(told, name)}, it is {number}")
     counts = {key: count for key, count in told.channel_message_counts.items() if count}
-    if counts != walk.counts:
-        walk.faults.append("the statistics count other messages of a channel than there are")
-    if told.channel_count < len(walk.channels):
-        walk.faults.append(f"the statistics say channel_count {told.channel_count}: {len(walk.channels)}")
+    if counts != scanner.counts:
+        scanner.faults.append("the statistics count other messages of a channel than there are")
+    if told.channel_count < len(scanner.channels):
+        scanner.faults.append(
+            f"the statistics say channel_count {told.channel_count}: {len(scanner.channels)}"
+        )

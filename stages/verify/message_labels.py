@@ -17,8 +17,8 @@ from advpipe.pipeline.v2x.facilities.cam_values import (
     values_of_payload,
 )
 from advpipe.pipeline.v2x.facilities.effect import matters
-from advpipe.stages.verify.ledger import Ledger, Message, Row, Story
-from advpipe.stages.verify.liars import Liars
+from advpipe.stages.verify.attackers import DeclaredAttackers
+from advpipe.stages.verify.message_store import Message, MessageDiff, MessageStore, Row
 
 ROUNDING_M = 1e-6
 """Between two machines' projections."""
@@ -49,29 +49,29 @@ class MessageLabels:
     attacks.
     """
 
-    ledger: Ledger
-    liars: Liars
+    store: MessageStore
+    attackers: DeclaredAttackers
     reacts: bool
     chained: int = 0
 
     def is_held_back(self, station_id: int) -> bool:
         """Whether a message of this station may be missing without a label."""
-        return self.reacts and station_id not in self.liars.attackers
+        return self.reacts and station_id not in self.attackers.attackers
 
-    def first_wrong(self, story: Story) -> Iterator[str]:
+    def first_wrong(self, diff: MessageDiff) -> Iterator[str]:
         """What is wrong first with the labels of a message, if anything."""
-        self.chained += len(story.labels) > 1
-        return islice(self._wrong(story), 1)
+        self.chained += len(diff.labels) > 1
+        return islice(self._wrong(diff), 1)
 
-    def _wrong(self, story: Story) -> Iterator[str]:
-        recorded = before = None if story.clean is None else _state(story.clean)
+    def _wrong(self, diff: MessageDiff) -> Iterator[str]:
+        recorded = before = None if diff.clean is None else _state(diff.clean)
         is_late = False
-        for row in story.labels:
+        for row in diff.labels:
             origin = before
             if row["action"] == CHANGED and recorded is not None:
                 # What was delayed into another step is judged by what it was then.
                 origin = before if is_late and row["time_ns"] != recorded.request_ns else recorded
-            yield from _action(row, before, story.forged)
+            yield from _action(row, before, diff.forged)
             yield from self._who(row, before)
             yield from _times(row, origin)
             yield from _values(row, "true", self._honest(row, origin))
@@ -79,8 +79,8 @@ class MessageLabels:
             after = None if row["action"] == DROPPED else _after(row)
             if after is None:
                 yield from _values(row, "false", None)
-            if row is story.labels[-1]:
-                yield from self._end(story, after)
+            if row is diff.labels[-1]:
+                yield from self._end(diff, after)
             elif after is None:
                 yield "is labelled again after it was dropped"
             yield from self._places(row)
@@ -90,26 +90,26 @@ class MessageLabels:
     def _who(self, row: Row, before: _State | None) -> Iterator[str]:
         """Sender, attack, attacker, part, and whether the attack was on."""
         number, name = row["station_id"], row["attack"]
-        sender = self.liars.names.get(number, "")
+        sender = self.attackers.names.get(number, "")
         if row["sender"] != sender:
             yield f"is from {sender or 'nobody'}, not {row['sender']}"
-        named = self.liars.named(name)
+        named = self.attackers.named(name)
         if not named:
             yield f"is labelled {name}, which is none of the bag's attacks"
-        liars = [one for one in named if number in one.senders]
-        if not liars:
+        attackers = [one for one in named if number in one.senders]
+        if not attackers:
             yield f"is from {sender}, whose messages {name} does not touch"
-        if row["attacker"] not in {sender if one.is_sender else "" for one in liars}:
+        if row["attacker"] not in {sender if one.is_sender else "" for one in attackers}:
             yield f"is not by {row['attacker'] or 'nobody'}, as its attacker says"
-        liars = [
+        attackers = [
             one
-            for one in liars
+            for one in attackers
             if "part" not in row or one.is_undeclared or row["part"] == one.parts.get(number, "")
         ]
-        if not liars:
+        if not attackers:
             yield f"is not by part {row['part']!r} of {name}"
         time_ns = row["time_ns"] if before is None else before.request_ns
-        if not any(one.acts(time_ns) for one in liars):
+        if not any(one.acts(time_ns) for one in attackers):
             yield f"was touched at {time_ns} ns, when {name} was not on"
 
     def _honest(self, row: Row, origin: _State | None) -> Values | None:
@@ -117,12 +117,12 @@ class MessageLabels:
         if row["action"] not in (ADDED, DELAYED):
             return None if origin is None else origin.values
         station_id = row["false_station_id"]
-        payload = None if station_id is None else self.ledger.last_of(station_id, row["sent_ns"])
+        payload = None if station_id is None else self.store.last_of(station_id, row["sent_ns"])
         return None if payload is None else values_of_payload(payload)
 
-    def _end(self, story: Story, told: _State | None) -> Iterator[str]:
+    def _end(self, diff: MessageDiff, told: _State | None) -> Iterator[str]:
         """Whether the adversarial bag holds what the last label tells."""
-        row, clean, forged = story.labels[-1], story.clean, story.forged
+        row, clean, forged = diff.labels[-1], diff.clean, diff.forged
         if forged is None:
             if told is not None and not self.is_held_back(told.station_id):
                 yield "is missing, and no label says that it was dropped"
@@ -133,13 +133,13 @@ class MessageLabels:
         if told.request_ns != forged.request_ns:
             yield f"was sent at {forged.request_ns} ns, not {told.request_ns}"
         is_same = clean is not None and clean.payload == forged.payload
-        if len(story.labels) == 1 and is_same == (row["action"] == CHANGED) and row["action"] in _BYTES:
+        if len(diff.labels) == 1 and is_same == (row["action"] == CHANGED) and row["action"] in _BYTES:
             yield f"is labelled {row['action']}, which it is not"
         yield from _values(row, "false", values_of_payload(forged.payload))
 
     def _places(self, row: Row) -> Iterator[str]:
         """x and y, which follow from latitude and longitude."""
-        expected_m = places_m(self.liars.geodesy, [_told(row, "true"), _told(row, "false")])
+        expected_m = places_m(self.attackers.geodesy, [_told(row, "true"), _told(row, "false")])
         for kind, place_m in zip(("true", "false"), expected_m.T.tolist(), strict=True):
             for axis, value_m in zip(AXES, place_m, strict=True):
                 told_m = _number(row[f"{kind}_{axis}"])
@@ -154,11 +154,11 @@ class MessageLabels:
             fields = changed_fields(said, false)
         if row.get("fields", fields) != fields:
             yield f"has its {fields or 'nothing'} changed, not {row['fields'] or 'nothing'}"
-        always = self.liars.every_message_matters(row["attack"], row["station_id"], row.get("part", ""))
+        always = self.attackers.every_message_matters(row["attack"], row["station_id"], row.get("part", ""))
         mattered = row["action"] == DROPPED or bool(always)
         if not mattered:
             moved_m = math.hypot(*(_number(row[f"true_{a}"]) - _number(row[f"false_{a}"]) for a in AXES))
-            mattered = matters(true, false, moved_m, self.liars.expiry_s)
+            mattered = matters(true, false, moved_m, self.attackers.expiry_s)
         if always is None and not mattered:
             return
         if row["mattered"] is not (mattered and row["action"] != CORRUPT):

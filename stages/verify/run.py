@@ -14,10 +14,10 @@ from advpipe.pipeline.dataset import archive
 from advpipe.pipeline.dataset.parts import existing_parts, whole_name
 from advpipe.pipeline.mcap.reader import DAMAGE
 from advpipe.stages.verify.checks.base import BagCheck, FolderCheck, MessageCheck, Seen
+from advpipe.stages.verify.mcap_scanner import McapScanner
 from advpipe.stages.verify.registry import CHECKS, QUICK, QUICK_ALONE
 from advpipe.stages.verify.result import Fault, Gap, Result, Verification
 from advpipe.stages.verify.subject import Bag, Subject, find_subject
-from advpipe.stages.verify.walk import Walk
 
 __all__ = ["verify"]
 
@@ -100,8 +100,8 @@ def _check_bag(bag: Bag, result: Verification) -> None:
     classes = {name: CHECKS[name] for name in result.checks}
     checks = {name: made(bag) for name, made in classes.items() if issubclass(made, BagCheck)}
     watching = [(name, check) for name, check in checks.items() if isinstance(check, MessageCheck)]
-    bag.walks = [Walk(file) for file in files]
-    messages = (raw for walk in bag.walks for raw in walk.messages())
+    bag.scanners = [McapScanner(file) for file in files]
+    messages = (raw for scanner in bag.scanners for raw in scanner.messages())
     for raw in track(messages, f"checking {bag.place}", count):
         seen = Seen(bag, raw)
         for name, watcher in watching:

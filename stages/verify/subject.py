@@ -17,21 +17,21 @@ from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.core.leftover_names import has_leftover_name
 from advpipe.pipeline.dataset import checksums
 from advpipe.pipeline.dataset.layout import Layout, read_layout
+from advpipe.stages.verify.mcap_scanner import McapScanner
 from advpipe.stages.verify.scan import FileScan, scan
-from advpipe.stages.verify.walk import Walk
 
 
 @dataclass
 class Bag:
     """A bag under test: its folder or .mcap file, and its name in findings.
 
-    walks: of its files, filled while the messages are read. candidates: bags that may be its parent.
+    scanners: of its files, filled while the messages are read. candidates: bags that may be its parent.
     """
 
     path: Path
     place: str
     subject: Subject
-    walks: list[Walk] = field(default_factory=list)
+    scanners: list[McapScanner] = field(default_factory=list)
 
     @cached_property
     def reader(self) -> BagReader:

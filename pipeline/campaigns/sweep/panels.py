@@ -14,7 +14,7 @@ from advpipe.pipeline.campaigns.sweep.cell import Cell
 from advpipe.pipeline.core.figure import Figure
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.registry import load_detector
-from advpipe.stages.evaluate.detection.looking import Looking
+from advpipe.stages.evaluate.detection.detection_run import DetectionRun
 from advpipe.stages.evaluate.detection.scoring import known_classes
 from advpipe.stages.evaluate.detection.summary import summarise
 from advpipe.stages.evaluate.report.birds_eye import draw_view, legend
@@ -53,7 +53,7 @@ def load_scenes(
 ) -> list[Scene]:
     """The frame before and after each attack; boxes are those above the working score of the cells."""
     settings = cells[0].settings
-    looking = Looking(
+    looking = DetectionRun(
         detector,
         clean,
         tuple(bags),

@@ -19,8 +19,8 @@ from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
 from advpipe.pipeline.results.evaluation import plain
 from advpipe.stages.evaluate.detection.arm import Arm
 from advpipe.stages.evaluate.detection.comparison import FrameResult
+from advpipe.stages.evaluate.detection.detection_run import DetectionRun
 from advpipe.stages.evaluate.detection.figures import ratio_draws
-from advpipe.stages.evaluate.detection.looking import Looking
 from advpipe.stages.evaluate.detection.scoring import known_classes
 from advpipe.stages.evaluate.detection.summary import summarise
 
@@ -39,7 +39,7 @@ def scored_cell(
     device: str = CPU,
 ) -> Cell:
     """Score an adversarial bag of these settings beside the clean one and random baselines."""
-    looking = Looking(
+    looking = DetectionRun(
         detector,
         clean,
         (bag,),

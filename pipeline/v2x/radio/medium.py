@@ -1,4 +1,4 @@
-"""The radio medium: time goes on step by step, messages go in, fates come out."""
+"""The radio medium: time goes on step by step, messages go in, outcomes come out."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from advpipe.pipeline.v2x.radio.link import Link
 from advpipe.pipeline.v2x.radio.load import WINDOW_NS, ChannelLoad, busy_ratio
 from advpipe.pipeline.v2x.radio.ofdm import CONTENTION_SLOTS, Ofdm
 from advpipe.pipeline.v2x.radio.reception import Receiver
-from advpipe.pipeline.v2x.radio.stations import Fates, Stations, Transmissions
+from advpipe.pipeline.v2x.radio.stations import ReceptionOutcomes, Stations, Transmissions
 from advpipe.pipeline.v2x.section import Radio
 
 
 class Step(NamedTuple):
-    """What became known in one step: fates of messages, and the load of each window that ended in it."""
+    """What became known in one step: outcomes of messages, and the load of each window that ended in it."""
 
-    fates: Fates
+    outcomes: ReceptionOutcomes
     loads: tuple[ChannelLoad, ...]
 
 
@@ -30,7 +30,7 @@ class Medium:
 
     >>> medium = Medium(scenario.v2x.radio, seed=1)
     >>> for stations, transmissions, until_ns in drive:
-    ...     fates, loads = medium.advance(until_ns, stations, transmissions)
+    ...     outcomes, loads = medium.advance(until_ns, stations, transmissions)
 
     A message's fate is known once the medium has advanced past its end, so that of one sent just before the
     end of a step comes with the next step. Cutting the same time into other steps changes nothing.
@@ -68,10 +68,10 @@ class Medium:
         ended = [frame for frame in self._sent if not frame.is_reported and frame.end_ns <= until_ns]
         ended.sort(key=lambda frame: (frame.end_ns, frame.start_ns))
         lost = np.array([frame.message for frame in (*dropped, *expired)], np.int64)
-        fates = self._receiver.fates(ended, self._sent, stations, lost)
+        outcomes = self._receiver.outcomes(ended, self._sent, stations, lost)
         loads = tuple(self._load(end_ns) for end_ns in _window_ends(first_ns, until_ns))
         self._forget(ended, until_ns)
-        return Step(fates, loads)
+        return Step(outcomes, loads)
 
     def _rearrange(self, stations: Stations) -> list[Frame]:
         """Takes over the stations of this step; the messages of those that have gone."""

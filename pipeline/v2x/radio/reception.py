@@ -11,7 +11,15 @@ from advpipe.pipeline.v2x.radio.draws import Draws
 from advpipe.pipeline.v2x.radio.error_rate import flawless_db, success_rate
 from advpipe.pipeline.v2x.radio.frame import Frame
 from advpipe.pipeline.v2x.radio.path_loss import SPEED_OF_LIGHT_MPS
-from advpipe.pipeline.v2x.radio.stations import Bool, Fates, Int64, Outcome, Stations, UInt8, UInt64
+from advpipe.pipeline.v2x.radio.stations import (
+    Bool,
+    Int64,
+    Outcome,
+    ReceptionOutcomes,
+    Stations,
+    UInt8,
+    UInt64,
+)
 from advpipe.pipeline.v2x.section import Radio
 
 
@@ -30,9 +38,9 @@ class Receiver:
         self._channel_bitrate_mbps = radio.bitrate_mbps * 10 / radio.bandwidth_mhz
         self._flawless_db = max(flawless_db(self._channel_bitrate_mbps), radio.snir_threshold_db)
 
-    def fates(
+    def outcomes(
         self, final: Sequence[Frame], on_air: Sequence[Frame], stations: Stations, dropped: Int64
-    ) -> Fates:
+    ) -> ReceptionOutcomes:
         """Of the messages `final`; `on_air` are these and all others that overlap with them."""
         radio, count = self._radio, len(stations.ids)
         start_ns, end_ns, key, bits = _columns(final, "start_ns", "end_ns", "key", "bits")
@@ -66,7 +74,7 @@ class Receiver:
         outcome[np.flatnonzero(present), senders[present]] = Outcome.OWN
         message, sender_id, request_ns = _columns(final, "message", "sender_id", "request_ns")
         arrival_ns = self._arrival_ns(end_ns, distance_m, keys, stations, outcome)
-        return Fates(
+        return ReceptionOutcomes(
             messages=message,
             senders=sender_id,
             request_ns=request_ns,

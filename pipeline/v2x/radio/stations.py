@@ -1,4 +1,4 @@
-"""What the medium is told and what it tells: stations, transmissions, fates."""
+"""What the medium is told and what it tells: stations, transmissions, outcomes."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Stations:
 class Transmissions:
     """M messages that stations hand to their radios.
 
-    messages: (M,), the caller's numbers for them, handed back in `Fates`.
+    messages: (M,), the caller's numbers for them, handed back in `ReceptionOutcomes`.
     keys: (M,), of their random draws; see `draws.message_keys`.
     senders: (M,), ids of the stations. request_ns: (M,), when they are handed over.
     cam_bytes: (M,), length of each CAM. power_dbm: (M,), or None for that of the settings.
@@ -104,7 +104,7 @@ class Reception(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Fates:
+class ReceptionOutcomes:
     """What became of M messages at S stations.
 
     messages, senders, request_ns, start_ns, end_ns: (M,), in order of their ends; handed over, and on the

@@ -15,14 +15,14 @@ def _fill(add: Add[GnssAttack]) -> None:
     from advpipe.stages.attack.gnss.jump import Jump
     from advpipe.stages.attack.gnss.relocate import Relocate
     from advpipe.stages.attack.gnss.replay import Replay
-    from advpipe.stages.attack.gnss.walk import Walk
+    from advpipe.stages.attack.gnss.walk import RandomWalk
 
     add("gnss-bias", Bias)
     add("gnss-relocate", Relocate)
     add("gnss-drift", Drift)
     add("gnss-drift-aware", DriftAware)
     add("gnss-jump", Jump)
-    add("gnss-walk", Walk)
+    add("gnss-walk", RandomWalk)
     add("gnss-replay", Replay)
     add("gnss-freeze", Freeze)
     add("gnss-jam", Jam)

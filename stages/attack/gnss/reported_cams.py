@@ -11,7 +11,7 @@ import numpy as np
 from advpipe.pipeline.localisation.estimate import Innovation
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.replay.v2x_drive import V2xStep
-from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.facilities.cam import Cam
 from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam, encode_cam

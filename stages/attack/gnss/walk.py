@@ -12,7 +12,7 @@ from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, Spo
 
 
 @dataclass(frozen=True, kw_only=True)
-class Walk(GnssAttack):
+class RandomWalk(GnssAttack):
     """The horizontal offset is a Brownian motion from zero at the begin of a span.
 
     From one attacked fix to the next, t later, each axis moves by a normal draw of standard deviation

@@ -19,6 +19,7 @@ from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
 from advpipe.stages.attack.lidar.attach_game import AttachGame
 from advpipe.stages.attack.lidar.attach_paper import salient_copies
 from advpipe.stages.attack.lidar.attach_places import Places, ball_places, joined, voxel_places
+from advpipe.stages.attack.lidar.attack_objective import AttackObjective
 from advpipe.stages.attack.lidar.base import (
     NO_GRADIENT,
     Budget,
@@ -29,11 +30,10 @@ from advpipe.stages.attack.lidar.base import (
     join_notes,
     unchanged,
 )
-from advpipe.stages.attack.lidar.climb import climb, looks
 from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
 from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners
 from advpipe.stages.attack.lidar.gradient import gradient_of
-from advpipe.stages.attack.lidar.harm import Harm
+from advpipe.stages.attack.lidar.greedy_allocation import greedy_allocation, queries
 from advpipe.stages.attack.lidar.selection import NoGradientError
 from advpipe.stages.attack.lidar.targets import detection_loss
 
@@ -43,7 +43,7 @@ Int64 = npt.NDArray[np.int64]
 
 RECIPES = ("best", "robust", "paper", "random", "random-near", "random-best")
 
-CLIMBING = ("best", "robust", "random-best")
+QUERYING = ("best", "robust", "random-best")
 """Those that look at what the detector finds, and keep the best."""
 
 MAX_EPS_M = 5.0
@@ -107,11 +107,11 @@ class Attach(LidarAttack):
             ),
         ),
         only_for={
-            "rounds": CLIMBING,
-            "goal": CLIMBING,
+            "rounds": QUERYING,
+            "goal": QUERYING,
             "weight": ("paper",),
             "decay_m": ("best", "robust"),
-            "intensity": CLIMBING,
+            "intensity": QUERYING,
         },
     )
 
@@ -156,9 +156,9 @@ class Attach(LidarAttack):
         }
 
     @property
-    def looks(self) -> int:
+    def queries(self) -> int:
         """How many tries the detector judges, for the best to be kept."""
-        return looks(self.rounds) if self.recipe in CLIMBING else 1
+        return queries(self.rounds) if self.recipe in QUERYING else 1
 
     def __call__(
         self, cloud: Cloud, boxes: Boxes, detector: Detector, rng: np.random.Generator
@@ -168,7 +168,7 @@ class Attach(LidarAttack):
         if not len(scene):
             return unchanged(cloud, "no points to start from")
         goal = goal_of(self.constraints, detector, scene, boxes)
-        loss_before = detection_loss(detector, scene, goal.taught)
+        loss_before = detection_loss(detector, scene, goal.loss_targets)
         focused = self.recipe != "random" or self.constraints.objects or self.constraints.ghost
         if not len(goal) and focused:
             return unchanged(cloud, goal.note)
@@ -183,7 +183,7 @@ class Attach(LidarAttack):
         for column, name in enumerate(("x", "y", "z", "intensity")):
             added[name] = places.points[:, column]
         adversarial = np.concatenate([cloud, added])
-        loss_after = detection_loss(detector, np.concatenate([scene, added]), goal.taught)
+        loss_after = detection_loss(detector, np.concatenate([scene, added]), goal.loss_targets)
         note = join_notes(goal.note if len(goal) else "", note)
         return LidarResult(adversarial, _labels(scene, added), loss_before, loss_after, note)
 
@@ -191,7 +191,7 @@ class Attach(LidarAttack):
         self, clean: Float32, goal: Goal, detector: Detector, rules: Rules, rng: np.random.Generator
     ) -> tuple[Places, str]:
         """Where the new points stand, and what the user must know."""
-        boxes = goal.fought.boxes.double().numpy()
+        boxes = goal.targets.boxes.double().numpy()
         everywhere = np.flatnonzero(rules.allowed)
         if self.recipe == "random":
             return self._by_chance(clean, everywhere, self.points, boxes, rules, rng), ""
@@ -204,9 +204,9 @@ class Attach(LidarAttack):
             return self._by_chance(clean, sources, self.points, boxes, rules, rng), ""
         places, note = self._candidates(clean, sources, boxes, detector, rules, rng)
         jitter_m = JITTER_M if self.recipe == "robust" else 0.0
-        judge, blind = Harm.of(goal, detector, clean), self.recipe == "random-best"
+        judge, blind = AttackObjective.of(goal, detector, clean), self.recipe == "random-best"
         game = AttachGame(clean, places, goal, judge, detector, rng, self.decay_m, jitter_m, blind)
-        chosen, reserve = climb(game, self.points, self.rounds)
+        chosen, reserve = greedy_allocation(game, self.points, self.rounds)
         best = places[np.concatenate([chosen, reserve])[: self.points]]
         short = self.points - len(best)
         if short:
@@ -246,12 +246,14 @@ class Attach(LidarAttack):
         return ball_places(clean, sources, count, boxes, rules, self.eps_m, MARGIN_M, rng)
 
 
-def _with_intensity(clean: Float32, places: Places, goal: Goal, judge: Harm, detector: Detector) -> Places:
+def _with_intensity(
+    clean: Float32, places: Places, goal: Goal, judge: AttackObjective, detector: Detector
+) -> Places:
     """The places with intensities of 0 or 1, whichever the gradient asks for, where that does more harm."""
 
     def loss_of(added: Float32) -> tuple[torch.Tensor, torch.Tensor]:
         points = torch.from_numpy(np.concatenate([clean, added])).requires_grad_()
-        return goal.sign * detector.loss(points, goal.taught.boxes, goal.taught.labels), points
+        return goal.sign * detector.loss(points, goal.loss_targets.boxes, goal.loss_targets.labels), points
 
     loss, points = loss_of(places.points)
     slope = gradient_of(loss, points)[len(clean) :, 3].cpu().numpy()

@@ -10,9 +10,9 @@ import torch
 
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
 from advpipe.stages.attack.lidar.attach_places import Places
+from advpipe.stages.attack.lidar.attack_objective import AttackObjective
 from advpipe.stages.attack.lidar.goal import Goal
 from advpipe.stages.attack.lidar.gradient import gradient_of
-from advpipe.stages.attack.lidar.harm import Harm
 from advpipe.stages.attack.lidar.selection import NoGradientError
 
 Float32 = npt.NDArray[np.float32]
@@ -39,7 +39,7 @@ class AttachGame:
     clean: Float32
     places: Places
     goal: Goal
-    judge: Harm
+    judge: AttackObjective
     detector: Detector
     rng: np.random.Generator
     decay_m: float
@@ -54,7 +54,7 @@ class AttachGame:
     def most(self) -> Int64:
         owner = self.places.owner
         available = np.bincount(owner[owner >= 0], minlength=len(self.goal))
-        return available if self.goal.kind == "conjure" else np.minimum(available, MOST)
+        return available if self.goal.kind == "create" else np.minimum(available, MOST)
 
     def propose(self, taken: Int64, wanted: Int64, room: Int64) -> list[Int64]:
         free = np.ones(len(self.places), bool)
@@ -98,8 +98,10 @@ class AttachGame:
 
     def _of_occupancy(self, detector: VoxelDetector, points: torch.Tensor, pool: Int64) -> Float64:
         """The gradient to the occupancy of each place's voxel."""
-        taught, ghosts = self.goal.taught, torch.from_numpy(self.places.points[pool])
-        loss, occupancy, row = detector.occupancy_loss(points, taught.boxes, taught.labels, ghosts)
+        loss_targets, ghosts = self.goal.loss_targets, torch.from_numpy(self.places.points[pool])
+        loss, occupancy, row = detector.occupancy_loss(
+            points, loss_targets.boxes, loss_targets.labels, ghosts
+        )
         gradient = gradient_of(loss, occupancy)
         of_row = np.nan_to_num(self.goal.sign * gradient.double().cpu().numpy(), posinf=0.0, neginf=0.0)
         mine = row.cpu().numpy()[len(points) :]
@@ -107,8 +109,8 @@ class AttachGame:
 
     def _of_copies(self, points: torch.Tensor, pool: Int64) -> Float64:
         """By the loss alone: a copy of the place's clean point, moved there, to first order."""
-        leaf, taught = points.requires_grad_(), self.goal.taught
-        gradient = gradient_of(self.detector.loss(leaf, taught.boxes, taught.labels), leaf)
+        leaf, loss_targets = points.requires_grad_(), self.goal.loss_targets
+        gradient = gradient_of(self.detector.loss(leaf, loss_targets.boxes, loss_targets.labels), leaf)
         slope = np.nan_to_num(gradient[:, :3].double().cpu().numpy(), posinf=0.0, neginf=0.0)
         source = self.places.source[pool]
         way_m = self.places.points[pool, :3].astype(np.float64) - self.clean[source, :3]

@@ -43,7 +43,7 @@ def salient_copies(
     allowed = np.flatnonzero(rules.allowed)
     if not len(allowed):
         return Places(clean[:0], allowed, np.zeros(0), allowed)
-    chosen = choose_salient_points(clean, goal.taught, detector, count, rng, allowed)
+    chosen = choose_salient_points(clean, goal.loss_targets, detector, count, rng, allowed)
     source = np.resize(chosen, count)
     start = clean[source]
     tree = cKDTree(clean[:, :3].astype(np.float64))
@@ -69,7 +69,7 @@ def _gradient(clean: Float32, added: Float32, goal: Goal, detector: Detector) ->
     """dL_det / d(x, y, z) of the added points (K, 3)."""
     leaf: Tensor = torch.from_numpy(added).requires_grad_()
     points = torch.cat([torch.from_numpy(clean), leaf])
-    loss = detector.loss(points, goal.taught.boxes, goal.taught.labels)
+    loss = detector.loss(points, goal.loss_targets.boxes, goal.loss_targets.labels)
     gradient = gradient_of(loss, leaf)
     slope: Float64 = np.nan_to_num(gradient[:, :3].double().cpu().numpy(), posinf=0.0, neginf=0.0)
     if not slope.any():

@@ -20,7 +20,7 @@ from advpipe.stages.attack.lidar.constraints import Rules
 from advpipe.stages.attack.lidar.crossings import Crossings, find_crossings
 from advpipe.stages.attack.lidar.goal import Goal
 from advpipe.stages.attack.lidar.gradient import gradient_of, gradients_of
-from advpipe.stages.attack.lidar.keeper import jittered
+from advpipe.stages.attack.lidar.per_object_best import jittered
 from advpipe.stages.attack.lidar.selection import NoGradientError
 
 Float32 = npt.NDArray[np.float32]
@@ -133,10 +133,10 @@ class Crossing:
         visitor = self.visitor[empty]
         ghosts = self.points[self.movable[self.options.point[visitor]]]
         ghosts[:, :3] = move_within(ghosts[:, :3], self.options.offset_m[visitor])
-        taught, sign = (self.goal.decoys, -1.0) if lie else (self.goal.taught, self.goal.sign)
+        loss_targets, sign = (self.goal.decoys, -1.0) if lie else (self.goal.loss_targets, self.goal.sign)
         leaf = torch.from_numpy(points).requires_grad_()
         loss, occupancy, rows = self.detector.occupancy_loss(
-            leaf, taught.boxes, taught.labels, torch.from_numpy(ghosts)
+            leaf, loss_targets.boxes, loss_targets.labels, torch.from_numpy(ghosts)
         )
         if self.rules.constraints.intensity:
             gradient, to_points = gradients_of(loss, occupancy, leaf)

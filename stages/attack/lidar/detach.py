@@ -14,6 +14,7 @@ from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.labels.points import PointLabels
 from advpipe.pipeline.labels.quantities import POINTS_ADDED, POINTS_MOVED, POINTS_TOUCHED, SHARE_REMOVED
 from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
+from advpipe.stages.attack.lidar.attack_objective import AttackObjective
 from advpipe.stages.attack.lidar.base import (
     NO_GRADIENT,
     Budget,
@@ -24,17 +25,16 @@ from advpipe.stages.attack.lidar.base import (
     join_notes,
     unchanged,
 )
-from advpipe.stages.attack.lidar.climb import climb, looks
 from advpipe.stages.attack.lidar.constraints import GOALS, Constraints
 from advpipe.stages.attack.lidar.detach_game import DetachGame
 from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners
-from advpipe.stages.attack.lidar.harm import Harm
+from advpipe.stages.attack.lidar.greedy_allocation import greedy_allocation, queries
 from advpipe.stages.attack.lidar.selection import Indices, NoGradientError, choose_salient_points
 from advpipe.stages.attack.lidar.targets import Targets, detection_loss
 
 RECIPES = ("best", "robust", "paper", "random", "random-near", "random-best")
 
-CLIMBING = ("best", "robust", "random-best")
+QUERYING = ("best", "robust", "random-best")
 """Those that look at what the detector finds, and keep the best."""
 
 MARGIN_M = 0.5
@@ -79,7 +79,7 @@ class Detach(LidarAttack):
                 PublishedFigure(printed=1.5, map_ratio_percent=88.75, chamfer_distance_m2=0.13397),
             ),
         ),
-        only_for={"rounds": (*CLIMBING, "paper"), "goal": CLIMBING},
+        only_for={"rounds": (*QUERYING, "paper"), "goal": QUERYING},
     )
 
     ratio: float
@@ -112,9 +112,9 @@ class Detach(LidarAttack):
         }
 
     @property
-    def looks(self) -> int:
+    def queries(self) -> int:
         """How many tries the detector judges, for the best to be kept."""
-        return looks(self.rounds) if self.recipe in CLIMBING else 1
+        return queries(self.rounds) if self.recipe in QUERYING else 1
 
     def budget(self, points: int) -> int:
         """How many of so many points are removed."""
@@ -130,7 +130,7 @@ class Detach(LidarAttack):
             return unchanged(cloud, "no points to remove")
         scene = cloud[finite]
         goal = goal_of(self.constraints, detector, scene, boxes)
-        loss_before = detection_loss(detector, scene, goal.taught)
+        loss_before = detection_loss(detector, scene, goal.loss_targets)
         if not len(goal) and (self.recipe != "random" or self.constraints.objects):
             return unchanged(cloud, goal.note)
         allowed = np.flatnonzero(self.constraints.on(xyz(scene), boxes).allowed)
@@ -143,7 +143,7 @@ class Detach(LidarAttack):
         except NoGradientError:
             return unchanged(cloud, join_notes(goal.note, NO_GRADIENT), loss_before)
         removed = finite[chosen]
-        loss_after = detection_loss(detector, np.delete(scene, chosen), goal.taught)
+        loss_after = detection_loss(detector, np.delete(scene, chosen), goal.loss_targets)
         note = join_notes(goal.note if len(goal) else "", note, shortage)
         return LidarResult(
             np.delete(cloud, removed), PointLabels.removed(removed), loss_before, loss_after, note
@@ -162,9 +162,9 @@ class Detach(LidarAttack):
         if self.recipe == "random":
             return _by_chance(scene, allowed, budget, rng), ""
         if self.recipe == "paper":
-            return self._greedily(scene, allowed, budget, goal.taught, detector, rng)
+            return self._greedily(scene, allowed, budget, goal.loss_targets, detector, rng)
         owner = np.full(len(scene), -1, np.int64)
-        geometry = goal.fought.boxes.double().numpy()
+        geometry = goal.targets.boxes.double().numpy()
         owner[allowed] = owners(xyz(scene[allowed]), geometry, MARGIN_M)
         chosen = reserve = np.zeros(0, np.int64)
         if self.recipe == "random-near":
@@ -172,15 +172,15 @@ class Detach(LidarAttack):
         else:
             jitter_m = JITTER_M if self.recipe == "robust" else 0.0
             blind = self.recipe == "random-best"
-            judge = Harm.of(goal, detector, xyzi(scene))
+            judge = AttackObjective.of(goal, detector, xyzi(scene))
             game = DetachGame(xyzi(scene), owner, goal, judge, detector, rng, jitter_m, blind)
-            chosen, reserve = climb(game, budget, self.rounds)
+            chosen, reserve = greedy_allocation(game, budget, self.rounds)
         chosen = np.concatenate([chosen, reserve])[:budget]
         short = budget - len(chosen)
         rest = np.setdiff1d(allowed, chosen, assume_unique=True)
         is_plain = self.recipe in ("best", "robust") and not isinstance(detector, VoxelDetector)
         note = join_notes(
-            "nothing more to gain: the rest removed at random" if short and self.recipe in CLIMBING else "",
+            "nothing more to gain: the rest removed at random" if short and self.recipe in QUERYING else "",
             "no occupancy_loss: points by the gradient of the loss" if is_plain else "",
         )
         return np.concatenate([chosen, _by_chance(scene, rest, short, rng)]), note

@@ -9,9 +9,9 @@ import numpy.typing as npt
 import torch
 
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
+from advpipe.stages.attack.lidar.attack_objective import AttackObjective
 from advpipe.stages.attack.lidar.goal import Goal
 from advpipe.stages.attack.lidar.gradient import gradient_of
-from advpipe.stages.attack.lidar.harm import Harm
 from advpipe.stages.attack.lidar.selection import NoGradientError
 
 Float32 = npt.NDArray[np.float32]
@@ -35,7 +35,7 @@ class DetachGame:
     points: Float32
     owner: Int64
     goal: Goal
-    judge: Harm
+    judge: AttackObjective
     detector: Detector
     rng: np.random.Generator
     jitter_m: float = 0.0
@@ -67,10 +67,10 @@ class DetachGame:
         if self.blind:
             return self.rng.random(len(left)), np.arange(len(left))
         points = torch.from_numpy(self._shaken(self.points[left]))
-        taught = self.goal.taught
+        loss_targets = self.goal.loss_targets
         if not isinstance(self.detector, VoxelDetector):
             return self._gains_of_points(points, self.owner[left]), np.arange(len(left))
-        loss, occupancy, voxel = self.detector.occupancy_loss(points, taught.boxes, taught.labels)
+        loss, occupancy, voxel = self.detector.occupancy_loss(points, loss_targets.boxes, loss_targets.labels)
         gradient = gradient_of(loss, occupancy)
         of_voxel = np.nan_to_num(-self.goal.sign * gradient.double().cpu().numpy(), posinf=0.0, neginf=0.0)
         row = voxel.cpu().numpy()
@@ -83,13 +83,13 @@ class DetachGame:
     def _gains_of_points(self, points: torch.Tensor, owner: Int64) -> Float64:
         """By the loss alone: dropping a point is like moving it into its object's centre, where it says
         nothing, to first order (Zheng et al. 2019, "PointCloud Saliency Maps", section 3.2)."""
-        leaf, taught = points.requires_grad_(), self.goal.taught
-        loss = self.detector.loss(leaf, taught.boxes, taught.labels)
+        leaf, loss_targets = points.requires_grad_(), self.goal.loss_targets
+        loss = self.detector.loss(leaf, loss_targets.boxes, loss_targets.labels)
         gradient = gradient_of(loss, leaf)
         slope = np.nan_to_num(gradient[:, :3].double().cpu().numpy(), posinf=0.0, neginf=0.0)
         if not slope.any():
             raise NoGradientError
-        inwards = self.goal.fought.boxes.double().numpy()[owner, :3] - leaf.detach().double().numpy()[:, :3]
+        inwards = self.goal.targets.boxes.double().numpy()[owner, :3] - leaf.detach().double().numpy()[:, :3]
         gain: Float64 = self.goal.sign * (slope * inwards).sum(axis=1)
         return gain
 

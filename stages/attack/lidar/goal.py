@@ -33,15 +33,15 @@ FALSE_WEIGHT = 0.3
 class Goal:
     """The M objects that an attack fights over, in the cloud's frame.
 
-    fought: their boxes and labels. taught: what the detector's loss is asked for.
+    targets: their boxes and labels. loss_targets: what the detector's loss is asked for.
     sign: +1 where the attack raises that loss, -1 where it lowers it.
-    kind: "break" detections at all, "hide" the objects, or "conjure" them.
+    kind: "break" detections at all, "hide" the objects, or "create" them.
     classes: the detector's. note: what the user must know about whom it fights. decoys: D places without
     an object where the detector sees one already, if faintly; to make it surer is worth something, too.
     """
 
-    fought: Targets
-    taught: Targets
+    targets: Targets
+    loss_targets: Targets
     sign: float
     kind: str
     classes: tuple[str, ...]
@@ -51,25 +51,25 @@ class Goal:
     @property
     def regions(self) -> Float64:
         """The boxes (M + D, 7) of the objects and the decoys: where points are worth moving."""
-        regions: Float64 = torch.cat([self.fought.boxes, self.decoys.boxes]).double().numpy()
+        regions: Float64 = torch.cat([self.targets.boxes, self.decoys.boxes]).double().numpy()
         return regions
 
     def __len__(self) -> int:
-        return len(self.fought)
+        return len(self.targets)
 
     def success(self, found: Detections) -> Float64:
         """How well the attack did on each object and decoy (M + D,) by these detections: higher is better.
 
         To break one: no detection of strict overlap, and false ones beside it. To hide one: no detection
-        of loose overlap. To conjure one: a detection of it, and short of that a box that nearly is one.
+        of loose overlap. To create one: a detection of it, and short of that a box that nearly is one.
         """
-        truth, labels = self.fought.boxes.double().numpy(), self.fought.labels.numpy()
+        truth, labels = self.targets.boxes.double().numpy(), self.targets.labels.numpy()
         on_decoys = iou_bev(found.boxes, self.decoys.boxes.double().numpy()) > 0
         seen_decoys = FALSE_WEIGHT * (on_decoys * found.scores[:, None]).max(axis=0, initial=0.0)
         away = ~on_decoys.any(axis=1)
         here = Detections(found.boxes[away], found.scores[away], found.labels[away])
         overlap = iou_3d(here.boxes, truth) * (here.labels[:, None] == labels[None])
-        if self.kind == "conjure":
+        if self.kind == "create":
             on_objects = np.asarray((overlap * here.scores[:, None]).max(axis=0, initial=0.0), np.float64)
         elif self.kind == "hide":
             loose = np.array([LOOSE_IOU[self.classes[label]] for label in labels.tolist()])
@@ -98,7 +98,7 @@ def goal_of(constraints: Constraints, detector: Detector, cloud: Cloud, boxes: B
     """The goal under these constraints; of no objects, with a note, where there is nothing to fight over.
 
     Every object's detection is broken or, on demand, hidden: the loss of the truth goes up. Chosen objects
-    are hidden as the loss of a truth without them goes down; a ghost is conjured likewise. Raises
+    are hidden as the loss of a truth without them goes down; a ghost is created likewise. Raises
     AdvpipeError for a ghost that the detector cannot find, wherever it stood.
     """
     everyone, classes = find_targets(detector, cloud, boxes), detector.classes
@@ -106,7 +106,7 @@ def goal_of(constraints: Constraints, detector: Detector, cloud: Cloud, boxes: B
         constraints.ghost.check(detector)
         ghost = _known(constraints.attacked(boxes, xyz(cloud)), detector)
         note = "" if len(ghost) else "no ground for the ghost to stand on"
-        return Goal(ghost, _joined(everyone, ghost), -1.0, "conjure", classes, note)
+        return Goal(ghost, _joined(everyone, ghost), -1.0, "create", classes, note)
     chosen = find_targets(detector, cloud, constraints.attacked(boxes, xyz(cloud)))
     absent = constraints.absent(boxes)
     note = f"not in the ground truth: {', '.join(absent)}" if absent else ""

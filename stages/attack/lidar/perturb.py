@@ -27,7 +27,7 @@ from advpipe.stages.attack.lidar.chance import Chance
 from advpipe.stages.attack.lidar.constraints import GOALS, Constraints
 from advpipe.stages.attack.lidar.crossing import Crossing, Tactics
 from advpipe.stages.attack.lidar.goal import goal_of, owners, with_decoys
-from advpipe.stages.attack.lidar.keeper import Keeper
+from advpipe.stages.attack.lidar.per_object_best import PerObjectBest
 from advpipe.stages.attack.lidar.pgd import Descent
 from advpipe.stages.attack.lidar.search import Search
 from advpipe.stages.attack.lidar.selection import NoGradientError
@@ -44,7 +44,7 @@ RECIPES = {"best": 24, "robust": 24, "paper": 40, "random": 1, "random-near": 1,
 
 BY_CHANCE = ("random", "random-near", "random-best")
 
-KEEPING = ("best", "robust", "random-best")
+QUERYING = ("best", "robust", "random-best")
 """Those that look at what the detector finds, and keep the best."""
 
 TACTICS = {
@@ -92,8 +92,8 @@ class Perturb(LidarAttack):
             ),
         ),
         only_for={
-            "steps": (*KEEPING, "paper"),
-            "goal": KEEPING,
+            "steps": (*QUERYING, "paper"),
+            "goal": QUERYING,
             "weight": ("paper",),
             "intensity": tuple(recipe for recipe in RECIPES if recipe != "paper"),
         },
@@ -141,7 +141,7 @@ class Perturb(LidarAttack):
     @property
     def looks(self) -> int:
         """How many tries the detector judges, for the best to be kept."""
-        return self.steps if self.recipe in KEEPING else 1
+        return self.steps if self.recipe in QUERYING else 1
 
     def __call__(
         self, cloud: Cloud, boxes: Boxes, detector: Detector, rng: np.random.Generator
@@ -154,10 +154,10 @@ class Perturb(LidarAttack):
         scene = cloud[finite]
         points = xyzi(scene)
         goal = goal_of(self.constraints, detector, scene, boxes)
-        loss_before = detection_loss(detector, scene, goal.taught)
+        loss_before = detection_loss(detector, scene, goal.loss_targets)
         if not len(goal) and self.recipe != "random":
             return unchanged(cloud, goal.note)
-        looks = self.recipe in KEEPING
+        looks = self.recipe in QUERYING
         if looks and self.tactics.decoys:
             goal = with_decoys(goal, detector, scene, boxes)
         rules = self.constraints.on(xyz(scene), boxes)
@@ -176,7 +176,11 @@ class Perturb(LidarAttack):
         else:
             search = Descent(points, goal, detector, rules, near, self.eps_m, rng)
             note = join_notes(NO_OCCUPANCY.format(self.recipe), INTENSITY_STAYS if self.intensity else "")
-        judge = Keeper(goal, detector, points, owner, jitter_m, rng) if looks and self.tactics.keep else None
+        judge = (
+            PerObjectBest(goal, detector, points, owner, jitter_m, rng)
+            if looks and self.tactics.keep
+            else None
+        )
 
         # Descend, have the detector judge each attempt, and choose what hurt it most.
         moved = points
@@ -192,7 +196,7 @@ class Perturb(LidarAttack):
         adversarial = cloud.copy()
         for column, name in enumerate(("x", "y", "z", "intensity")):
             adversarial[name][finite] = moved[:, column]
-        loss_after = detection_loss(detector, adversarial[finite], goal.taught)
+        loss_after = detection_loss(detector, adversarial[finite], goal.loss_targets)
         changed = np.flatnonzero((points != moved).any(axis=1))
         way_m = moved[changed, :3].astype(np.float64) - points[changed, :3]
         displacement_m = np.linalg.norm(way_m, axis=1)

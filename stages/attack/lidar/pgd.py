@@ -79,7 +79,7 @@ def loss_gradient(start: Tensor, offset: Tensor, goal: Goal, detector: Detector)
     leaf = start.clone()
     leaf[:, :3] += offset
     leaf.requires_grad_()
-    loss = detector.loss(leaf, goal.taught.boxes, goal.taught.labels)
+    loss = detector.loss(leaf, goal.loss_targets.boxes, goal.loss_targets.labels)
     gradient = gradient_of(loss, leaf)
     rises = torch.nan_to_num(gradient[:, :3], posinf=0.0, neginf=0.0)
     if not rises.any():

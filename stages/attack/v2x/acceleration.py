@@ -10,7 +10,7 @@ from advpipe.pipeline.v2x.codec.codes import AccelerationControl
 from advpipe.stages.attack.bounds import number, span
 from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
 from advpipe.stages.attack.v2x.draws import Draws
-from advpipe.stages.attack.v2x.falsification import Falsification, Told
+from advpipe.stages.attack.v2x.falsification import Falsification, OwnMessage
 
 _FIELD = "longitudinal_acceleration_mps2"
 
@@ -24,7 +24,7 @@ class Acceleration(Falsification):
         super().__init__(context)
         self._factors = _factors(context, factor_min, factor_max)
 
-    def lie(self, message: Told) -> Mapping[str, Any]:
+    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
         told_mps2 = message.says(_FIELD)
         return {} if told_mps2 is None else {_FIELD: told_mps2 * self._factors[message.station_id]}
 
@@ -47,7 +47,7 @@ class FeignedBraking(Falsification):
         self._factors = _factors(context, factor_min, factor_max)
         self._least_mps2 = number(context.name, "least_mps2", least_mps2, 0, 16)
 
-    def lie(self, message: Told) -> Mapping[str, Any]:
+    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
         told_mps2 = message.says(_FIELD) or 0.0
         braking_mps2 = max(abs(told_mps2) * self._factors[message.station_id], self._least_mps2)
         pedals = AccelerationControl(message.says("acceleration_control") or 0)

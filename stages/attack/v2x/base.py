@@ -48,7 +48,7 @@ from advpipe.pipeline.labels.declaration import Part, Published
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.v2x_drive import V2xStep
-from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.section import V2x
 from advpipe.stages.attack.base import Attack, Traits

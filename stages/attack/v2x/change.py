@@ -22,11 +22,11 @@ from advpipe.pipeline.messages.v2x import (
     sent_message,
     stations_message,
 )
-from advpipe.pipeline.replay.v2x_attackers import Cast
+from advpipe.pipeline.replay.v2x_attackers import AttackerSelection
 from advpipe.pipeline.replay.v2x_drive import V2xDrive, V2xStep
 from advpipe.pipeline.scenario.acting import acting_on_messages
 from advpipe.pipeline.scenario.attacks import AttackSpec
-from advpipe.pipeline.v2x.air import Air, Sent
+from advpipe.pipeline.v2x.channel import Channel, Sent
 from advpipe.stages.attack.parameters import resolved_parameters
 from advpipe.stages.attack.recording import recording_of
 from advpipe.stages.attack.v2x.base import AttackContext, MessageEditor, Numbers, V2xAttack
@@ -62,7 +62,7 @@ def forge(
     last = max((int(message.number) for _, message in sent), default=None)
     if last is None:
         raise UsageError(f"{reader.path} has no CAMs: nothing to forge; record more of the drive")
-    recording, cast = recording_of(reader), Cast(drive, str(reader.path), seed)
+    recording, selection = recording_of(reader), AttackerSelection(drive, str(reader.path), seed)
     origin = drive.origin
     geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
     cams, numbers = Cams(), Numbers(last + 1, set(drive.stations))
@@ -73,8 +73,8 @@ def forge(
             name=spec.type,
             seed=seed,
             seed_name=spec.seed_name,
-            attackers=cast.attackers(spec),
-            victim=cast.victim(spec),
+            attackers=selection.attackers(spec),
+            victim=selection.victim(spec),
             active=acting_on_messages(spec, recording.start_ns, seed),
             start_ns=recording.start_ns,
             v2x=drive.v2x,
@@ -83,11 +83,11 @@ def forge(
             numbers=numbers,
         )
         made.append(_build(spec, context))
-    numbers.station_ids |= set(cast.names)
-    labels = Labels(cams, geodesy, cast.names, drive.v2x.ldm.expiry_s)
+    numbers.station_ids |= set(selection.names)
+    labels = Labels(cams, geodesy, selection.names, drive.v2x.ldm.expiry_s)
     attackers = frozenset(number for attack in made for number in attack.context.attackers)
     congestion = Congestion(drive.v2x.cam, attackers) if dcc_reacts else None
-    return V2xChange(reader, drive, cast, (*editors, *made), labels, congestion)
+    return V2xChange(reader, drive, selection, (*editors, *made), labels, congestion)
 
 
 def _build(spec: AttackSpec, context: AttackContext) -> V2xAttack:
@@ -115,12 +115,12 @@ class V2xChange:
         self,
         reader: BagReader,
         drive: V2xDrive,
-        cast: Cast,
+        selection: AttackerSelection,
         editors: Sequence[MessageEditor],
         labels: Labels,
         congestion: Congestion | None,
     ) -> None:
-        self._drive, self._units, self._editors = drive, tuple(cast.units), editors
+        self._drive, self._units, self._editors = drive, tuple(selection.units), editors
         self._labels, self._congestion = labels, congestion
         self._cams = labels.cams
         own = {number: VehicleTopics(name) for number, name in drive.listeners.items()}
@@ -177,9 +177,9 @@ class V2xChange:
             counts["CAMs held back by others' congestion control"] = self.held_back
         return counts
 
-    def air(self) -> Air:
+    def channel(self) -> Channel:
         """For what is sent instead: what was opened or closed on the way is not decoded again."""
-        return self._drive.air(self._cams.decode)
+        return self._drive.channel(self._cams.decode)
 
     def edited(self, step: V2xStep) -> list[Sent]:
         """What is sent in a step instead; `messages` asks for one after the other."""
@@ -193,30 +193,30 @@ class V2xChange:
 
     def _stamped(self) -> Iterator[StampedCdr]:
         """As the simulation records them: all of a step, in the order of its stamps."""
-        air, pending, last_ns = self.air(), list[StampedCdr](), 0
+        channel, pending, last_ns = self.channel(), list[StampedCdr](), 0
         for recorded in self._drive.steps():
             step = recorded._replace(radios=(*recorded.radios, *self._units))
             last_ns = step.begin_ns
             if self._units:
                 pending.append(stations_message(step.begin_ns, step.radios))
-            pending += self._maps(air, step.begin_ns)
+            pending += self._maps(channel, step.begin_ns)
             yield from _by_stamp(pending)
-            pending = list(self._send(air, step))
+            pending = list(self._send(channel, step))
         if self._has_statistics:
             last_ns = max((message[2] for message in pending), default=last_ns)
-            pending.append(statistics_message(last_ns, air.statistics()))
+            pending.append(statistics_message(last_ns, channel.statistics()))
         yield from _by_stamp(pending)
 
-    def _maps(self, air: Air, now_ns: int) -> Iterator[StampedCdr]:
+    def _maps(self, channel: Channel, now_ns: int) -> Iterator[StampedCdr]:
         for name, times_ns in self._map_times_ns.items():
             if now_ns in times_ns:
-                topics, known = VehicleTopics(name), air.snapshot(name, now_ns)
+                topics, known = VehicleTopics(name), channel.snapshot(name, now_ns)
                 yield topics.ldm, ldm_snapshot_cdr(known), now_ns
                 yield topics.ldm_objects, ldm_detections_cdr(known), now_ns
 
-    def _send(self, air: Air, step: V2xStep) -> Iterator[StampedCdr]:
+    def _send(self, channel: Channel, step: V2xStep) -> Iterator[StampedCdr]:
         sent = self.edited(step) if step.end_ns is not None else []
-        heard = self._drive.send(air, step, sent)
+        heard = self._drive.send(channel, step, sent)
         if self._congestion:
             self._congestion.hear(heard.loads)
         present = {radio.station_id for radio in step.radios}

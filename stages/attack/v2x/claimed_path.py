@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.codec import quantities as q
 from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.pipeline.v2x.codec.timestamps import generation_time_ns

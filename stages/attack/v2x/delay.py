@@ -8,12 +8,12 @@ from dataclasses import replace
 
 from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.replay.v2x_drive import V2xStep
-from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.stages.attack.bounds import number, span, whole
 from advpipe.stages.attack.v2x.base import ALL_CLAIMS, AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import field_of, with_fields
-from advpipe.stages.attack.v2x.ears import later
+from advpipe.stages.attack.v2x.overheard_messages import later
 
 
 class Delay(V2xAttack):

@@ -7,7 +7,7 @@ from typing import Any
 
 from advpipe.stages.attack.bounds import number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
-from advpipe.stages.attack.v2x.falsification import Falsification, Told
+from advpipe.stages.attack.v2x.falsification import Falsification, OwnMessage
 
 LEAST_M = 0.1
 MAX_LENGTH_M, MAX_WIDTH_M = 102.1, 6.0
@@ -25,7 +25,7 @@ class Dimensions(Falsification):
         self._length_m = number(context.name, "length_m", length_m, -MAX_LENGTH_M, MAX_LENGTH_M)
         self._width_m = number(context.name, "width_m", width_m, -MAX_WIDTH_M, MAX_WIDTH_M)
 
-    def lie(self, message: Told) -> Mapping[str, Any]:
+    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
         fields = {}
         for name, offset_m, most_m in (
             ("length_m", self._length_m, MAX_LENGTH_M),

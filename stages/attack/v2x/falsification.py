@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from advpipe.pipeline.replay.v2x_drive import V2xStep
-from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack
 from advpipe.stages.attack.v2x.cams import field_of, with_fields
@@ -21,7 +21,7 @@ FRONT_M = "front_m"
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class OwnMessage:
     """An attacker's message before it lies.
 
     front_m: x and y of the reference point, the middle of its front side, in the map's frame; NaN where it is
@@ -52,7 +52,7 @@ class Falsification(V2xAttack):
         self._path: ClaimedPath | None = None
 
     @abstractmethod
-    def lie(self, message: Told) -> Mapping[str, Any]:
+    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
         """The fields that the message is to tell otherwise (`cams.FIELDS`, `FRONT_M`); messages come in order
         of time."""
 
@@ -67,7 +67,7 @@ class Falsification(V2xAttack):
         ]
         fronts_m = self._fronts_m([tree for _, _, tree, _ in found])
         lies = [
-            dict(self.lie(Told(one.station_id, one.request_ns, tree, front_m))) if is_lie else {}
+            dict(self.lie(OwnMessage(one.station_id, one.request_ns, tree, front_m))) if is_lie else {}
             for (_, one, tree, is_lie), front_m in zip(found, fronts_m, strict=True)
         ]
         self._to_geographic(lies)

@@ -12,7 +12,7 @@ import numpy as np
 from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.v2x_drive import V2xStep
-from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.pipeline.v2x.codec.codes import DriveDirection, StationType
 from advpipe.pipeline.v2x.codec.timestamps import generation_delta_time_ms
@@ -22,8 +22,8 @@ from advpipe.pipeline.v2x.facilities.ellipsoid import east_north_m
 from advpipe.stages.attack.bounds import number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import field_of, with_fields
-from advpipe.stages.attack.v2x.ears import HEARING_M, Ears, later
 from advpipe.stages.attack.v2x.gate import Gate
+from advpipe.stages.attack.v2x.overheard_messages import HEARING_M, OverheardMessages, later
 
 RATE_HZ = 40.0
 """Four times what the standard allows, as F2MD's four times the usual."""
@@ -205,13 +205,15 @@ class DosDisruptive(Flood):
     ) -> None:
         super().__init__(context, **others)
         memory_s = number(context.name, "memory_s", memory_s, 0, 600)
-        self._ears = Ears(context.attackers, number(context.name, "range_m", range_m, 0), memory_s)
+        self._overheard = OverheardMessages(
+            context.attackers, number(context.name, "range_m", range_m, 0), memory_s
+        )
 
     def _remember(self, step: V2xStep, sent: Sequence[Sent]) -> None:
-        self._ears.listen(step, sent)
+        self._overheard.listen(step, sent)
 
     def _content(self, attacker: int, at_ns: int) -> CamTree | None:
-        heard = self._ears.any_of(attacker, self._rngs[attacker])
+        heard = self._overheard.any_of(attacker, self._rngs[attacker])
         tree = None if heard is None else self.context.cams.open(heard.payload)
         if tree is None:
             return None

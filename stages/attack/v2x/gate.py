@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from advpipe.pipeline.replay.v2x_drive import V2xStep
-from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.facilities.dcc import SAMPLE_INTERVAL_S, ReactiveDcc
 from advpipe.pipeline.v2x.radio.ofdm import Ofdm
 from advpipe.pipeline.v2x.radio.path_loss import PATH_LOSS

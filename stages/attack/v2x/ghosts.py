@@ -13,7 +13,7 @@ import numpy as np
 from advpipe.pipeline.geometry.transforms import Float64, transform_points
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.v2x_drive import V2xStep
-from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.channel import Sent
 from advpipe.stages.attack.bounds import number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
 from advpipe.stages.attack.v2x.phantoms import Braking, Key, Motion, PhantomAttack

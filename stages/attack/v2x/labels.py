@@ -21,7 +21,7 @@ from advpipe.pipeline.labels.messages import (
     MESSAGE_COLUMNS,
 )
 from advpipe.pipeline.localisation.geodesy import Geodesy
-from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.facilities.cam_values import FIELDS, Values, changed_fields, places_m, values
 from advpipe.pipeline.v2x.facilities.effect import matters
 from advpipe.stages.attack.v2x.base import MessageEditor, V2xAttack

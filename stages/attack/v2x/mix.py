@@ -10,7 +10,7 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.labels.declaration import Part, Published
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.scenario.acting import drawn_parts
-from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.channel import Sent
 from advpipe.stages.attack.v2x.base import ALL_CLAIMS, AttackContext, V2xAttack, V2xTraits, v2x_traits
 from advpipe.stages.attack.v2x.position import PositionOffset
 from advpipe.stages.attack.v2x.registry import V2X_ATTACKS

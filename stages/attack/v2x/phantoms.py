@@ -12,7 +12,7 @@ import numpy as np
 from advpipe.pipeline.geometry.transforms import Float64, transform_points, wrap_angle, yaw_of
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.v2x_drive import V2xStep
-from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.codec.codes import StationType, TrailerPresence
 from advpipe.pipeline.v2x.facilities.generation import (
     CHECK_INTERVAL_NS,

@@ -11,11 +11,11 @@ import numpy as np
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.replay.v2x_drive import V2xStep
-from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.channel import Sent
 from advpipe.stages.attack.bounds import number, span
 from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
 from advpipe.stages.attack.v2x.draws import Draws
-from advpipe.stages.attack.v2x.falsification import FRONT_M, Misplacement, Told
+from advpipe.stages.attack.v2x.falsification import FRONT_M, Misplacement, OwnMessage
 
 _FAR_M = 1e6
 _LEAST_SIDE_M = 200.0
@@ -77,7 +77,7 @@ class PositionConstant(Misplacement):
         self._playground.learn(step)
         return super().edit(step, sent)
 
-    def lie(self, message: Told) -> Mapping[str, Any]:
+    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
         station_id = message.station_id
         if self._place_m is None and station_id not in self._places_m:
             self._places_m[station_id] = self._playground.draw(self._draws.of(station_id))
@@ -119,7 +119,7 @@ class PositionOffset(Misplacement):
             drawn_m = dict.fromkeys(drawn_m, (x_m or 0.0, y_m or 0.0))
         self._offsets_m = drawn_m
 
-    def lie(self, message: Told) -> Mapping[str, Any]:
+    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
         offset_m = self._offsets_m[message.station_id]
         return {FRONT_M: (message.front_m[0] + offset_m[0], message.front_m[1] + offset_m[1])}
 
@@ -151,7 +151,7 @@ class PositionRandom(Misplacement):
         self._playground.learn(step)
         return super().edit(step, sent)
 
-    def lie(self, message: Told) -> Mapping[str, Any]:
+    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
         return {FRONT_M: self._playground.draw(self._draws.of(message.station_id))}
 
 
@@ -175,7 +175,7 @@ class PositionRandomOffset(Misplacement):
         self._span_m = span(context.name, "{}_m", min_m, max_m, 0, _FAR_M)
         self._draws = Draws(context)
 
-    def lie(self, message: Told) -> Mapping[str, Any]:
+    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
         east_m, north_m = (self._draws.signed(message.station_id, *self._span_m) for _ in range(2))
         return {FRONT_M: (message.front_m[0] + east_m, message.front_m[1] + north_m)}
 
@@ -190,7 +190,7 @@ class PositionMirrored(Misplacement):
         super().__init__(context, rebuild_path=rebuild_path)
         self._left_m = number(context.name, "left_m", left_m, -1000, 1000)
 
-    def lie(self, message: Told) -> Mapping[str, Any]:
+    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
         heading_rad = message.says("heading_rad")
         if heading_rad is None:
             return {}

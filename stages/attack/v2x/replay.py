@@ -10,11 +10,11 @@ import numpy as np
 
 from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.replay.v2x_drive import V2xStep
-from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.channel import Sent
 from advpipe.stages.attack.bounds import number, one_of, span
 from advpipe.stages.attack.v2x.base import ALL_CLAIMS, AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import field_of, with_fields
-from advpipe.stages.attack.v2x.ears import HEARING_M, Ears, later
+from advpipe.stages.attack.v2x.overheard_messages import HEARING_M, OverheardMessages, later
 
 IDENTITIES = ("own", "theirs")
 
@@ -42,14 +42,14 @@ class _Echo(V2xAttack):
         self._restamp = bool(restamp)
         self._ahead_ns = round(number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
         range_m = number(context.name, "range_m", range_m, 0)
-        self._ears = Ears(context.attackers, range_m, memory_s)
+        self._overheard = OverheardMessages(context.attackers, range_m, memory_s)
         self._rngs: dict[int, np.random.Generator] = {}
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         """Replays what was heard in the steps before this one."""
         in_order = sorted(sent, key=lambda one: (one.request_ns, one.number))
         edited = [self._echo(one) if self.context.acts(one) else one for one in in_order]
-        self._ears.listen(step, sent)
+        self._overheard.listen(step, sent)
         return edited
 
     def _echo(self, one: Sent) -> Sent:
@@ -116,14 +116,14 @@ class Replay(_Echo):
     def _choose(self, one: Sent, rng: np.random.Generator) -> Sent | None:
         before_ns = one.request_ns - self._age_ns
         station, left = self._followed.get(one.station_id, (0, 0))
-        found = self._ears.last(one.station_id, station, before_ns) if left else None
+        found = self._overheard.last(one.station_id, station, before_ns) if left else None
         if found is None:
-            stations = self._ears.stations(one.station_id, before_ns)
+            stations = self._overheard.stations(one.station_id, before_ns)
             if not stations:
                 return None
             station = stations[int(rng.integers(len(stations)))]
             left = int(rng.integers(self._least, self._most + 1))
-            found = self._ears.last(one.station_id, station, before_ns)
+            found = self._overheard.last(one.station_id, station, before_ns)
         self._followed[one.station_id] = station, left - 1
         return found
 
@@ -153,4 +153,4 @@ class DisruptiveReplay(_Echo):
         )
 
     def _choose(self, one: Sent, rng: np.random.Generator) -> Sent | None:
-        return self._ears.any_of(one.station_id, rng)
+        return self._overheard.any_of(one.station_id, rng)

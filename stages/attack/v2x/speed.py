@@ -9,7 +9,7 @@ from advpipe.pipeline.labels.declaration import Published
 from advpipe.stages.attack.bounds import number, span
 from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
 from advpipe.stages.attack.v2x.draws import Draws
-from advpipe.stages.attack.v2x.falsification import Falsification, Told
+from advpipe.stages.attack.v2x.falsification import Falsification, OwnMessage
 
 MAX_MPS = 163.81
 """The largest that a CAM can tell."""
@@ -38,7 +38,7 @@ class SpeedConstant(Falsification):
             for one in context.attackers
         }
 
-    def lie(self, message: Told) -> Mapping[str, Any]:
+    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
         return {"speed_mps": self._speeds_mps[message.station_id]}
 
 
@@ -69,7 +69,7 @@ class SpeedOffset(Falsification):
             for one in context.attackers
         }
 
-    def lie(self, message: Told) -> Mapping[str, Any]:
+    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
         return _offset(message, self._offsets_mps[message.station_id])
 
 
@@ -83,7 +83,7 @@ class SpeedRandom(Falsification):
         self._most_mps = number(context.name, "max_mps", max_mps, 0, MAX_MPS)
         self._draws = Draws(context)
 
-    def lie(self, message: Told) -> Mapping[str, Any]:
+    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
         return {"speed_mps": float(self._draws.of(message.station_id).uniform(0, self._most_mps))}
 
 
@@ -102,7 +102,7 @@ class SpeedRandomOffset(Falsification):
         self._ends_mps = span(context.name, "{}_mps", min_mps, max_mps, 0, MAX_MPS)
         self._draws = Draws(context)
 
-    def lie(self, message: Told) -> Mapping[str, Any]:
+    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
         return _offset(message, self._draws.signed(message.station_id, *self._ends_mps))
 
 
@@ -120,7 +120,7 @@ class SpeedFrozen(Falsification):
         self._draws = Draws(context)
         self._frozen_mps: dict[int, float | None] = {}
 
-    def lie(self, message: Told) -> Mapping[str, Any]:
+    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
         station_id = message.station_id
         if station_id not in self._frozen_mps:
             if self._draws.of(station_id).random() >= self._probability:
@@ -129,6 +129,6 @@ class SpeedFrozen(Falsification):
         return {"speed_mps": self._frozen_mps[station_id]}
 
 
-def _offset(message: Told, offset_mps: float) -> Mapping[str, Any]:
+def _offset(message: OwnMessage, offset_mps: float) -> Mapping[str, Any]:
     speed_mps = message.says("speed_mps")
     return {} if speed_mps is None else {"speed_mps": max(speed_mps + offset_mps, 0.0)}

@@ -10,7 +10,7 @@ from advpipe.pipeline.v2x.codec.codes import AccelerationControl
 from advpipe.stages.attack.bounds import number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
 from advpipe.stages.attack.v2x.draws import Draws
-from advpipe.stages.attack.v2x.falsification import Misplacement, Told
+from advpipe.stages.attack.v2x.falsification import Misplacement, OwnMessage
 
 _FREEZE = ("latitude_deg", "longitude_deg", "altitude_m", "heading_rad")
 _STILL: dict[str, Any] = {
@@ -55,7 +55,7 @@ class EventualStop(Misplacement):
         self._lied: dict[int, int] = {}
         self._stopped: dict[int, dict[str, Any]] = {}
 
-    def lie(self, message: Told) -> Mapping[str, Any]:
+    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
         station_id = message.station_id
         if station_id in self._stopped:
             return self._stopped[station_id]

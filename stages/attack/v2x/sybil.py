@@ -13,12 +13,12 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.replay.v2x_drive import V2xStep
-from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.channel import Sent
 from advpipe.stages.attack.bounds import number, one_of, whole
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import with_fields
-from advpipe.stages.attack.v2x.ears import HEARING_M, Ears, later
 from advpipe.stages.attack.v2x.ghosts import GhostsAhead
+from advpipe.stages.attack.v2x.overheard_messages import HEARING_M, OverheardMessages, later
 from advpipe.stages.attack.v2x.phantoms import Braking, Companion, Key, Motion, PhantomAttack
 
 AROUND = ("attacker", "victim")
@@ -228,7 +228,9 @@ class SybilReplay(V2xAttack):
         self._ghosts = whole(name, "ghosts", ghosts, 1, MOST_GHOSTS)
         self._age_ns = round(number(name, "age_s", age_s, 0.2, 600) * 1e9)
         self._ahead_ns = round(number(name, "ahead_s", ahead_s, 0, 32) * 1e9)
-        self._ears = Ears(context.attackers, number(name, "range_m", range_m, 0), age_s + _SILENCE_NS / 1e9)
+        self._overheard = OverheardMessages(
+            context.attackers, number(name, "range_m", range_m, 0), age_s + _SILENCE_NS / 1e9
+        )
         self._tracks: dict[int, list[_Track]] = {attacker: [] for attacker in context.attackers}
         self._rngs = {attacker: context.rng("tracks", attacker) for attacker in context.attackers}
         self._begun = 0
@@ -239,7 +241,7 @@ class SybilReplay(V2xAttack):
             for attacker in self.context.attackers:
                 if self.context.radio(step, attacker) is not None:
                     edited += self._tell(step.begin_ns, step.end_ns, attacker)
-        self._ears.listen(step, sent)
+        self._overheard.listen(step, sent)
         return edited
 
     def _tell(self, begin_ns: int, end_ns: int, attacker: int) -> list[Sent]:
@@ -249,7 +251,7 @@ class SybilReplay(V2xAttack):
             self._begin_tracks(begin_ns - self._age_ns, end_ns - self._age_ns, attacker)
         told: list[Sent] = []
         for track in tracks:
-            for old in self._ears.between(
+            for old in self._overheard.between(
                 attacker, track.station, begin_ns - self._age_ns, end_ns - self._age_ns
             ):
                 track.last_ns = old.request_ns
@@ -269,8 +271,8 @@ class SybilReplay(V2xAttack):
         taken = {track.station for track in tracks}
         others = [
             station
-            for station in self._ears.stations(attacker, until_ns)
-            if station not in taken and self._ears.between(attacker, station, from_ns, until_ns)
+            for station in self._overheard.stations(attacker, until_ns)
+            if station not in taken and self._overheard.between(attacker, station, from_ns, until_ns)
         ]
         for index in rng.permutation(len(others))[:missing].tolist():
             self._begun += 1

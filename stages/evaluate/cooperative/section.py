@@ -31,7 +31,7 @@ from advpipe.stages.evaluate.cooperative.pair import (
 )
 from advpipe.stages.evaluate.cooperative.picture import Fused, draw_fused
 from advpipe.stages.evaluate.detection.comparison import bag_name
-from advpipe.stages.evaluate.detection.scoring import Eye, ground_truth, match
+from advpipe.stages.evaluate.detection.scoring import CachedDetector, ground_truth, match
 from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns
 from advpipe.stages.evaluate.report.numbers import number
 from advpipe.stages.evaluate.report.pictures import to_png
@@ -44,7 +44,7 @@ KEY = "cooperative"
 CRITERIA = ("strict", "loose")
 ALONE, TRUE, CLEAN = "alone", "true poses", "clean poses"
 
-See = Callable[[Eye, SharedFrame, Float64], Detections]
+See = Callable[[CachedDetector, SharedFrame, Float64], Detections]
 
 FUSIONS: dict[str, See] = {
     "clouds": lambda eye, frame, pose: eye.detect(fuse_clouds(frame.own.cloud, frame.other, pose)),
@@ -140,7 +140,7 @@ def cooperative_rows(
     chosen = fused_instants(asked if asked is not None else asked_for(reader, pair), false)
     if chosen is None:
         return [], None
-    eye = Eye(load_detector(detector, device))
+    eye = CachedDetector(load_detector(detector, device))
     arms = [(ALONE, ""), *((name, fusion) for fusion in FUSIONS for name in reported)]
     matches: dict[tuple[str, str, str, str], list[FrameMatches]] = {}
     off: dict[str, list[tuple[float, float]]] = {name: [] for name in reported}
@@ -197,7 +197,7 @@ def _row(
     )
 
 
-def _in_range(eye: Eye, found: Detections) -> Detections:
+def _in_range(eye: CachedDetector, found: Detections) -> Detections:
     """What is fused may lie beyond what the detector is asked about."""
     kept = np.flatnonzero(eye.range_m.contains_centres(found.boxes))
     return Detections(found.boxes[kept], found.scores[kept], found.labels[kept])

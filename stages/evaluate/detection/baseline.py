@@ -37,8 +37,8 @@ class Baseline:
             return None
         finite = int(np.isfinite(xyz(clean)).all(axis=1).sum())
         moved = finite if len(budget.moved_m) else 0
-        shone = finite if budget.shone else 0
-        return replace(budget, moved_m=np.full(moved, budget.bound_m), shone=shone)
+        intensity_changed = finite if budget.intensity_changed else 0
+        return replace(budget, moved_m=np.full(moved, budget.bound_m), intensity_changed=intensity_changed)
 
 
 BASELINES = {

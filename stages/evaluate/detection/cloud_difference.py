@@ -19,14 +19,14 @@ class CloudDifference:
     removed: (R,) indices into the clean cloud; added: (A,) indices into the adversarial one.
     moved: (K,) indices that mean the same point in both.
     displacement_m: (K,) float64, between the coordinates as stored.
-    shone: (S,) indices, likewise in both, of points whose intensity is another, moved or not.
+    intensity_changed: (S,) indices, likewise in both, of points whose intensity is another, moved or not.
     """
 
     removed: Int64
     added: Int64
     moved: Int64
     displacement_m: npt.NDArray[np.float64]
-    shone: Int64
+    intensity_changed: Int64
 
     @property
     def max_displacement_m(self) -> float:
@@ -48,8 +48,8 @@ def cloud_difference(clean: Cloud, adversarial: Cloud) -> CloudDifference:
         moved = np.flatnonzero((offset != 0).any(axis=1) & np.isfinite(offset).all(axis=1))
         none = np.zeros(0, dtype=np.int64)
         before, after = clean["intensity"], adversarial["intensity"]
-        shone = np.flatnonzero((before != after) & ~(np.isnan(before) & np.isnan(after)))
-        return CloudDifference(none, none, moved, np.linalg.norm(offset[moved], axis=1), shone)
+        intensity_changed = np.flatnonzero((before != after) & ~(np.isnan(before) & np.isnan(after)))
+        return CloudDifference(none, none, moved, np.linalg.norm(offset[moved], axis=1), intensity_changed)
     removed, added = _multiset_difference(_words(clean), _words(adversarial))
     none = np.zeros(0, dtype=np.int64)
     return CloudDifference(removed, added, none, np.zeros(0), none)

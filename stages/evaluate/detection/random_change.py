@@ -29,7 +29,7 @@ class Budget:
 
     removed, added: how many points. moved_m: (K,) how far each of the moved points went. reach_m: how far
     from the point that it starts at a new one may lie. bound_m: how far any point was allowed to move.
-    shone: how many points got another intensity.
+    intensity_changed: how many points got another intensity.
     """
 
     removed: int
@@ -37,7 +37,7 @@ class Budget:
     moved_m: Float64
     reach_m: float
     bound_m: float
-    shone: int = 0
+    intensity_changed: int = 0
 
     @classmethod
     def of(
@@ -54,7 +54,7 @@ class Budget:
             change.displacement_m,
             added_distance_m(clean, adversarial, change) if stated_m is None else stated_m,
             change.max_displacement_m if stated_m is None else stated_m,
-            len(change.shone),
+            len(change.intensity_changed),
         )
 
 
@@ -77,7 +77,7 @@ class Change:
     move_m: Float64
     sources: Int64
     add_m: Float64
-    shone: Int64
+    intensity_changed: Int64
     intensity: Float64
 
 
@@ -107,7 +107,9 @@ class RandomChange:
             "removed": self._group[_choose(pool & finite, ~pool & finite, budget.removed, rng)],
             "moved": self._group[_choose(pool & finite, ~pool & finite, len(moved_m), rng)],
             "added": self._group[_choose_again(pool & finite, finite, budget.added, rng)],
-            "shone": self._group[_choose(pool & finite, ~pool & finite, budget.shone, rng)],
+            "intensity_changed": self._group[
+                _choose(pool & finite, ~pool & finite, budget.intensity_changed, rng)
+            ],
         }
         self._moved_m = moved_m[: len(self._first["moved"])]
         known = cloud["intensity"][finite & np.isfinite(cloud["intensity"])]
@@ -115,8 +117,8 @@ class RandomChange:
 
     def draw(self) -> Change:
         """One try."""
-        removed, moved, shone = (
-            self._inside(self._first[what], again=False) for what in ("removed", "moved", "shone")
+        removed, moved, intensity_changed = (
+            self._inside(self._first[what], again=False) for what in ("removed", "moved", "intensity_changed")
         )
         sources = self._inside(self._first["added"], again=True)
         radius_m = self._budget.reach_m * self._rng.random(len(sources)) ** (1 / 3)
@@ -126,8 +128,8 @@ class RandomChange:
             random_directions(len(moved), self._rng) * self._moved_m[:, None],
             sources,
             random_directions(len(sources), self._rng) * radius_m[:, None],
-            shone,
-            self._rng.uniform(*self._intensities, len(shone)),
+            intensity_changed,
+            self._rng.uniform(*self._intensities, len(intensity_changed)),
         )
 
     def together(self, tries: list[Change], chosen: Int64) -> Change:
@@ -144,8 +146,8 @@ class RandomChange:
             np.asarray(pick("moved", [each.move_m for each in tries]), np.float64),
             np.asarray(pick("added", [each.sources for each in tries]), np.int64),
             np.asarray(pick("added", [each.add_m for each in tries]), np.float64),
-            np.asarray(pick("shone", [each.shone for each in tries]), np.int64),
-            np.asarray(pick("shone", [each.intensity for each in tries]), np.float64),
+            np.asarray(pick("intensity_changed", [each.intensity_changed for each in tries]), np.int64),
+            np.asarray(pick("intensity_changed", [each.intensity for each in tries]), np.float64),
         )
 
     def apply(self, change: Change) -> Cloud:
@@ -155,7 +157,7 @@ class RandomChange:
         new = self.cloud[change.sources]
         new = with_xyz(new, move_within(self._points[change.sources], change.add_m))
         changed = with_xyz(self.cloud, points)
-        changed["intensity"][change.shone] = change.intensity
+        changed["intensity"][change.intensity_changed] = change.intensity
         return np.concatenate([np.delete(changed, change.removed), new])
 
     def _inside(self, groups: Int64, *, again: bool) -> Int64:

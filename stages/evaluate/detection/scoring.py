@@ -95,7 +95,7 @@ def known_classes(detector: Detector) -> tuple[str, ...]:
     return tuple(name for name in CLASSES if name in detector.classes)
 
 
-class Eye:
+class CachedDetector:
     """A detector that looks at a cloud once, however many bags and baselines of a frame share it."""
 
     def __init__(self, detector: Detector) -> None:

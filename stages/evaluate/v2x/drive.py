@@ -23,7 +23,7 @@ from advpipe.pipeline.results.v2x import RadioFigures, Warnings
 from advpipe.stages.evaluate.v2x.collision import known_of_radio, warnings
 from advpipe.stages.evaluate.v2x.detection import Detection, detect, published_f1
 from advpipe.stages.evaluate.v2x.ldm_error import Known, LdmError, Moment, ldm_error, moments
-from advpipe.stages.evaluate.v2x.radio import Heard, radio_figures
+from advpipe.stages.evaluate.v2x.radio import MessageNumbers, radio_figures
 from advpipe.stages.evaluate.v2x.receptions import read_receptions, roads_of_bag
 from advpipe.stages.evaluate.v2x.recording import read_recording
 from advpipe.stages.evaluate.v2x.untold import untold
@@ -43,7 +43,7 @@ class Drive:
     moments: dict[str, list[Moment]]
     errors: dict[str, LdmError]
     warned: dict[str, Warnings]
-    heard: dict[str, Heard]
+    heard: dict[str, MessageNumbers]
     radio: RadioFigures | None
     labels: list[MessageLabel]
     roads: RoadMap | None
@@ -103,7 +103,7 @@ def read_drive(
         found,
         {one: ldm_error(found[one]) for one in listeners},
         {one: warnings(found[one], _believed(reader, one, found[one], window.last_ns)) for one in listeners},
-        {each.listener: Heard.of(each) for each in receptions},
+        {each.listener: MessageNumbers.of(each) for each in receptions},
         radio_figures(read_statistics(reader)) if window == WHOLE_DRIVE else None,
         [label for label in labels if window.is_before_end(label.time_ns)],
         roads_of_bag(reader),

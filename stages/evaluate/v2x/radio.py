@@ -28,14 +28,14 @@ def radio_figures(statistics: Statistics | None) -> RadioFigures | None:
     )
 
 
-class Heard(NamedTuple):
+class MessageNumbers(NamedTuple):
     """Numbers of messages: what others sent within `NEAR_M` of a listener, and what it received at all."""
 
     near: frozenset[int]
     received: frozenset[int]
 
     @classmethod
-    def of(cls, receptions: Receptions) -> Heard:
+    def of(cls, receptions: Receptions) -> MessageNumbers:
         return cls(receptions.near, frozenset(n for n in receptions.numbers if n is not None))
 
     def delivered(self, numbers: Collection[int]) -> float:

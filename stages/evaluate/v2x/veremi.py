@@ -25,7 +25,7 @@ from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.misbehaviour.claim import Claim, claims_of_cams
 from advpipe.pipeline.replay.v2x_drive import V2xDrive, V2xStep
-from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.facilities.cam import Cam
 from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam

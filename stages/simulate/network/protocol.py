@@ -11,7 +11,7 @@ import shapely
 from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.scenario.models import Scenario
-from advpipe.pipeline.v2x.air import Received, Sent
+from advpipe.pipeline.v2x.channel import Received, Sent
 from advpipe.pipeline.v2x.facilities.ldm import Snapshot
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.traffic.road_users import RoadUser

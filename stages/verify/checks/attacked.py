@@ -18,7 +18,7 @@ from advpipe.pipeline.labels.clouds import FRAMES
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.topics import TF, V2X_SENT, V2X_STATIONS, V2X_STATISTICS, VehicleTopics
 from advpipe.pipeline.scenario.attacks import AttackSpec
-from advpipe.stages.verify.liars import MessageAttack
+from advpipe.stages.verify.attackers import MessageAttack
 from advpipe.stages.verify.subject import Bag
 
 

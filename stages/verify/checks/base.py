@@ -25,7 +25,7 @@ class FolderCheck(ABC):
 
 
 class BagCheck(ABC):
-    """Looks at a bag all of whose messages were read: `walks` are full."""
+    """Looks at a bag all of whose messages were read: `scanners` are full."""
 
     def __init__(self, bag: Bag) -> None:
         self.bag = bag

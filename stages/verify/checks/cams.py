@@ -11,11 +11,11 @@ from advpipe.pipeline.core.bounded_parquet import flat_columns, rows
 from advpipe.pipeline.labels.messages import FILE, MESSAGE_COLUMNS, NEWER
 from advpipe.pipeline.messages.topics import V2X_SENT
 from advpipe.pipeline.messages.v2x import sent_of_message
+from advpipe.stages.verify.attackers import DeclaredAttackers
 from advpipe.stages.verify.checks.attacked import Attacked
 from advpipe.stages.verify.checks.base import BagCheck
-from advpipe.stages.verify.ledger import Ledger
-from advpipe.stages.verify.liars import Liars
 from advpipe.stages.verify.message_labels import MessageLabels
+from advpipe.stages.verify.message_store import MessageStore
 from advpipe.stages.verify.result import NOT_DECLARED, Fault, Gap, Result
 
 
@@ -40,46 +40,42 @@ class Cams(BagCheck):
             self.bag.place, "what was heard of attacked messages, maps and statistics are not made again"
         )
         try:
-            with closing(Ledger()) as ledger:
-                yield from self._compare(attacked, path, ledger)
+            with closing(MessageStore()) as store:
+                yield from self._compare(attacked, path, store)
         except sqlite3.OperationalError as error:  # a full disk
             yield Gap(where, f"not compared, as temporary files have no room: {error}")
         except sqlite3.Error:
             yield Fault(where, "numbers messages as no bag does")
 
-    def _compare(self, attacked: Attacked, path: Path, ledger: Ledger) -> Iterator[Result]:
+    def _compare(self, attacked: Attacked, path: Path, store: MessageStore) -> Iterator[Result]:
         where, topic = self.bag.subject.place(path), f"{self.bag.place} {V2X_SENT.name}"
-        liars = Liars(attacked.clean, attacked.on_messages, attacked.start_ns, attacked.seed)
+        attackers = DeclaredAttackers(attacked.clean, attacked.on_messages, attacked.start_ns, attacked.seed)
         for name, reader in (("clean", attacked.clean), ("forged", attacked.adversarial)):
             for _, message in reader.messages(V2X_SENT.name) if V2X_SENT.name in reader.topics else ():
                 sent = sent_of_message(message)
-                if not ledger.add("clean" if name == "clean" else "forged", sent):
+                if not store.add("clean" if name == "clean" else "forged", sent):
                     yield Fault(topic, f"the {name} bag has two messages {sent.number}")
         known = flat_columns(path)
         columns = [name for name in MESSAGE_COLUMNS if name not in NEWER or name in known]
         if strange := [name for name in NEWER if name not in known]:
             yield Gap(where, f"{' and '.join(strange)}: not as this version writes them")
         for row in rows(path, columns):
-            ledger.add_label(liars.place(row["attack"], row["station_id"]), row)
+            store.add_label(attackers.place(row["attack"], row["station_id"]), row)
         reacts = any(one.spec.dcc_reacts for one in attacked.on_messages)
-        told = MessageLabels(ledger, liars, reacts)
-        if liars.undeclared:
-            yield Gap(where, f"parts and mattered of {', '.join(liars.undeclared)} {NOT_DECLARED}")
-        for story in ledger.stories():
-            if story.labels:
-                yield from (
-                    Fault(where, f"message {story.number} {what}") for what in told.first_wrong(story)
-                )
-            elif story.forged is not None and story.forged != story.clean:
-                yield Fault(topic, f"message {story.number} is not that of the clean bag, and has no label")
+        told = MessageLabels(store, attackers, reacts)
+        if attackers.undeclared:
+            yield Gap(where, f"parts and mattered of {', '.join(attackers.undeclared)} {NOT_DECLARED}")
+        for diff in store.diffs():
+            if diff.labels:
+                yield from (Fault(where, f"message {diff.number} {what}") for what in told.first_wrong(diff))
+            elif diff.forged is not None and diff.forged != diff.clean:
+                yield Fault(topic, f"message {diff.number} is not that of the clean bag, and has no label")
             elif (
-                story.clean is not None
-                and story.forged is None
-                and not told.is_held_back(story.clean.station_id)
+                diff.clean is not None
+                and diff.forged is None
+                and not told.is_held_back(diff.clean.station_id)
             ):
-                yield Fault(
-                    topic, f"message {story.number} of the clean bag is missing, and no label says so"
-                )
+                yield Fault(topic, f"message {diff.number} of the clean bag is missing, and no label says so")
         if told.chained:
             yield Gap(
                 where,

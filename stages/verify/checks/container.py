@@ -9,8 +9,8 @@ from advpipe.stages.verify.result import Fault, Result
 
 
 class Container(BagCheck):
-    """Tells what the walks found."""
+    """Tells what the scanners found."""
 
     def check(self) -> Iterator[Result]:
-        for walk in self.bag.walks:
-            yield from (Fault(self.bag.subject.place(walk.path), fault) for fault in walk.faults)
+        for scanner in self.bag.scanners:
+            yield from (Fault(self.bag.subject.place(scanner.path), fault) for fault in scanner.faults)

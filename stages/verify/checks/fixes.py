@@ -21,10 +21,10 @@ from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.replay.recorded_filter import read_filter
 from advpipe.pipeline.scenario.acting import Acting, acting_on_fixes
 from advpipe.pipeline.v2x.facilities.effect import fix_matters
+from advpipe.stages.verify.attackers import victims
 from advpipe.stages.verify.checks.attacked import Attacked
 from advpipe.stages.verify.checks.base import BagCheck
-from advpipe.stages.verify.ledger import Row
-from advpipe.stages.verify.liars import victims
+from advpipe.stages.verify.message_store import Row
 from advpipe.stages.verify.result import Fault, Gap, Result
 
 ROUNDING = 1e-6

@@ -11,8 +11,8 @@ from advpipe.pipeline.bag.files import METADATA_NAME, read_information
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.mcap.qos import qos_from_yaml
 from advpipe.stages.verify.checks.base import BagCheck
+from advpipe.stages.verify.mcap_scanner import McapScanner
 from advpipe.stages.verify.result import Fault, Gap, Result
-from advpipe.stages.verify.walk import Walk
 
 _ERRORS = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError)
 """What looking into a document of another shape raises."""
@@ -32,37 +32,37 @@ class MetadataYaml(BagCheck):
         except AdvpipeError as error:
             yield Fault(where, str(error))
             return
-        walks = self.bag.walks
+        scanners = self.bag.scanners
         try:
-            for fault in _differences(information, walks):
+            for fault in _differences(information, scanners):
                 yield Fault(where, fault)
         except _ERRORS:
             yield Fault(where, "is no rosbag2 metadata of a known version")
-        listed = {walk.path.name for walk in walks}
+        listed = {scanner.path.name for scanner in scanners}
         for file in sorted(self.bag.path.glob("*.mcap")):
             if file.name not in listed:
                 yield Fault(self.bag.subject.place(file), f"is not listed in {METADATA_NAME}")
 
 
-def _differences(information: dict[str, Any], walks: list[Walk]) -> Iterator[str]:
+def _differences(information: dict[str, Any], scanners: list[McapScanner]) -> Iterator[str]:
     if not 4 <= information["version"] <= 9:
         yield f"has version {information['version']}"
-    yield from _span("", information, walks)
+    yield from _span("", information, scanners)
     names = information["relative_file_paths"]
     for entry in information.get("files") or []:
-        parts = [walk for walk in walks if walk.path.name == entry["path"]]
+        parts = [scanner for scanner in scanners if scanner.path.name == entry["path"]]
         if entry["path"] not in names or not parts:
             yield f"tells of a file {entry['path']!r} that it does not list"
         else:
             yield from _span(f"of {entry['path']}, ", entry, parts)
     told = {entry["topic_metadata"]["name"]: entry for entry in information["topics_with_message_count"]}
-    real = {topic.name: topic for walk in walks for topic in walk.topics.values()}
+    real = {topic.name: topic for scanner in scanners for topic in scanner.topics.values()}
     for name in sorted(told.keys() ^ real.keys()):
         if name in real or told[name]["message_count"]:
             yield f"{name} is {'not listed' if name in real else 'listed, but not in the bag'}"
     for name in sorted(told.keys() & real.keys()):
         topic, entry = told[name]["topic_metadata"], told[name]
-        count = sum(_count(walk, name) for walk in walks)
+        count = sum(_count(scanner, name) for scanner in scanners)
         if entry["message_count"] != count:
             yield f"{name}: {entry['message_count']} messages are told, {count} are there"
         if topic["type"] != real[name].type:
@@ -73,17 +73,17 @@ def _differences(information: dict[str, Any], walks: list[Walk]) -> Iterator[str
             yield f"{name}: another QoS is told than the bag has"
 
 
-def _count(walk: Walk, name: str) -> int:
-    return sum(count for channel, count in walk.counts.items() if walk.topics[channel].name == name)
+def _count(scanner: McapScanner, name: str) -> int:
+    return sum(count for channel, count in scanner.counts.items() if scanner.topics[channel].name == name)
 
 
-def _span(prefix: str, told: dict[str, Any], walks: list[Walk]) -> Iterator[str]:
+def _span(prefix: str, told: dict[str, Any], scanners: list[McapScanner]) -> Iterator[str]:
     """Count and times of some files together."""
-    count = sum(sum(walk.counts.values()) for walk in walks)
+    count = sum(sum(scanner.counts.values()) for scanner in scanners)
     if told["message_count"] != count:
         yield f"{prefix}{told['message_count']} messages are told, {count} are there"
-    firsts = [walk.first_ns for walk in walks if walk.first_ns is not None]
-    lasts = [walk.last_ns for walk in walks if walk.last_ns is not None]
+    firsts = [scanner.first_ns for scanner in scanners if scanner.first_ns is not None]
+    lasts = [scanner.last_ns for scanner in scanners if scanner.last_ns is not None]
     if not firsts:
         return
     if told["starting_time"]["nanoseconds_since_epoch"] != min(firsts):

@@ -20,8 +20,8 @@ class QualityOfService(BagCheck):
     def check(self) -> Iterator[Result]:
         if not self.bag.is_own:
             return
-        for walk in self.bag.walks:
-            for topic in walk.topics.values():
+        for scanner in self.bag.scanners:
+            for topic in scanner.topics.values():
                 known = known_topic(topic.name)
                 if known is not None and topic.type != known.type:
                     yield Fault(f"{self.bag.place} {topic.name}", f"is a {topic.type}, not a {known.type}")

@@ -19,7 +19,7 @@ from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.messages.v2x import StampedCdr, received_messages
-from advpipe.pipeline.v2x.air import Received, Sent
+from advpipe.pipeline.v2x.channel import Received, Sent
 from advpipe.pipeline.v2x.facilities.ldm import Verdict
 
 EGO = VehicleTopics("ego")

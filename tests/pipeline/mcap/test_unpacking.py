@@ -21,7 +21,7 @@ from advpipe.pipeline.mcap.salvage import Salvage
 from advpipe.pipeline.mcap.unpacking import FREE_BYTES, MESSAGE_BYTES, RATIO, UnpackBudget
 from advpipe.pipeline.messages.object_count import has_more_objects
 from advpipe.pipeline.messages.types import schema_text, types_from
-from advpipe.stages.verify.walk import Walk
+from advpipe.stages.verify.mcap_scanner import McapScanner
 
 LINE = "\n" + "=" * 80 + "\n"
 HEAD = b"\0\1\0\0"
@@ -170,18 +170,18 @@ def test_definitions_in_packed_chunks(tmp_path: Path) -> None:
         for number in range(1, 5)
     ]
     (tmp_path / "a.mcap").write_bytes(file_of(*chunks))
-    walk = Walk(tmp_path / "a.mcap")
-    assert list(walk.messages()) == []
-    assert walk.faults == ["damaged or cut off: definitions of more than 16777216 bytes"]
-    assert len(walk.channels) == 2
+    scanner = McapScanner(tmp_path / "a.mcap")
+    assert list(scanner.messages()) == []
+    assert scanner.faults == ["damaged or cut off: definitions of more than 16777216 bytes"]
+    assert len(scanner.channels) == 2
 
 
 def test_messages_of_no_channel_are_told_once(tmp_path: Path) -> None:
     message = Message(channel_id=9, sequence=0, log_time=0, publish_time=0, data=b"")
     (tmp_path / "a.mcap").write_bytes(file_of(packed(message, times=1000)))
-    walk = Walk(tmp_path / "a.mcap")
-    assert list(walk.messages()) == []
-    assert sum("nothing defines" in fault for fault in walk.faults) == 1
+    scanner = McapScanner(tmp_path / "a.mcap")
+    assert list(scanner.messages()) == []
+    assert sum("nothing defines" in fault for fault in scanner.faults) == 1
 
 
 def test_what_is_saved_of_a_bomb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -205,4 +205,4 @@ def test_messages_that_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     path = write(tmp_path / "a.mcap", "std_msgs/msg/Empty", "", [HEAD + b"\0"] * 1001)
     with pytest.raises(AdvpipeError, match="lie out of order"):
         list(BagReader(path).raw_messages())
-    assert sum(1 for _ in Walk(path).messages()) == 1001
+    assert sum(1 for _ in McapScanner(path).messages()) == 1001

@@ -16,7 +16,7 @@ from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.message_bounds import absurdity
 from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATIONS, VehicleTopics
 from advpipe.pipeline.messages.v2x import RadioPlace, received_messages, sent_message, stations_message
-from advpipe.pipeline.v2x.air import Received, Sent
+from advpipe.pipeline.v2x.channel import Received, Sent
 from advpipe.pipeline.v2x.facilities.ldm import Verdict
 
 EGO = VehicleTopics("ego")

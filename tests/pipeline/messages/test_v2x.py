@@ -21,7 +21,7 @@ from advpipe.pipeline.messages.v2x import (
     stations_of_message,
     udp_packet_cdr,
 )
-from advpipe.pipeline.v2x.air import Received, Sent
+from advpipe.pipeline.v2x.channel import Received, Sent
 from advpipe.pipeline.v2x.codec.codec import decode
 from advpipe.pipeline.v2x.facilities.ldm import Verdict
 

@@ -12,7 +12,7 @@ from advpipe.pipeline.v2x.plot import draw_statistics
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.radio.load import ChannelLoad
 from advpipe.pipeline.v2x.radio.medium import Medium, Step
-from advpipe.pipeline.v2x.radio.stations import Fates, Outcome, Stations, Transmissions
+from advpipe.pipeline.v2x.radio.stations import Outcome, ReceptionOutcomes, Stations, Transmissions
 from advpipe.pipeline.v2x.section import Radio
 from advpipe.pipeline.v2x.statistics import Statistics, Tally, delivery_by_distance
 
@@ -23,7 +23,7 @@ OWN, RECEIVED, WEAK = Outcome.OWN, Outcome.RECEIVED, Outcome.WEAK
 def step(at_ms: int) -> Step:
     """Station 1 sends then; station 2, 60 m away, receives it 1 ms later; station 3, at 70 m, does not."""
     request_ns = np.array([at_ms * MS])
-    fates = Fates(
+    outcomes = ReceptionOutcomes(
         messages=np.array([0]),
         senders=np.array([1]),
         request_ns=request_ns,
@@ -37,7 +37,7 @@ def step(at_ms: int) -> Step:
         arrival_ns=np.array([[0, request_ns[0] + MS, 0]]),
         dropped=np.array([5]),
     )
-    return Step(fates, (ChannelLoad(at_ms * MS, np.array([1, 2, 3]), np.array([0.1, 0.2, 0.3])),))
+    return Step(outcomes, (ChannelLoad(at_ms * MS, np.array([1, 2, 3]), np.array([0.1, 0.2, 0.3])),))
 
 
 def counted() -> Statistics:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.core.plugins import mistakes_reported, own_words
+from advpipe.pipeline.core.plugins import mistakes_reported, plugin_names
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.lidar.build import build_lidar_attack
 from advpipe.stages.attack.registry import find_attack
@@ -138,8 +138,8 @@ def test_a_module_that_goes_wrong_is_one_line(tmp_path, monkeypatch, text, said)
 
 
 def test_what_is_not_the_users_stays_as_it_is():
-    assert own_words(["detach", "small"]) == ()
-    assert own_words(["detach", "mine:Detector", "mine:Detector"]) == ("mine:Detector",)
+    assert plugin_names(["detach", "small"]) == ()
+    assert plugin_names(["detach", "mine:Detector", "mine:Detector"]) == ("mine:Detector",)
     with pytest.raises(KeyError), mistakes_reported(()):
         raise KeyError("of ours")
     with pytest.raises(AdvpipeError, match=r"^said$"), mistakes_reported(["mine:Detector"]):

@@ -59,7 +59,7 @@ class NotCallable(LidarAttack):
         pass
 
 
-class Looking(Mine):
+class Judging(Mine):
     traits = LidarTraits(budget=BUDGET)
     looks = 2.5
 
@@ -91,7 +91,7 @@ class Heir(Mine):
 @pytest.fixture(autouse=True)
 def _my_module(monkeypatch):
     module = types.ModuleType("my_own")
-    for one in (Mine, NotCallable, NoTraits, OtherTraits, NoFamily, NotBegun, Heir, Stranger, Looking):
+    for one in (Mine, NotCallable, NoTraits, OtherTraits, NoFamily, NotBegun, Heir, Stranger, Judging):
         setattr(module, one.__name__, one)
     module.number = 3
     monkeypatch.setitem(sys.modules, "my_own", module)
@@ -251,8 +251,8 @@ def test_how_often_an_attack_looks():
     assert looks("perturb", "paper", eps_cm=1.0) == looks("attach", "paper", eps_m=1.0) == 1
     assert looks("detach", "best", ratio=0.1) == looks("attach", "best", eps_m=1.0) == 10 + 3
     assert looks_of(build_lidar_attack(mine(size_m=2))) is None
-    wrong = build_lidar_attack(AttackSpec(type="my_own:Looking", parameters={"size_m": 1}))
-    with pytest.raises(AdvpipeError, match=r"Looking: looks is 2\.5, but must be a whole number"):
+    wrong = build_lidar_attack(AttackSpec(type="my_own:Judging", parameters={"size_m": 1}))
+    with pytest.raises(AdvpipeError, match=r"Judging: looks is 2\.5, but must be a whole number"):
         looks_of(wrong)
 
 

@@ -12,7 +12,7 @@ from advpipe.pipeline.geometry.transforms import se3_from_yaw
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.v2x_drive import V2xStep
-from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.codec.codes import StationType
 from advpipe.pipeline.v2x.facilities.cam import LowFrequency, cam_of_state
 from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam, encode_cam

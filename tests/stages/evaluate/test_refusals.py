@@ -12,7 +12,7 @@ from advpipe.pipeline.detector.protocol import Detections, Range
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import CLOCK
 from advpipe.stages.evaluate import run
-from advpipe.stages.evaluate.detection.scoring import Eye
+from advpipe.stages.evaluate.detection.scoring import CachedDetector
 
 
 def refused(tmp_path, match, *args, **kwargs):
@@ -48,7 +48,7 @@ def test_a_detector_that_errs_is_told_how(monkeypatch, wrong, message):
     for name, value in wrong.items():
         monkeypatch.setattr(Careless, name, value)
     with pytest.raises(AdvpipeError, match=f"Careless.detect gave .*{message}"):
-        Eye(Careless()).detect(clean_cloud(0))
+        CachedDetector(Careless()).detect(clean_cloud(0))
 
 
 @pytest.mark.parametrize("mistake", [ZeroDivisionError("by\nzero"), SystemExit(0)])
@@ -59,7 +59,7 @@ def test_a_detector_that_breaks_down_is_told_where(monkeypatch, mistake):
     monkeypatch.setattr(Careless, "detect", detect)
     line = r"test_refusals:Careless failed: .* \(test_refusals.py, line "
     with pytest.raises(AdvpipeError, match=line) as told:
-        Eye(Careless()).detect(clean_cloud(0))
+        CachedDetector(Careless()).detect(clean_cloud(0))
     assert "\n" not in str(told.value)
 
 

@@ -12,7 +12,7 @@ from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace, stations_of
 from advpipe.pipeline.scenario.models import Scenario
-from advpipe.pipeline.v2x.air import Air, Sent
+from advpipe.pipeline.v2x.channel import Channel, Sent
 from advpipe.pipeline.v2x.facilities.generation import switched_on_ns
 from advpipe.pipeline.v2x.facilities.ldm import Snapshot
 from advpipe.pipeline.v2x.radio.buildings import Buildings
@@ -41,7 +41,7 @@ class EmbeddedNetwork:
         self._equipped: dict[str, bool] = {}
         listeners = {self._id_of(name): name for name in self._instrumented}
         buildings = None if footprints is None else Buildings(footprints)
-        self.air = Air(self._v2x, self._clock.seed, self._geodesy, listeners, buildings)
+        self.channel = Channel(self._v2x, self._clock.seed, self._geodesy, listeners, buildings)
         self._stations: dict[str, Station] = {}
         self._by_id: list[Station] = []
         self._now_ns = self._clock.stamp_ns(0)
@@ -69,14 +69,14 @@ class EmbeddedNetwork:
 
     def local_dynamic_maps(self) -> list[tuple[str, Snapshot]]:
         names = [name for name in self._instrumented if name in self._stations]
-        return [(name, self.air.snapshot(name, self._now_ns)) for name in names]
+        return [(name, self.channel.snapshot(name, self._now_ns)) for name in names]
 
     def finish(self) -> Exchange:
-        heard = self.air.finish(self._now_ns, stations_of(self._v2x, self.radios))
+        heard = self.channel.finish(self._now_ns, stations_of(self._v2x, self.radios))
         return Exchange(self._now_ns, received=heard.received)
 
     def statistics(self) -> Statistics | None:
-        return self.air.statistics() if self._v2x.enabled else None
+        return self.channel.statistics() if self._v2x.enabled else None
 
     def _exchange(self, until_ns: int) -> Exchange:
         if until_ns == self._now_ns or not self._v2x.enabled:  # the first frame: nobody is known yet
@@ -94,7 +94,7 @@ class EmbeddedNetwork:
             )
         )
         self._messages += len(sent)
-        heard = self.air.advance(until_ns, stations_of(self._v2x, self.radios), sent)
+        heard = self.channel.advance(until_ns, stations_of(self._v2x, self.radios), sent)
         for load in heard.loads:
             for station, busy_ratio in zip(stations, load.busy_ratio.tolist(), strict=True):
                 station.hear_load(busy_ratio)

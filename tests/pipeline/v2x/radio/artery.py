@@ -13,7 +13,7 @@ import pytest
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.radio.medium import Medium
-from advpipe.pipeline.v2x.radio.stations import Fates, Int64, Outcome, Stations, Transmissions
+from advpipe.pipeline.v2x.radio.stations import Int64, Outcome, ReceptionOutcomes, Stations, Transmissions
 from advpipe.pipeline.v2x.section import Radio
 
 STEP_NS = 100_000_000
@@ -43,9 +43,9 @@ class Trace(NamedTuple):
     def table(self, name: str) -> Columns:
         return _columns(self.folder / name)
 
-    def send_again(self, radio: Radio) -> list[Fates]:
+    def send_again(self, radio: Radio) -> list[ReceptionOutcomes]:
         """All CAMs through our medium, step by step; messages are numbered by their rows."""
-        medium, fates = Medium(radio, seed=1), []
+        medium, outcomes = Medium(radio, seed=1), []
         times_ns = np.rint(self.cams["t"] * 1e9).astype(np.int64)
         state_steps = np.rint(self.states["t"] * 10).astype(np.int64)
         for step in range(int(times_ns.min() // STEP_NS), int(times_ns.max() // STEP_NS) + 2):
@@ -62,14 +62,14 @@ class Trace(NamedTuple):
                 request_ns=times_ns[rows],
                 cam_bytes=self.cams["bytes"][rows].astype(np.int64),
             )
-            fates.append(medium.advance((step + 1) * STEP_NS, stations, sent).fates)
-        return fates
+            outcomes.append(medium.advance((step + 1) * STEP_NS, stations, sent).outcomes)
+        return outcomes
 
 
-def by_distance(fates: list[Fates], edges_m: Float64) -> tuple[Int64, Int64]:
+def by_distance(outcomes: list[ReceptionOutcomes], edges_m: Float64) -> tuple[Int64, Int64]:
     """Pairs of message and receiver, and those received, in each range of distance."""
     pairs, received = (np.zeros(len(edges_m) - 1, np.int64) for _ in range(2))
-    for fate in fates:
+    for fate in outcomes:
         other = fate.outcome != Outcome.OWN
         pairs += np.histogram(fate.distance_m[other], edges_m)[0]
         received += np.histogram(fate.distance_m[fate.outcome == Outcome.RECEIVED], edges_m)[0]

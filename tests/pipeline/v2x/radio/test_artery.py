@@ -34,16 +34,16 @@ def test_single_receptions_and_delays_in_free_space() -> None:
     trace = Trace.recorded()
     same = pairs = 0
     apart_us: list[float] = []
-    for fates in trace.send_again(FREE_SPACE):
-        for row, message in enumerate(fates.messages):
+    for outcomes in trace.send_again(FREE_SPACE):
+        for row, message in enumerate(outcomes.messages):
             mask = int(trace.cams["rx_mask"][message], 16)
-            in_artery = np.array([mask >> int(k) & 1 for k in fates.receivers], np.bool_)
-            here = fates.outcome[row] == Outcome.RECEIVED
-            others = fates.outcome[row] != Outcome.OWN
+            in_artery = np.array([mask >> int(k) & 1 for k in outcomes.receivers], np.bool_)
+            here = outcomes.outcome[row] == Outcome.RECEIVED
+            others = outcomes.outcome[row] != Outcome.OWN
             same += int((in_artery == here)[others].sum())
             pairs += int(others.sum())
             if in_artery.any() and here.any():
-                delay_us = fates.arrival_ns[row].max() / 1e3 - trace.cams["t"][message] * 1e6
+                delay_us = outcomes.arrival_ns[row].max() / 1e3 - trace.cams["t"][message] * 1e6
                 apart_us.append(delay_us - trace.cams["max_delay_us"][message])
     assert pairs > 170_000
     assert same / pairs > 0.999

@@ -29,8 +29,8 @@ def sending(senders: list[int], at_ms: list[float], cam_bytes: int = 41) -> Tran
 
 def outcomes(radio: Radio, stations: Stations, sent: Transmissions, until_ms: int = 100) -> np.ndarray:
     """Outcomes (messages, stations), in the order of the messages."""
-    fates = Medium(radio, seed=1).advance(until_ms * MS, stations, sent).fates
-    return fates.outcome[np.argsort(fates.messages)]
+    outcomes = Medium(radio, seed=1).advance(until_ms * MS, stations, sent).outcomes
+    return outcomes.outcome[np.argsort(outcomes.messages)]
 
 
 def test_noise_ends_reception_in_free_space() -> None:
@@ -44,8 +44,8 @@ def test_noise_ends_reception_in_free_space() -> None:
 
 def test_arrival() -> None:
     medium = Medium(PLAIN, seed=1)
-    fates = medium.advance(100 * MS, on_a_road(0, 299.792458), sending([10], [5])).fates
-    (reception,) = fates.receptions()
+    outcomes = medium.advance(100 * MS, on_a_road(0, 299.792458), sending([10], [5])).outcomes
+    (reception,) = outcomes.receptions()
     assert reception.arrival_ns == 5 * MS + 208_000 + 1000
     assert (reception.message, reception.receiver) == (0, 11)
     assert reception.power_dbm == pytest.approx(23 - 47.86 - 20 * np.log10(299.792458), abs=0.01)
@@ -53,8 +53,10 @@ def test_arrival() -> None:
 
 def test_processing_takes_time_within_its_bounds() -> None:
     slow = PLAIN.model_copy(update={"processing_delay_min_s": 0.001, "processing_delay_max_s": 0.002})
-    fates = Medium(slow, seed=1).advance(100 * MS, on_a_road(0, *range(1, 200)), sending([10], [5])).fates
-    delay_ms = np.array([r.arrival_ns for r in fates.receptions()]) / MS - 5.208
+    outcomes = (
+        Medium(slow, seed=1).advance(100 * MS, on_a_road(0, *range(1, 200)), sending([10], [5])).outcomes
+    )
+    delay_ms = np.array([r.arrival_ns for r in outcomes.receptions()]) / MS - 5.208
     assert len(delay_ms) == 199
     assert 1.0 <= delay_ms.min() < 1.02
     assert 1.98 < delay_ms.max() <= 2.001
@@ -123,32 +125,32 @@ def test_steps_cut_elsewhere_change_nothing() -> None:
     whole = in_steps(Radio(), stations, sent, [400])
     cut = in_steps(Radio(), stations, sent, [*range(3, 301, 9), 310, 400])
     for name in ("messages", "start_ns", "outcome", "power_dbm", "sinr_db", "arrival_ns"):
-        parts = [getattr(step.fates, name) for step in cut]
-        np.testing.assert_array_equal(np.concatenate(parts), getattr(whole[0].fates, name), err_msg=name)
+        parts = [getattr(step.outcomes, name) for step in cut]
+        np.testing.assert_array_equal(np.concatenate(parts), getattr(whole[0].outcomes, name), err_msg=name)
     loads = [load for step in cut for load in step.loads]
     assert [load.end_ns for load in loads] == [load.end_ns for load in whole[0].loads]
     for one, other in zip(loads, whole[0].loads, strict=True):
         np.testing.assert_array_equal(one.busy_ratio, other.busy_ratio)
-    assert len(set(whole[0].fates.outcome.ravel().tolist())) == 7  # everything occurs
+    assert len(set(whole[0].outcomes.outcome.ravel().tolist())) == 7  # everything occurs
 
 
 def test_an_unchanged_message_meets_the_same_fate() -> None:
-    """Half of the messages are taken away, the others delayed by nobody: their fates stay, cell by cell."""
+    """Half of the messages are taken away, the others delayed by nobody: cell by cell, their outcomes stay."""
     stations, sent = random_drive()
     alone = Radio(interference=False, carrier_sense_dbm=-30)
-    all_fates = Medium(alone, seed=1).advance(400 * MS, stations, sent).fates
+    all_fates = Medium(alone, seed=1).advance(400 * MS, stations, sent).outcomes
     kept = sent.senders % 2 == 0  # all or none of a station's, as it can only send one at a time
-    fates = Medium(alone, seed=1).advance(400 * MS, stations, subset(sent, kept)).fates
-    rows = np.isin(all_fates.messages, fates.messages)
+    outcomes = Medium(alone, seed=1).advance(400 * MS, stations, subset(sent, kept)).outcomes
+    rows = np.isin(all_fates.messages, outcomes.messages)
     is_sending = all_fates.outcome[rows] == Outcome.SENDING
-    np.testing.assert_array_equal(all_fates.outcome[rows][~is_sending], fates.outcome[~is_sending])
-    np.testing.assert_array_equal(all_fates.power_dbm[rows], fates.power_dbm)
+    np.testing.assert_array_equal(all_fates.outcome[rows][~is_sending], outcomes.outcome[~is_sending])
+    np.testing.assert_array_equal(all_fates.power_dbm[rows], outcomes.power_dbm)
     assert 0 < rows.mean() < 1
 
 
 def test_another_seed_is_another_fate() -> None:
     stations, sent = random_drive()
-    one, other = (Medium(Radio(), seed=s).advance(400 * MS, stations, sent).fates.outcome for s in (1, 2))
+    one, other = (Medium(Radio(), seed=s).advance(400 * MS, stations, sent).outcomes.outcome for s in (1, 2))
     assert 0.05 < (one != other).mean() < 0.5
 
 
@@ -157,12 +159,12 @@ def test_stations_come_and_go() -> None:
     two = on_a_road(0, 100)
     sent = sending([10, 11, 11], [99.9, 99.95, 99.97])
     first = medium.advance(100 * MS, two, sent)
-    assert len(first.fates.messages) == 0  # on the air at the end of the step
+    assert len(first.outcomes.messages) == 0  # on the air at the end of the step
     later = Stations(np.array([12, 10]), np.array([[50.0, 0, 1.5], [1, 0, 1.5]]))  # 11 has gone, 12 is new
-    fates = medium.advance(200 * MS, later, Transmissions.none()).fates
-    assert fates.messages.tolist() == [0]
-    assert fates.outcome.tolist() == [[Outcome.WEAK, Outcome.OWN]]  # 12 came when it was under way
-    assert sorted(fates.dropped.tolist()) == [1, 2]
+    outcomes = medium.advance(200 * MS, later, Transmissions.none()).outcomes
+    assert outcomes.messages.tolist() == [0]
+    assert outcomes.outcome.tolist() == [[Outcome.WEAK, Outcome.OWN]]  # 12 came when it was under way
+    assert sorted(outcomes.dropped.tolist()) == [1, 2]
 
 
 def test_nobody_and_nothing() -> None:
@@ -170,7 +172,7 @@ def test_nobody_and_nothing() -> None:
     medium = Medium(Radio(), seed=1)
     for end_ms in (100, 200):
         step = medium.advance(end_ms * MS, empty, Transmissions.none())
-        assert step.fates.outcome.shape == (0, 0)
+        assert step.outcomes.outcome.shape == (0, 0)
     assert step.loads[0].busy_ratio.shape == (0,)
 
 

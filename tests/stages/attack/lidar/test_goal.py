@@ -46,14 +46,14 @@ def test_success_counts_what_the_map_counts(scene):
 
 
 class Contrasting(LinearVoxelDetector):
-    """Its loss falls with the scores of what is taught and rises with those of what is not."""
+    """Its loss falls with the scores of what is loss_targets and rises with those of what is not."""
 
     def occupancy_loss(self, points, boxes, labels, ghosts=None):
         places = torch.as_tensor(self.anchors, dtype=torch.float32)
         ghosts = torch.zeros(0, 4) if ghosts is None else ghosts
         scores, occupancy, voxel = self._scores(points, places, ghosts)
-        taught = (places[:, None] == boxes[None]).all(2).any(1)
-        return torch.where(taught, -scores, scores).sum(), occupancy, voxel
+        loss_targets = (places[:, None] == boxes[None]).all(2).any(1)
+        return torch.where(loss_targets, -scores, scores).sum(), occupancy, voxel
 
     def loss(self, points, boxes, labels):
         return self.occupancy_loss(points, boxes, labels)[0]
@@ -84,15 +84,15 @@ def test_a_ghost_is_conjured_from_points_about(make_cloud, make_boxes, make_dete
 
 
 def test_every_other_gradient_is_that_of_a_lie(scene, monkeypatch):
-    taught, ask = [], LinearVoxelDetector.occupancy_loss
+    loss_targets, ask = [], LinearVoxelDetector.occupancy_loss
 
     def watched(self, points, boxes, labels, ghosts=None):
-        taught.append(len(boxes))
+        loss_targets.append(len(boxes))
         return ask(self, points, boxes, labels, ghosts)
 
     monkeypatch.setattr(LinearVoxelDetector, "occupancy_loss", watched)
     Perturb(eps_cm=10, steps=4)(*scene, rng())
-    assert taught == [1, 0, 1, 0]
+    assert loss_targets == [1, 0, 1, 0]
 
 
 def test_robust_moves_points_where_the_reach_is_shorter_than_its_landing(scene):

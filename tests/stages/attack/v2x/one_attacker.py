@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import Any
 
-from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.codec.codes import AccelerationControl, DriveDirection
 from advpipe.pipeline.v2x.codec.timestamps import generation_delta_time_ms
 from advpipe.pipeline.v2x.facilities.cam import Cam, LowFrequency

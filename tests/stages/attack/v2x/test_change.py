@@ -20,7 +20,7 @@ from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATIONS
 from advpipe.pipeline.messages.v2x import sent_message, sent_of_message, stations_of_message
 from advpipe.pipeline.replay.v2x_drive import V2xDrive, V2xStep
 from advpipe.pipeline.scenario.attacks import attack_spec
-from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam
 from advpipe.stages.attack.v2x.change import V2xChange, forge
 

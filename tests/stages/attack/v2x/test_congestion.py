@@ -5,7 +5,7 @@ from one_attacker import START_NS
 
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.v2x_drive import V2xStep
-from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.radio.load import ChannelLoad
 from advpipe.pipeline.v2x.section import CamRules
 from advpipe.stages.attack.v2x.congestion import Congestion

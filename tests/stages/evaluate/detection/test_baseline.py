@@ -193,17 +193,17 @@ def test_as_many_intensities_as_the_attack_changed():
     after = clean.copy()
     after["intensity"][:9] = 20.0
     change = cloud_difference(clean, after)
-    assert change.shone.tolist() == list(range(9))
+    assert change.intensity_changed.tolist() == list(range(9))
     assert len(change.moved) == 0
     budget = Budget.of(clean, after, change, {})
     clouds = dict(random_baselines(clean, BOXES, budget, no_worth, tries=2, seed=0, index=3))
     near = points_near_boxes(clean, BOXES)
     for word, random in clouds.items():
         drawn = cloud_difference(clean, random)
-        assert len(drawn.shone) == (len(clean) if "full" in word else 9)
+        assert len(drawn.intensity_changed) == (len(clean) if "full" in word else 9)
         assert not len(drawn.moved)
         assert not len(drawn.removed)
         assert random["intensity"].min() >= clean["intensity"].min()
         assert random["intensity"].max() <= clean["intensity"].max()
-        assert near[drawn.shone].all() == ("near" in word)
+        assert near[drawn.intensity_changed].all() == ("near" in word)
     assert len(np.unique(clouds["baseline_full"]["intensity"])) > 300

@@ -14,7 +14,7 @@ from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.labels.messages import MessageLabel
 from advpipe.pipeline.misbehaviour.config import DetectorConfig
 from advpipe.stages.evaluate.v2x.drive import Drive, read_drive
-from advpipe.stages.evaluate.v2x.radio import Heard
+from advpipe.stages.evaluate.v2x.radio import MessageNumbers
 from advpipe.stages.evaluate.v2x.section import section
 from advpipe.stages.evaluate.v2x.tables import victim_table
 
@@ -56,12 +56,14 @@ def test_delivery_is_of_the_same_messages(clean: Drive) -> None:
     """Of 1 to 4, the clean drive delivers 1, 2 and 4; with 4 forged, 1, 2 and 3 are honest: two before, one
     under attack. What is far away counts for nothing."""
     near = frozenset({1, 2, 3, 4})
-    before = replace(clean, heard={"ego": Heard(near, frozenset({1, 2, 4, 9}))})
+    before = replace(clean, heard={"ego": MessageNumbers(near, frozenset({1, 2, 4, 9}))})
     forged = MessageLabel(4, "cam-dos", "a", "changed", True, 0, 7)
-    after = replace(clean, name="dos", heard={"ego": Heard(near, frozenset({1, 4, 9}))}, labels=[forged])
+    after = replace(
+        clean, name="dos", heard={"ego": MessageNumbers(near, frozenset({1, 4, 9}))}, labels=[forged]
+    )
     lines = victim_table([before, after]).lines
     assert [line[-1] for line in lines] == ["75.0", "66.7 → 33.3"]
-    nothing = replace(clean, name="all", heard={"ego": Heard(frozenset({4}), near)}, labels=[forged])
+    nothing = replace(clean, name="all", heard={"ego": MessageNumbers(frozenset({4}), near)}, labels=[forged])
     assert victim_table([before, nothing]).lines[1][-1] == "– → –"
 
 

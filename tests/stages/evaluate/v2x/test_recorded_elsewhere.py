@@ -18,7 +18,7 @@ from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import LANES, SCENARIO_INFO, VehicleTopics
 from advpipe.pipeline.messages.types import serialise
-from advpipe.pipeline.v2x.air import Air
+from advpipe.pipeline.v2x.channel import Air
 from advpipe.pipeline.v2x.radio.medium import Medium
 from advpipe.stages.evaluate.v2x.drive import read_drive
 from advpipe.stages.evaluate.v2x.receptions import read_receptions

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.scenario import Scenario
-from advpipe.pipeline.v2x.air import Received, Sent
+from advpipe.pipeline.v2x.channel import Received, Sent
 from advpipe.pipeline.v2x.facilities.ldm import Snapshot, Verdict
 from advpipe.stages.simulate.network.protocol import Exchange
 from advpipe.stages.simulate.traffic.road_users import RoadUser

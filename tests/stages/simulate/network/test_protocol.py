@@ -37,7 +37,7 @@ def test_everyone_hears_everything_at_once(tmp_path: Path) -> None:
     assert VehicleTopics("ego").sent_raw.name in reader.topics
     assert VehicleTopics("ego").received_cam.name not in reader.topics  # bytes that are no CAM
     with pytest.raises(AdvpipeError, match="sent again through the embedded one only"):
-        V2xDrive(reader).air()
+        V2xDrive(reader).channel()
 
 
 @pytest.mark.parametrize(

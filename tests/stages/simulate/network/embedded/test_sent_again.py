@@ -15,7 +15,7 @@ from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.ldm import ldm_snapshot_cdr
 from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATISTICS, VehicleTopics
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
-from advpipe.pipeline.v2x.air import Air, Received, Sent
+from advpipe.pipeline.v2x.channel import Channel, Received, Sent
 from advpipe.pipeline.v2x.statistics import Statistics
 
 Record = Callable[..., BagReader]
@@ -50,12 +50,12 @@ def send_again(
 ) -> tuple[list[Received], dict[tuple[str, int], bytes], Statistics]:
     """Receptions, maps by listener and time, and the sum."""
     drive, received, maps = V2xDrive(reader), [], {}
-    air = drive.air()
+    channel = drive.channel()
     for step in drive.steps():
         for listener in drive.listeners.values():
-            maps[listener, step.begin_ns] = ldm_snapshot_cdr(air.snapshot(listener, step.begin_ns))
-        received += drive.send(air, step, change(step.sent)).received
-    return received, maps, air.statistics()
+            maps[listener, step.begin_ns] = ldm_snapshot_cdr(channel.snapshot(listener, step.begin_ns))
+        received += drive.send(channel, step, change(step.sent)).received
+    return received, maps, channel.statistics()
 
 
 @pytest.mark.parametrize("settings", DRIVES.values(), ids=DRIVES)
@@ -101,10 +101,10 @@ def test_buildings_are_in_the_way(drive: Record) -> None:
     reader = drive(*DRIVES["two listeners, all equipped, everything on"])
     with_buildings = send_again(reader)[2]
     recorded = V2xDrive(reader)
-    air = Air(recorded.v2x, recorded.seed, Geodesy(48.1351, 11.582, 520.0), recorded.listeners, None)
+    channel = Channel(recorded.v2x, recorded.seed, Geodesy(48.1351, 11.582, 520.0), recorded.listeners, None)
     for step in recorded.steps():
-        recorded.send(air, step, step.sent)
-    without = air.statistics()
+        recorded.send(channel, step, step.sent)
+    without = channel.statistics()
     assert without.pairs == with_buildings.pairs
     assert without.outcomes["received"] > 1.02 * with_buildings.outcomes["received"]
 

@@ -9,7 +9,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.labels.declaration import Declaration, Family
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.replay.recorded_filter import usual_victim, vehicles_with_filter
-from advpipe.pipeline.replay.v2x_attackers import Cast
+from advpipe.pipeline.replay.v2x_attackers import AttackerSelection
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.acting import Acting, acting_on_messages, drawn_parts
 from advpipe.pipeline.scenario.attacks import NS_PER_S, AttackSpec
@@ -23,7 +23,7 @@ class MessageAttack(NamedTuple):
     declared: Declaration | None
 
 
-class Liar(NamedTuple):
+class DeclaredAttacker(NamedTuple):
     """An attack that touches messages, as labels name it.
 
     senders: station ids of the radios whose messages it touches. is_sender: whether it is the sender who
@@ -44,7 +44,7 @@ class Liar(NamedTuple):
         return self.is_sender and self.declared is None
 
 
-class Liars:
+class DeclaredAttackers:
     """In the order in which they touch messages: GPS first, then V2X as configured.
 
     names: of all radios by station id. attackers: station ids of all senders who lie. undeclared: attacks of
@@ -53,28 +53,28 @@ class Liars:
 
     def __init__(self, clean: BagReader, attacks: Sequence[MessageAttack], start_ns: int, seed: int) -> None:
         drive = V2xDrive(clean)
-        cast = Cast(drive, str(clean.path), seed)
+        selection = AttackerSelection(drive, str(clean.path), seed)
         origin = drive.origin
         self.geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
         self.expiry_s = drive.v2x.ldm.expiry_s
         self._all = [
             *_spoofed(clean, attacks, drive, start_ns),
-            *(_liar(one, cast, start_ns, seed) for one in attacks if one.family == "v2x"),
+            *(_attacker(one, selection, start_ns, seed) for one in attacks if one.family == "v2x"),
         ]
         self.undeclared = tuple(dict.fromkeys(one.name for one in self._all if one.is_undeclared))
-        self.names = cast.names
+        self.names = selection.names
         self.attackers = frozenset(number for one in self._all if one.is_sender for number in one.senders)
 
-    def named(self, name: str) -> list[Liar]:
+    def named(self, name: str) -> list[DeclaredAttacker]:
         return [one for one in self._all if one.name == name]
 
     def every_message_matters(self, name: str, sender: int, part: str) -> bool | None:
         """Whether all that a sender sends by an attack, or a part of it, matters; None where the bag does not
         tell."""
-        liars = [one for one in self.named(name) if sender in one.senders]
-        if any(one.is_undeclared for one in liars):
+        attackers = [one for one in self.named(name) if sender in one.senders]
+        if any(one.is_undeclared for one in attackers):
             return None
-        return any(_all_matter(one.declared, part) for one in liars)
+        return any(_all_matter(one.declared, part) for one in attackers)
 
     def place(self, name: str, sender: int) -> int:
         """Of the one who touches a sender's messages under this name; after all others if there is none."""
@@ -98,29 +98,33 @@ def victims(clean: BagReader, attacks: Sequence[MessageAttack]) -> dict[str, lis
     return found
 
 
-def _liar(attack: MessageAttack, cast: Cast, start_ns: int, seed: int) -> Liar:
+def _attacker(
+    attack: MessageAttack, selection: AttackerSelection, start_ns: int, seed: int
+) -> DeclaredAttacker:
     spec, declared = attack.spec, attack.declared
-    senders = cast.attackers(spec)
+    senders = selection.attackers(spec)
     parts: Mapping[int, str] = {}
     if declared is not None and declared.parts:
         names = [part.name for part in declared.parts]
         parts = drawn_parts(names, senders, seed, spec.type, spec.seed_name)
     acts = acting_on_messages(spec, start_ns, seed)
-    return Liar(spec.type, frozenset(senders), True, parts, acts, declared)
+    return DeclaredAttacker(spec.type, frozenset(senders), True, parts, acts, declared)
 
 
 def _spoofed(
     clean: BagReader, attacks: Sequence[MessageAttack], drive: V2xDrive, start_ns: int
-) -> list[Liar]:
+) -> list[DeclaredAttacker]:
     """Victims with a filter first, which believe the lie for good; of other stations, only CAMs are known."""
     with_filter = vehicles_with_filter(clean)
     by_victim = sorted(victims(clean, attacks).items(), key=lambda item: item[0] not in with_filter)
-    liars = []
+    attackers = []
     for victim, struck in by_victim:
         name = "+".join(dict.fromkeys(spec.type for spec in struck))
         senders = frozenset(number for number, vehicle in drive.stations.items() if vehicle == victim)
-        liars.append(Liar(name, senders, False, {}, _spans(struck, start_ns, victim in with_filter)))
-    return liars
+        attackers.append(
+            DeclaredAttacker(name, senders, False, {}, _spans(struck, start_ns, victim in with_filter))
+        )
+    return attackers
 
 
 def _spans(specs: Sequence[AttackSpec], start_ns: int, for_good: bool) -> Acting:

@@ -43,52 +43,52 @@ class Game(Protocol):
         """Which objects (M,) need no more items."""
 
 
-def looks(rounds: int) -> int:
-    """At how many choices of items a climb of so many rounds looks."""
+def queries(rounds: int) -> int:
+    """How many choices of items the detector judges in so many rounds."""
     return rounds + REPAIRS
 
 
-def climb(game: Game, budget: int, rounds: int) -> tuple[Int64, Int64]:
+def greedy_allocation(game: Game, budget: int, rounds: int) -> tuple[Int64, Int64]:
     """The items, at most `budget`, that do the most harm found in so many rounds; and the others that were
     tried, in the order in which they would go on. Raises NoGradientError where not even the first round
     has a gradient to follow."""
     depth = np.minimum(game.most, budget)
     harm = game.harm(np.zeros(0, np.int64))
-    ladders = [Ladder(value) for value in harm]
+    objects = [ObjectCosts(value) for value in harm]
     hopeless = game.enough(harm).all()  # nothing was found in the first place: follow the gradient once
     for round_ in range(1, rounds + 1):
         goals = np.ceil(depth * (round_ / rounds) ** CURVE).astype(np.int64)
-        taken = np.array([len(ladder.items) for ladder in ladders], np.int64)
+        taken = np.array([len(object_.items) for object_ in objects], np.int64)
         wanted = np.where(game.enough(harm), 0, np.maximum(goals - taken, 0))
         if hopeless:
             wanted = depth if round_ == 1 else np.zeros_like(depth)
         if not wanted.any():
             continue
         try:
-            proposals = game.propose(_all(ladders), wanted, depth - taken)
+            proposals = game.propose(_all(objects), wanted, depth - taken)
         except NoGradientError:
-            if not any(ladder.items for ladder in ladders):
+            if not any(object_.items for object_ in objects):
                 raise
             break  # what was found so far stays
         if not any(map(len, proposals)):
             break
-        for ladder, items in zip(ladders, proposals, strict=True):
-            ladder.items.extend(items.tolist())
-        harm = game.harm(_all(ladders))
-        for ladder, value in zip(ladders, harm, strict=True):
-            ladder.climbed(value)
-    chosen = _best_together(game, ladders, budget)
-    return chosen, np.setdiff1d(_all(ladders), chosen, assume_unique=True)
+        for object_, items in zip(objects, proposals, strict=True):
+            object_.items.extend(items.tolist())
+        harm = game.harm(_all(objects))
+        for object_, value in zip(objects, harm, strict=True):
+            object_.end_round(value)
+    chosen = _best_together(game, objects, budget)
+    return chosen, np.setdiff1d(_all(objects), chosen, assume_unique=True)
 
 
-class Ladder:
+class ObjectCosts:
     """The items of one object in the order in which it took them, and what it suffered at each rung."""
 
     def __init__(self, harm: float) -> None:
         self.items: list[int] = []
         self.cost, self.harm = [0], [float(harm)]
 
-    def climbed(self, harm: float) -> None:
+    def end_round(self, harm: float) -> None:
         """A round is over. Without new items the object only suffers from its neighbours', for free."""
         if len(self.items) > self.cost[-1]:
             self.cost.append(len(self.items))
@@ -118,13 +118,15 @@ def allocate(costs: list[list[int]], harms: list[list[float]], budget: int) -> l
     return rungs[::-1]
 
 
-def _best_together(game: Game, ladders: list[Ladder], budget: int) -> Int64:
+def _best_together(game: Game, objects: list[ObjectCosts], budget: int) -> Int64:
     """The best choice of rungs, looked at together: neighbours may have helped each other on the way up."""
     best, most = np.zeros(0, np.int64), -np.inf
-    costs, harms = [ladder.cost for ladder in ladders], [list(ladder.harm) for ladder in ladders]
+    costs, harms = [object_.cost for object_ in objects], [list(object_.harm) for object_ in objects]
     for _ in range(REPAIRS):
         rungs = allocate(costs, harms, budget)
-        items = np.array([i for ladder, r in zip(ladders, rungs, strict=True) for i in ladder.up_to(r)], int)
+        items = np.array(
+            [i for object_, r in zip(objects, rungs, strict=True) for i in object_.up_to(r)], int
+        )
         harm = game.harm(items)
         if harm.sum() > most:
             best, most = items, float(harm.sum())
@@ -137,5 +139,5 @@ def _best_together(game: Game, ladders: list[Ladder], budget: int) -> Int64:
     return best
 
 
-def _all(ladders: list[Ladder]) -> Int64:
-    return np.array([item for ladder in ladders for item in ladder.items], np.int64)
+def _all(objects: list[ObjectCosts]) -> Int64:
+    return np.array([item for object_ in objects for item in object_.items], np.int64)

@@ -11,7 +11,7 @@ import pytest
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.ldm import ldm_detections_cdr, ldm_snapshot_cdr
 from advpipe.pipeline.messages.v2x import received_messages
-from advpipe.pipeline.v2x.air import Air, Heard, Sent
+from advpipe.pipeline.v2x.channel import Channel, ChannelResult, Sent
 from advpipe.pipeline.v2x.facilities.cam import cam_of_state
 from advpipe.pipeline.v2x.facilities.cam_tree import encode_cam
 from advpipe.pipeline.v2x.facilities.ldm import Verdict
@@ -28,8 +28,8 @@ PLAIN = {"path_loss": "free_space", "shadowing": None, "fading": "none"}
 NEAR = Stations(np.array([SENDER, EGO, OTHER]), np.array([[0.0, 0, 1.5], [40, 0, 1.5], [0, 60, 1.5]]))
 
 
-def air(**radio: object) -> Air:
-    return Air(V2x(radio=Radio(**(PLAIN | radio))), 1, GEODESY, {EGO: "ego", OTHER: "other"})  # type: ignore[arg-type]
+def channel(**radio: object) -> Channel:
+    return Channel(V2x(radio=Radio(**(PLAIN | radio))), 1, GEODESY, {EGO: "ego", OTHER: "other"})  # type: ignore[arg-type]
 
 
 def message(number: int, at_ms: float, payload: bytes) -> Sent:
@@ -42,12 +42,12 @@ def payload(car: Callable[..., StationState]) -> bytes:
     return encode_cam(cam_of_state(car(time_ns=START_NS, heading_rad=math.pi / 2, speed_mps=10.0)))
 
 
-def arrivals(heard: Heard) -> list[tuple[str, int, Verdict]]:
+def arrivals(heard: ChannelResult) -> list[tuple[str, int, Verdict]]:
     return [(one.listener, one.sent.number, one.verdict) for one in heard.received]
 
 
 def test_a_cam_reaches_both_and_enters_their_maps(payload: bytes) -> None:
-    one = air()
+    one = channel()
     heard = one.advance(START_NS + 100 * MS, NEAR, [message(0, 10, payload)])
     assert arrivals(heard) == [("ego", 0, Verdict.ACCEPTED), ("other", 0, Verdict.ACCEPTED)]
     # 65 bytes and 82 around them at 6 Mbit/s, with preamble: a quarter of a millisecond.
@@ -60,7 +60,7 @@ def test_a_cam_reaches_both_and_enters_their_maps(payload: bytes) -> None:
 
 def test_corrupt_bytes_are_counted_and_never_in_a_map(payload: bytes) -> None:
     broken = [b"", b"\x00", payload[:20], payload + b"\x00", b"\x02\x01" + payload[2:], b"\xff" * 300]
-    one = air()
+    one = channel()
     sent = [message(number, 10 + 5 * number, data) for number, data in enumerate(broken)]
     heard = one.advance(START_NS + 100 * MS, NEAR, sent)
     assert {verdict for _, _, verdict in arrivals(heard)} == {Verdict.CORRUPT}
@@ -72,7 +72,7 @@ def test_corrupt_bytes_are_counted_and_never_in_a_map(payload: bytes) -> None:
 
 def test_no_flipped_bits_make_it_fall(payload: bytes) -> None:
     """Whatever bits say, a verdict is found; what still is a CAM may say what it likes."""
-    rng, one, sent = np.random.default_rng(3), air(), []
+    rng, one, sent = np.random.default_rng(3), channel(), []
     for number in range(600):
         data = bytearray(payload)
         for _ in range(int(rng.integers(1, 9))):
@@ -89,7 +89,7 @@ def test_no_flipped_bits_make_it_fall(payload: bytes) -> None:
 
 
 def test_what_a_receiver_still_works_on_comes_later(payload: bytes) -> None:
-    one = air(processing_delay_min_s=0.15, processing_delay_max_s=0.15)
+    one = channel(processing_delay_min_s=0.15, processing_delay_max_s=0.15)
     assert not one.advance(START_NS + 100 * MS, NEAR, [message(0, 10, payload)]).received
     heard = one.advance(START_NS + 200 * MS, NEAR, [])
     assert arrivals(heard) == [("ego", 0, Verdict.ACCEPTED), ("other", 0, Verdict.ACCEPTED)]
@@ -97,7 +97,7 @@ def test_what_a_receiver_still_works_on_comes_later(payload: bytes) -> None:
 
 
 def test_a_listener_that_leaves_hears_no_more(payload: bytes) -> None:
-    one = air(processing_delay_min_s=0.15, processing_delay_max_s=0.15)
+    one = channel(processing_delay_min_s=0.15, processing_delay_max_s=0.15)
     one.advance(START_NS + 100 * MS, NEAR, [message(0, 10, payload)])
     without_ego = Stations(NEAR.ids[[0, 2]], NEAR.antenna_m[[0, 2]])
     assert arrivals(one.advance(START_NS + 200 * MS, without_ego, [])) == [("other", 0, Verdict.ACCEPTED)]
@@ -106,7 +106,7 @@ def test_a_listener_that_leaves_hears_no_more(payload: bytes) -> None:
 
 def test_the_end_of_a_drive_waits_for_every_message(payload: bytes) -> None:
     """One is on the air at the end, and one waits for the channel behind it: both arrive, and count."""
-    one = air(processing_delay_min_s=0.15, processing_delay_max_s=0.15)
+    one = channel(processing_delay_min_s=0.15, processing_delay_max_s=0.15)
     sent = [message(0, 99.8, payload), message(1, 99.9, payload)]
     assert not one.advance(START_NS + 100 * MS, NEAR, sent).received
     before = one.statistics()
@@ -115,11 +115,11 @@ def test_the_end_of_a_drive_waits_for_every_message(payload: bytes) -> None:
     statistics = one.statistics()
     assert (statistics.cams, statistics.outcomes["received"]) == (2, 4)
     assert statistics.busy_ns == before.busy_ns  # the silence at the end is no load
-    assert one.finish(START_NS + 100 * MS, NEAR) == Heard()
+    assert one.finish(START_NS + 100 * MS, NEAR) == ChannelResult()
 
 
 def test_a_sender_that_leaves_takes_its_queue_with_it(payload: bytes) -> None:
-    one = air()
+    one = channel()
     sent = [message(0, 99.8, payload), message(1, 99.9, payload)]
     one.advance(START_NS + 100 * MS, NEAR, sent)
     heard = one.finish(START_NS + 100 * MS, Stations(NEAR.ids[1:], NEAR.antenna_m[1:]))

@@ -15,7 +15,7 @@ Int64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 
 
-class Keeper:
+class PerObjectBest:
     """Shown attempts at one cloud, it keeps for each object the points that hurt it most.
 
     owner: (N,) the object that each point belongs to, -1 for none. Points (N, 4) are x, y, z, intensity.

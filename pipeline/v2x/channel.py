@@ -1,7 +1,7 @@
 """Messages through the air: from what stations send to what listeners receive and know.
 
 The simulation sends a drive's messages through it as they are made; an attack sends a recorded drive's
-again, with some of them changed. The same messages meet the same fates.
+again, with some of them changed. The same messages meet the same outcomes.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from advpipe.pipeline.v2x.facilities.ldm import LocalDynamicMap, Report, Snapsho
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.load import WINDOW_NS, ChannelLoad
 from advpipe.pipeline.v2x.radio.medium import Medium, Step
-from advpipe.pipeline.v2x.radio.stations import Fates, Reception, Stations, Transmissions
+from advpipe.pipeline.v2x.radio.stations import Reception, ReceptionOutcomes, Stations, Transmissions
 from advpipe.pipeline.v2x.section import V2x
 from advpipe.pipeline.v2x.statistics import Statistics, Tally
 
@@ -58,14 +58,14 @@ class Received:
 
 
 @dataclass(frozen=True)
-class Heard:
+class ChannelResult:
     """What became known in one step: messages received by listeners, in order of arrival, and loads."""
 
     received: tuple[Received, ...] = ()
     loads: tuple[ChannelLoad, ...] = ()
 
 
-class Air:
+class Channel:
     """The radio medium, and the Local Dynamic Maps of those who listen.
 
     listeners: station ids of the vehicles whose receptions count, with their names. Everybody else's
@@ -92,7 +92,7 @@ class Air:
         self._on_their_way: list[Reception] = []
         self._tally = Tally()
 
-    def advance(self, until_ns: int, stations: Stations, sent: Sequence[Sent]) -> Heard:
+    def advance(self, until_ns: int, stations: Stations, sent: Sequence[Sent]) -> ChannelResult:
         """Goes on to this time, with all that was handed to the radios before it; see `Medium.advance`.
 
         What still waits in the receiver of a listener that has left is lost.
@@ -100,9 +100,9 @@ class Air:
         self._on_air.update((message.number, message) for message in sent)
         step = self._medium.advance(until_ns, stations, _transmissions(sent))
         self._tally.add(step)
-        return Heard(self._receive(step.fates, until_ns, stations), step.loads)
+        return ChannelResult(self._receive(step.outcomes, until_ns, stations), step.loads)
 
-    def finish(self, now_ns: int, stations: Stations) -> Heard:
+    def finish(self, now_ns: int, stations: Stations) -> ChannelResult:
         """Goes on, with nobody sending any more, until every message has met its fate.
 
         The channel load of that silence counts for nothing.
@@ -110,10 +110,10 @@ class Air:
         received: list[Received] = []
         while self._on_air:
             now_ns += WINDOW_NS
-            fates, _ = self._medium.advance(now_ns, stations, Transmissions.none())
-            self._tally.add(Step(fates, ()))
-            received += self._receive(fates, now_ns, stations)
-        return Heard(tuple(received))
+            outcomes, _ = self._medium.advance(now_ns, stations, Transmissions.none())
+            self._tally.add(Step(outcomes, ()))
+            received += self._receive(outcomes, now_ns, stations)
+        return ChannelResult(tuple(received))
 
     def snapshot(self, listener: str, now_ns: int) -> Snapshot:
         """The Local Dynamic Map of a listener."""
@@ -127,17 +127,19 @@ class Air:
         """Counts from now on; what is on the air stays there."""
         self._tally = Tally()
 
-    def _receive(self, fates: Fates, until_ns: int, stations: Stations) -> tuple[Received, ...]:
+    def _receive(
+        self, outcomes: ReceptionOutcomes, until_ns: int, stations: Stations
+    ) -> tuple[Received, ...]:
         """Those who listen get what has arrived until now; forgets the messages that are through."""
         present = set(stations.ids.tolist())
-        arriving = [*self._on_their_way, *fates.receptions(self._ids)]
+        arriving = [*self._on_their_way, *outcomes.receptions(self._ids)]
         arriving = [reception for reception in arriving if reception.receiver in present]
         arriving.sort(key=lambda reception: (reception.arrival_ns, reception.receiver, reception.message))
         due = [reception for reception in arriving if reception.arrival_ns <= until_ns]
         before, self._on_their_way = self._on_their_way, arriving[len(due) :]
         received = tuple(self._read(due))
         waiting = {reception.message for reception in self._on_their_way}
-        through = {*fates.messages.tolist(), *fates.dropped.tolist()}
+        through = {*outcomes.messages.tolist(), *outcomes.dropped.tolist()}
         for number in through.union(reception.message for reception in before) - waiting:
             del self._on_air[number]
         return received

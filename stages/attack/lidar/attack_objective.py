@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from advpipe.pipeline.detector.protocol import Detector
 from advpipe.stages.attack.lidar.goal import Goal
-from advpipe.stages.attack.lidar.keeper import cloud_of
+from advpipe.stages.attack.lidar.per_object_best import cloud_of
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -22,7 +22,7 @@ SEEN = 0.7
 
 
 @dataclass(frozen=True)
-class Harm:
+class AttackObjective:
     """Judges points by what the detector makes of them.
 
     An object that is lost has suffered 1, and more by false detections beside it; one that is found with a
@@ -35,20 +35,20 @@ class Harm:
     clean_success: Float64
 
     @staticmethod
-    def of(goal: Goal, detector: Detector, clean: Float32) -> Harm:
+    def of(goal: Goal, detector: Detector, clean: Float32) -> AttackObjective:
         """The judge of changes of these clean points (N, 4)."""
-        return Harm(goal, detector, goal.success(detector.detect(cloud_of(clean))))
+        return AttackObjective(goal, detector, goal.success(detector.detect(cloud_of(clean))))
 
     def __call__(self, points: Float32) -> Float64:
         """The harm (M,) to the objects of the goal by these points (K, 4)."""
         success, was = self.goal.success(self.detector.detect(cloud_of(points))), self.clean_success
-        if self.goal.kind == "conjure":
+        if self.goal.kind == "create":
             return success
         faint = FAINT * np.clip((success - was) / np.maximum(-was, 1e-9), 0, 1)
         return np.where(was >= 0, 0.0, np.where(success >= 0, 1 + success, faint))
 
     def enough(self, harm: Float64) -> npt.NDArray[np.bool_]:
         """Which objects (M,) need no more: they are lost, or nobody saw them; ghosts that are seen."""
-        if self.goal.kind == "conjure":
+        if self.goal.kind == "create":
             return np.asarray(harm >= SEEN)
         return np.asarray((harm >= 1) | (self.clean_success >= 0))

@@ -48,7 +48,7 @@ DEFINITIONS_LIMIT_BYTES = 1 << 24
 
 
 @dataclass
-class Walk:
+class McapScanner:
     """What a file really holds, filled by `messages`; faults: what is wrong with how it holds it.
 
     counts: messages by channel. first_ns, last_ns: log times, None without messages.

@@ -10,7 +10,7 @@ from itertools import groupby
 from operator import itemgetter
 from typing import Any, Literal, NamedTuple
 
-from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.channel import Sent
 
 Row = dict[str, Any]
 
@@ -23,7 +23,7 @@ class Message(NamedTuple):
     payload: bytes
 
 
-class Story(NamedTuple):
+class MessageDiff(NamedTuple):
     """One message in the clean and in the adversarial bag, None where it is not there, and its labels."""
 
     number: int
@@ -32,7 +32,7 @@ class Story(NamedTuple):
     labels: list[Row]
 
 
-class Ledger:
+class MessageStore:
     """Lies in a file of SQLite's own, where temporary files go: memory holds a few pages of it.
 
     Numbers lie in no order in bags, once messages are delayed and added. Raises sqlite3.Error where there is
@@ -79,7 +79,7 @@ class Ledger:
         ).fetchone()
         return None if found is None else bytes(found[0])
 
-    def stories(self) -> Iterator[Story]:
+    def diffs(self) -> Iterator[MessageDiff]:
         """By number."""
         execute = self._database.execute
         columns = "number, station_id, request_ns, payload"
@@ -108,4 +108,4 @@ class Ledger:
                     forged = part
                 else:
                     labels.append(part)
-            yield Story(number, clean, forged, labels)
+            yield MessageDiff(number, clean, forged, labels)

@@ -9,7 +9,7 @@ import numpy as np
 
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.v2x_drive import V2xStep
-from advpipe.pipeline.v2x.air import Sent
+from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.pipeline.v2x.codec.timestamps import GENERATION_DELTA_TIME_CYCLE_MS, NS_PER_MS
 from advpipe.stages.attack.v2x.cams import field_of, with_fields
@@ -18,7 +18,7 @@ HEARING_M = 400.0
 """Far enough for most messages under the default radio, as in VeReMi NextGen."""
 
 
-class Ears:
+class OverheardMessages:
     """All that listeners have heard of others within a distance, for a while.
 
     A distance stands for reception: the radio decides that only after all editors are through.

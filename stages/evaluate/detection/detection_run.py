@@ -34,14 +34,14 @@ from advpipe.stages.evaluate.detection.displacement import Displacement, finite_
 from advpipe.stages.evaluate.detection.occlusion import Occlusion
 from advpipe.stages.evaluate.detection.pairing import attacked_frames, chosen_indices, pair_frames
 from advpipe.stages.evaluate.detection.random_change import Budget
-from advpipe.stages.evaluate.detection.scoring import Eye, Truth, ground_truth, match, worth
+from advpipe.stages.evaluate.detection.scoring import CachedDetector, Truth, ground_truth, match, worth
 
 RANDOM_RECIPES = ("random", "random-near", "random-best")
 """A bag of this recipe is a random baseline itself and is given none."""
 
 
 @dataclass(frozen=True)
-class Looking:
+class DetectionRun:
     """What is looked at: a clean bag and adversarial versions of it, with the provenance of each.
 
     baseline: whether random changes of the same budget are looked at too, drawn from `seed`; and of how many
@@ -114,7 +114,7 @@ class Looking:
 
         The indices must rise: the bags are read once, from front to back.
         """
-        eye = Eye(load_detector(self.detector, self.device))
+        eye = CachedDetector(load_detector(self.detector, self.device))
         reader = BagReader(self.clean)
         occlusion = Occlusion(reader, find_lidar_topic(reader, self.lidar_topic))
         is_part = self.frames != ALL_FRAMES
@@ -143,7 +143,7 @@ class Looking:
         return look_at
 
     def _compare(
-        self, eye: Eye, alone: FrameResult, before: Frame, after: Frame, provenance: Provenance
+        self, eye: CachedDetector, alone: FrameResult, before: Frame, after: Frame, provenance: Provenance
     ) -> FrameResult:
         truth, look = alone.truth, partial(_look, eye, alone.truth, before.cloud)
         change = cloud_difference(before.cloud, after.cloud)
@@ -172,7 +172,7 @@ class Looking:
         )
 
     def _defended(
-        self, eye: Eye, truth: Truth, word: str, index: int, cloud: Cloud
+        self, eye: CachedDetector, truth: Truth, word: str, index: int, cloud: Cloud
     ) -> dict[str, CloudResult]:
         """A cloud under every defence, which draws the same for each cloud of a frame."""
         results = {}
@@ -187,7 +187,7 @@ class Looking:
 
 
 def _look(
-    eye: Eye, truth: Truth, clean: Cloud, cloud: Cloud, change: CloudDifference | None = None
+    eye: CachedDetector, truth: Truth, clean: Cloud, cloud: Cloud, change: CloudDifference | None = None
 ) -> CloudResult:
     """The result of a cloud; without a change it is the clean cloud itself."""
     detections = eye.detect(cloud)

@@ -6,8 +6,8 @@ import subprocess
 import sys
 from contextlib import closing
 
-from advpipe.pipeline.v2x.air import Sent
-from advpipe.stages.verify.ledger import Ledger, Message
+from advpipe.pipeline.v2x.channel import Sent
+from advpipe.stages.verify.message_store import Message, MessageStore
 
 SHORT, LONG = 5_000, 40_000
 FLAT_MB = 4.0
@@ -15,16 +15,16 @@ FLAT_MB = 4.0
 FILL = """
 import resource, sys
 from contextlib import closing
-from advpipe.pipeline.v2x.air import Sent
-from advpipe.stages.verify.ledger import Ledger
+from advpipe.pipeline.v2x.channel import Sent
+from advpipe.stages.verify.message_store import MessageStore
 for count in map(int, sys.argv[1:]):
-    with closing(Ledger()) as ledger:
+    with closing(MessageStore()) as store:
         for number in range(count):
             late = (number * 7919) % count
-            ledger.add("clean", Sent(number, 0, number % 50, number, bytes(200), 23.0))
-            ledger.add("forged", Sent(late, 0, late % 50, late, bytes(200), 23.0))
-            ledger.add_label(0, {"number": late, "attack": "x" * 500})
-        found = sum(len(story.labels) for story in ledger.stories())
+            store.add("clean", Sent(number, 0, number % 50, number, bytes(200), 23.0))
+            store.add("forged", Sent(late, 0, late % 50, late, bytes(200), 23.0))
+            store.add_label(0, {"number": late, "attack": "x" * 500})
+        found = sum(len(diff.labels) for diff in store.diffs())
     print(found, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 """
 
@@ -35,22 +35,22 @@ def sent(number: int, station_id: int, request_ns: int, payload: bytes) -> Sent:
 
 def test_stories() -> None:
     """By number, whatever the order; labels by their places, and then as they came."""
-    with closing(Ledger()) as ledger:
-        assert ledger.add("clean", sent(2, 7, 20, b"b"))
-        assert ledger.add("clean", sent(1, 7, 10, b"a"))
-        assert not ledger.add("clean", sent(1, 7, 11, b"c"))
-        assert ledger.add("forged", sent(3, 8, 15, b"d"))
-        assert ledger.add("forged", sent(2, 7, 21, b"b"))
+    with closing(MessageStore()) as store:
+        assert store.add("clean", sent(2, 7, 20, b"b"))
+        assert store.add("clean", sent(1, 7, 10, b"a"))
+        assert not store.add("clean", sent(1, 7, 11, b"c"))
+        assert store.add("forged", sent(3, 8, 15, b"d"))
+        assert store.add("forged", sent(2, 7, 21, b"b"))
         for place, word in ((1, "later"), (0, "first"), (0, "second")):
-            ledger.add_label(place, {"number": 3, "word": word})
-        one, two, three = ledger.stories()
+            store.add_label(place, {"number": 3, "word": word})
+        one, two, three = store.diffs()
         assert (one.number, one.clean, one.forged, one.labels) == (1, Message(7, 10, b"a"), None, [])
         assert (two.clean, two.forged) == (Message(7, 20, b"b"), Message(7, 21, b"b"))
         assert (three.clean, three.forged) == (None, Message(8, 15, b"d"))
         assert [row["word"] for row in three.labels] == ["first", "second", "later"]
-        assert ledger.last_of(7, 9) is None
-        assert [ledger.last_of(7, until_ns) for until_ns in (10, 19, 20, 99)] == [b"a", b"a", b"b", b"b"]
-        assert ledger.last_of(8, 99) is None
+        assert store.last_of(7, 9) is None
+        assert [store.last_of(7, until_ns) for until_ns in (10, 19, 20, 99)] == [b"a", b"a", b"b", b"b"]
+        assert store.last_of(8, 99) is None
 
 
 def test_memory_stays_flat() -> None:
