@@ -135,7 +135,7 @@ def test_steps_cut_elsewhere_change_nothing() -> None:
 
 
 def test_an_unchanged_message_meets_the_same_fate() -> None:
-    """Half of the messages are taken away, the others delayed by nobody: cell by cell, their outcomes stay."""
+    """Half of the messages are taken away, the others delayed by nobody: their outcomes stay cell by cell."""
     stations, sent = random_drive()
     alone = Radio(interference=False, carrier_sense_dbm=-30)
     all_fates = Medium(alone, seed=1).advance(400 * MS, stations, sent).outcomes
