@@ -82,6 +82,11 @@ def table_one(cells: Sequence[Cell], recipes: Sequence[str]) -> Table:
     return Table("Table I", tuple(heads), tuple(tuple(line) for line in lines))
 
 
+def paper_tables(cells: Sequence[Cell], recipes: Sequence[str]) -> list[Table]:
+    """The tables that stand beside the paper's: I, and II by attack."""
+    return [table_one(cells, recipes), *(table_two(cells, recipes, attack) for attack in AXES)]
+
+
 def table_two(cells: Sequence[Cell], recipes: Sequence[str], attack: str) -> Table:
     """The part of Table II about one attack: a line for each budget and recipe.
 

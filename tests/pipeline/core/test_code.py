@@ -40,6 +40,7 @@ NO_FIGURE = {
     "pipeline/core/shown.py",
     "pipeline/core/signals.py",
     "pipeline/core/streams.py",
+    "pipeline/core/tabular.py",
     "pipeline/core/text.py",
     "pipeline/core/verbosity.py",
     "pipeline/core/versions.py",
