@@ -12,7 +12,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core import plain_json
 from advpipe.pipeline.core.code import CLOUDS, code_sha256
 from advpipe.stages.attack.clouds import topic_of
-from advpipe.stages.attack.lidar.build import build_lidar_attack, looks_of
+from advpipe.stages.attack.lidar.build import build_lidar_attack, query_budget_of
 from advpipe.stages.attack.request import AttackRequest
 
 _WHEN = ("pipeline/scenario/attacks.py", "stages/attack/clouds.py", "stages/attack/recording.py")
@@ -50,7 +50,7 @@ def provenance_of(reader: BagReader, request: AttackRequest) -> dict[str, str]:
     if request.lidar:
         topics = sorted({topic_of(reader, spec) for spec in request.lidar})
         record["lidar_topics"] = json.dumps(topics)
-    looks = [looks_of(build_lidar_attack(spec)) for spec in request.lidar]
+    looks = [query_budget_of(build_lidar_attack(spec)) for spec in request.lidar]
     if known := [count for count in looks if count is not None]:
         record["looks"] = str(max(known))
     leading = next((one for one in attacks if "detector" in one), {})

@@ -17,6 +17,12 @@ from advpipe.stages.attack.base import Attack, Traits
 NO_GRADIENT = "no gradient: the detector's loss depends on no point"
 """The note on a frame where there is nothing to follow."""
 
+QUERYING = ("best", "robust", "random-best")
+"""The recipes that look at what the detector finds, and keep the best."""
+
+MAX_ROUNDS = 1_000_000
+"""More steps or rounds for each cloud would take days."""
+
 
 @dataclass(frozen=True)
 class LidarResult:
@@ -111,9 +117,9 @@ class LidarAttack(Attack):
         changes; by names of `advpipe.pipeline.labels.quantities`."""
 
     @property
-    def looks(self) -> int | None:
-        """To how many tries it looks at what the detector finds in them, to keep the best: the random
-        baselines then get as many. None where it does not say."""
+    def query_budget(self) -> int | None:
+        """Of how many attempts the detector judges to keep the best one: the random baselines then get as
+        many. None where it does not say."""
         return None
 
     @abstractmethod

@@ -209,7 +209,7 @@ def test_the_command_names_the_clouds(swept: Path, clean: Path) -> None:
     [
         ({"cells": ["detach-2"]}, "unknown cell 'detach-2'; known: perturb-0.5, perturb-1, "),
         ({"table": "thesis"}, "unknown table 'thesis'; known: paper"),
-        ({"recipes": "worst"}, "unknown recipe 'worst'"),
+        ({"recipes": "worst"}, "recipe is 'worst'; known"),
         ({"recipes": "best+thrice"}, "unknown variant 'thrice' of recipe best"),
         ({"recipes": "random-near+twice"}, "recipe random-near does not look at rounds"),
         ({"detector": "large"}, "large"),
