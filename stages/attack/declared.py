@@ -25,10 +25,14 @@ def declaration_of(spec: AttackSpec) -> Declaration:
     if not issubclass(kind, V2xAttack):
         return Declaration(family=kind.family)
     traits = v2x_traits(kind)
+    with mistakes_reported(plugin_names([spec.type])):
+        untrue = kind.untrue(parameters)
+    if strange := sorted(set(untrue) - set(traits.untrue)):
+        raise UsageError(f"{spec.type} makes {shown(strange[0])} untrue, which its traits do not tell")
     return Declaration(
         family=kind.family,
         every_message_matters=traits.every_message_matters,
-        untrue=traits.untrue,
+        untrue=untrue,
         published=traits.published_with(parameters),
         parts=kind.parts(spec.type, parameters),
     )

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.labels.declaration import Declaration, Family
+from advpipe.pipeline.labels.declaration import Declaration, Family, Terms
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.replay.recorded_filter import usual_victim, vehicles_with_filter
 from advpipe.pipeline.replay.v2x_attackers import AttackerSelection
@@ -68,25 +68,19 @@ class DeclaredAttackers:
     def named(self, name: str) -> list[DeclaredAttacker]:
         return [one for one in self._all if one.name == name]
 
-    def every_message_matters(self, name: str, sender: int, part: str) -> bool | None:
-        """Whether all that a sender sends by an attack, or a part of it, matters; None where the bag does not
-        tell."""
+    def declared(self, name: str, sender: int, part: str) -> list[Terms] | None:
+        """What the attacks of a name on a sender's messages declare, of a mix this part of it: any may have
+        touched a message. Nothing for a spoofed receiver; None where the bag does not tell."""
         attackers = [one for one in self.named(name) if sender in one.senders]
         if any(one.is_undeclared for one in attackers):
             return None
-        return any(_all_matter(one.declared, part) for one in attackers)
+        declared = [one.declared for one in attackers if one.declared is not None]
+        return [terms for one in declared if (terms := one.part(part) if part else one) is not None]
 
     def place(self, name: str, sender: int) -> int:
         """Of the one who touches a sender's messages under this name; after all others if there is none."""
         found = (at for at, one in enumerate(self._all) if one.name == name and sender in one.senders)
         return next(found, len(self._all))
-
-
-def _all_matter(declared: Declaration | None, part: str) -> bool:
-    if declared is None:  # a spoofed receiver: what it tells is judged
-        return False
-    found = declared.part(part) if part else declared
-    return found is not None and found.every_message_matters
 
 
 def victims(clean: BagReader, attacks: Sequence[MessageAttack]) -> dict[str, list[AttackSpec]]:

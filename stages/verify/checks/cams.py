@@ -64,7 +64,10 @@ class Cams(BagCheck):
         reacts = any(one.spec.dcc_reacts for one in attacked.on_messages)
         told = MessageLabels(store, attackers, reacts)
         if attackers.undeclared:
-            yield Gap(where, f"parts and mattered of {', '.join(attackers.undeclared)} {NOT_DECLARED}")
+            yield Gap(
+                where,
+                f"parts, mattered and what is untrue of {', '.join(attackers.undeclared)} {NOT_DECLARED}",
+            )
         for diff in store.diffs():
             if diff.labels:
                 yield from (Fault(where, f"message {diff.number} {what}") for what in told.first_wrong(diff))
