@@ -19,8 +19,8 @@ MOST_PARTS = 10_000
 _MOST_BOUNDS = 100
 
 Bounds = Annotated[dict[Word, tuple[Number, Number]], Field(max_length=_MOST_BOUNDS)]
-"""Least and most, by the name of a quantity (`quantities.CLOUD_QUANTITIES`), of each cloud that is
-changed."""
+"""Least and most, by the name of a quantity of the attack's family (`quantity`), of each cloud, fix or
+message that is changed."""
 
 
 class Published(Document):
@@ -40,10 +40,10 @@ class Published(Document):
 class Terms(Document):
     """What an attack keeps to with its parameters, or a part of a mix.
 
-    bounds: what it keeps to in each cloud that it changes. every_message_matters: whether all that its
-    attackers send by it are lies, whatever they say: of stations that do not exist, or are others, or one too
-    many. untrue: what it makes untrue in its attackers' own messages (`claims.Claim`); all other fields of a
-    message that it changes or delays stay as they are.
+    bounds: what it keeps to in each cloud, fix or message that it changes. every_message_matters: whether all
+    that its attackers send by it are lies, whatever they say: of stations that do not exist, or are others,
+    or one too many. untrue: what it makes untrue in its attackers' own messages (`claims.Claim`); all other
+    fields of a message that it changes or delays stay as they are.
     """
 
     bounds: Bounds = Field(default_factory=dict)

@@ -10,7 +10,9 @@ from typing import NamedTuple
 
 from advpipe.pipeline.labels.claims import undeclared_fields
 from advpipe.pipeline.labels.declaration import Terms
+from advpipe.pipeline.labels.message_quantities import MessageChange
 from advpipe.pipeline.labels.messages import ACTIONS, ADDED, AXES, CHANGED, CORRUPT, DELAYED, DROPPED
+from advpipe.pipeline.scenario.attacks import NS_PER_S
 from advpipe.pipeline.v2x.facilities.cam_values import (
     FIELDS,
     OTHER,
@@ -22,6 +24,7 @@ from advpipe.pipeline.v2x.facilities.cam_values import (
 )
 from advpipe.pipeline.v2x.facilities.effect import matters
 from advpipe.stages.verify.attackers import DeclaredAttackers
+from advpipe.stages.verify.message_bounds import beyond_declared
 from advpipe.stages.verify.message_store import Message, MessageDiff, MessageStore, Row
 
 ROUNDING_M = 1e-6
@@ -45,7 +48,7 @@ class MessageLabels:
     All columns are compared: with the bags (`station_id`, `time_ns`, `sent_ns`, `action`, `true_...`,
     `false_...`), with the attacks that the bag names (`attack`, `attacker`, `sender`, `part`, and whether the
     attack was on at that time), with the rules by which they are made (`fields`, `mattered`), and with what
-    the attacks declare untrue. What
+    the attacks declare: what is untrue, and bounds. What
     cannot be known is believed: which of two attacks of one name and sender touched a message; what it said
     before the last of several attacks; what it says where congestion control held it back; whether chance, or
     pauses, had a GPS attack on within its span.
@@ -92,6 +95,7 @@ class MessageLabels:
             declared = self.attackers.declared(row["attack"], row["station_id"], row.get("part", ""))
             yield from self._judged(row, before, declared)
             yield from _undeclared(row, before, declared or ())
+            yield from self._beyond(row, before, after, declared or ())
             before = after
 
     def _who(self, row: Row, before: _State | None) -> Iterator[str]:
@@ -143,6 +147,17 @@ class MessageLabels:
         if len(diff.labels) == 1 and is_same == (row["action"] == CHANGED) and row["action"] in _BYTES:
             yield f"is labelled {row['action']}, which it is not"
         yield from _values(row, "false", values_of_payload(forged.payload))
+
+    def _beyond(
+        self, row: Row, before: _State | None, after: _State | None, declared: Sequence[Terms]
+    ) -> Iterator[str]:
+        """Beyond the bounds of all attacks that could have changed or delayed it."""
+        if row["action"] not in (CHANGED, DELAYED) or before is None or after is None:
+            return
+        delay_s = (after.request_ns - before.request_ns) / NS_PER_S
+        change = MessageChange(self.attackers.geodesy, before.values, after.values, delay_s)
+        if what := beyond_declared(change, declared):
+            yield f"is beyond the bounds of {row.get('part') or row['attack']}: {what}"
 
     def _places(self, row: Row) -> Iterator[str]:
         """x and y, which follow from latitude and longitude."""

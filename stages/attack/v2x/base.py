@@ -46,6 +46,7 @@ from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.core.shown import shown
 from advpipe.pipeline.labels.claims import ALL_CLAIMS, Claim
 from advpipe.pipeline.labels.declaration import Part, Published
+from advpipe.pipeline.labels.message_quantities import MESSAGE_QUANTITIES
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.v2x_drive import V2xStep
@@ -172,6 +173,7 @@ class V2xAttack(Attack):
     family = "v2x"
     own_keys = ("attackers", "dcc_reacts")
     traits_type = V2xTraits
+    quantities = MESSAGE_QUANTITIES
 
     def __init__(self, context: AttackContext) -> None:
         self.context = context
@@ -189,6 +191,13 @@ class V2xAttack(Attack):
         """The attacks that attackers of a mix of this name draw from, by `acting.drawn_parts`; none of
         others. Raises AdvpipeError for what is no attack to mix."""
         return ()
+
+    @classmethod
+    def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
+        """Least and most of each quantity that the attack bounds, with all its parameters, in every message
+        that it changes, delays or adds; by names of `advpipe.pipeline.labels.message_quantities`. A message
+        beyond them is refused, and `verify` measures them again. Nothing where it bounds none."""
+        return {}
 
     @classmethod
     def untrue(cls, parameters: Mapping[str, Any]) -> tuple[Claim, ...]:

@@ -9,6 +9,7 @@ from typing import Any
 
 from advpipe.pipeline.labels.claims import ALL_CLAIMS, Claim
 from advpipe.pipeline.labels.declaration import Published
+from advpipe.pipeline.labels.message_quantities import DELAY
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.codec.codec import CamTree
@@ -43,6 +44,10 @@ class Delay(V2xAttack):
             for attacker in context.attackers
         }
         self._held: list[Sent] = []
+
+    @classmethod
+    def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
+        return {DELAY.name: (parameters["delay_min_s"], parameters["delay_max_s"])}
 
     @classmethod
     def untrue(cls, parameters: Mapping[str, Any]) -> tuple[Claim, ...]:

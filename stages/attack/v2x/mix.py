@@ -76,6 +76,7 @@ def _part(mixed: Mixed) -> Part:
     return Part(
         name=mixed.name,
         every_message_matters=traits.every_message_matters,
+        bounds=dict(kind.bounds(parameters)),
         untrue=kind.untrue(parameters),
         published=traits.published_with({}),
     )
