@@ -17,7 +17,7 @@ from advpipe.stages.attack.request import AttackRequest
 
 _WHEN = ("pipeline/scenario/attacks.py", "stages/attack/clouds.py", "stages/attack/recording.py")
 
-_LABELS = ("pipeline/labels/points.py", "pipeline/labels/quantities.py")
+_LABELS = tuple(f"pipeline/labels/{name}.py" for name in ("points", "quantities", "quantity"))
 
 LIDAR = (*CLOUDS, *_WHEN, *_LABELS, "stages/attack/lidar", "stages/attack/cloud_attack.py")
 """The code that decides what becomes of which clouds."""

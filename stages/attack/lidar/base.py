@@ -11,6 +11,7 @@ import numpy as np
 from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.labels.points import PointLabels
+from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES
 from advpipe.pipeline.messages.cloud import Cloud
 from advpipe.stages.attack.base import Attack, Traits
 
@@ -105,6 +106,7 @@ class LidarAttack(Attack):
     family = "lidar"
     own_keys = ("recipe", "lidar", "frames", "detector")
     traits_type = LidarTraits
+    quantities = CLOUD_QUANTITIES
 
     @property
     @abstractmethod
