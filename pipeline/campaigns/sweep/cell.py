@@ -9,7 +9,7 @@ from typing import Any
 
 from advpipe.pipeline.core import plain_json
 from advpipe.pipeline.detector.device import CPU
-from advpipe.stages.evaluate.detection.figures import Row
+from advpipe.pipeline.results.figures import Record
 
 LIMIT_BYTES = 1 << 24
 """The longest cell that is read: one of 100 frames has 40 kB."""
@@ -53,7 +53,7 @@ class Cell:
     budget: str
     recipe: str
     settings: Settings
-    row: Row
+    row: Record
     bag_sha256: str
     frames: tuple[int, ...]
     found_objects: tuple[int, ...]
@@ -94,7 +94,7 @@ class Times:
     evaluate_s: float
 
 
-def with_intervals(stored: Mapping[str, object]) -> Row:
+def with_intervals(stored: Mapping[str, object]) -> Record:
     """The row with its intervals as tuples, as reports have them; JSON knows lists only."""
     return {
         key: tuple(value) if key.endswith("_ci95") and isinstance(value, list) else value

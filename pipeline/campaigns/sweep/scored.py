@@ -62,8 +62,8 @@ def scored_cell(
         with_intervals(row),
         parent_sha256(bag),
         frames=tuple(frame.index for frame in comparison.frames),
-        found_objects=tuple(int(each["found_objects_clean"] or 0) for each in summary.per_frame),
-        lost_objects=tuple(int(each["lost_objects_adv"] or 0) for each in summary.per_frame),
+        found_objects=tuple(each.clouds["clean"].found_objects for each in summary.per_frame),
+        lost_objects=tuple(each.clouds["adv"].lost_objects for each in summary.per_frame),
         map_ratio_draws=_draws(
             comparison.frames, classes, summary.result.counts.classes_in_map, settings.seed
         ),

@@ -13,8 +13,8 @@ from advpipe.pipeline.campaigns.sweep.cell import Cell
 from advpipe.pipeline.campaigns.sweep.stored_row import changed_points, strongest_baseline
 from advpipe.pipeline.campaigns.sweep.variants import by_steps, split_recipe, steps_factor
 from advpipe.pipeline.metrics.bootstrap import percentile_interval
+from advpipe.pipeline.results.figures import Record
 from advpipe.stages.evaluate.detection.baseline import BEST, baseline_title
-from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.report.numbers import NOTHING, interval, number, short_name, with_interval
 from advpipe.stages.evaluate.report.section import Table
 from advpipe.stages.evaluate.report.wording import PLAIN_RANDOM
@@ -282,7 +282,7 @@ def _strongest_prefix(cell: Cell) -> str | None:
     return f"{word}_" if word else None
 
 
-def _farthest(row: Row) -> str:
+def _farthest(row: Record) -> str:
     """How far a point moved, or stands from the nearest clean one, at most."""
     ways = [row["max_displacement_m"], row["max_added_m"]]
     return number(max((way for way in ways if isinstance(way, float | int)), default=None), 4)
