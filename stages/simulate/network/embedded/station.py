@@ -105,4 +105,5 @@ def update_states(
             speed_mps=speed_mps,
             acceleration_mps2=acceleration_mps2,
             yaw_rate_radps=yaw_rate_radps,
+            lights=station.user.lights,
         )
