@@ -261,7 +261,10 @@ def test_the_query_budget_of_attacks():
     [
         ("detatch", r"unknown attack 'detatch'; known: .*detach, .*cam-replay.*, or module:Class"),
         ("my_own:Missing", "cannot load attack my_own:Missing: "),
-        ("no_such_module:Mine", "cannot load attack no_such_module:Mine: No module named"),
+        (
+            "no_such_module:Mine",
+            "cannot load attack no_such_module:Mine: ModuleNotFoundError: No",
+        ),
         ("my_own:number", "my_own:number is no class"),
     ],
 )
