@@ -166,6 +166,14 @@ def test_training_is_summed_up_in_one_line(tmp_path: Path) -> None:
     precision = {"car": ClassPrecision(9, 61.25, 70.0), "truck": ClassPrecision(0, math.nan, math.nan)}
     summary = TrainSummary(Path("run/a.safetensors"), Path("l"), Path("p"), 3, 40, precision)
     assert str(summary) == ("run/a.safetensors: 3 steps on 40 frames; 3D AP on the held-out bag: car 61.2 %")
+    assert repr(summary).startswith("<TrainSummary run/a.safetensors: 3 steps")
+    assert summary.to_pandas()["boxes"].to_list() == [9, 0]
+    assert summary.to_dicts()[0] == {
+        "class": "car",
+        "boxes": 9,
+        "strict_percent": 61.25,
+        "loose_percent": 70.0,
+    }
 
 
 def test_the_schema_is_printed_and_written(tmp_path: Path) -> None:
