@@ -38,7 +38,7 @@ from advpipe.pipeline.labels.points import PointLabels
 from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits
 from advpipe.stages.attack.lidar.base import Budget, LidarAttack, LidarResult, LidarTraits
 from advpipe.stages.attack.v2x.base import V2xAttack, V2xTraits
-from advpipe.stages.attack.v2x.cams import retold
+from advpipe.stages.attack.v2x.cams import with_fields
 
 
 class Shiver(LidarAttack):
@@ -78,7 +78,7 @@ class Rush(V2xAttack):
         tree = cams.open(one.payload)
         if tree is None:
             return one
-        return replace(one, payload=cams.close(retold(tree, speed_mps=self.speed_mps)))
+        return replace(one, payload=cams.close(with_fields(tree, speed_mps=self.speed_mps)))
 
 
 class Broken(Rush):

@@ -15,7 +15,7 @@ from advpipe.pipeline.v2x.codec.codec import decode, encode
 from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam
 from advpipe.pipeline.v2x.facilities.ellipsoid import east_north_m
 from advpipe.stages.attack.gnss.change import spoof
-from advpipe.stages.attack.v2x.cams import retold
+from advpipe.stages.attack.v2x.cams import with_fields
 
 
 def edited(reader: BagReader, **spec) -> list[tuple]:
@@ -97,14 +97,14 @@ def test_others_are_deceived(drive):
 
     def believed(editors) -> np.ndarray:
         recorded = V2xDrive(drive)
-        air, ids = recorded.air(), {name: number for number, name in recorded.listeners.items()}
+        channel, ids = recorded.channel(), {name: number for number, name in recorded.listeners.items()}
         for step in recorded.steps():
             sent = step.sent
             for editor in editors:
                 sent = editor.edit(step, sent)
-            recorded.send(air, step, sent)
+            recorded.send(channel, step, sent)
             end_ns = step.begin_ns
-        entries = {one.report.station_id: one for one in air.snapshot("other", end_ns).entries}
+        entries = {one.report.station_id: one for one in channel.snapshot("other", end_ns).entries}
         return np.array(entries[ids["ego"]].report.centre_m)
 
     spec = {"type": "gnss-relocate", "parameters": {"least_m": 100, "most_m": 100}, "victim": "ego"}
@@ -118,7 +118,8 @@ def test_a_station_type_that_no_standard_names_stays(drive):
     seen = 0
     for step in V2xDrive(drive).steps():
         odd = [
-            replace(one, payload=encode(retold(decode(one.payload), station_type=200))) for one in step.sent
+            replace(one, payload=encode(with_fields(decode(one.payload), station_type=200)))
+            for one in step.sent
         ]
         for new in editor.edit(step, odd):
             seen += 1
