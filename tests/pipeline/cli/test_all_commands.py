@@ -235,7 +235,14 @@ def command(words: list[str], folder: Path, out: Path, how: str = "", **environm
     return Done(done.returncode, done.stdout.decode(errors="replace"), done.stderr.decode(errors="replace"))
 
 
-@pytest.mark.parametrize("words", [["inspect", "{drive}"], ["inspect", "{drive}", "--json"], ["schema"]])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["inspect", "{drive}"],
+        pytest.param(["inspect", "{drive}", "--json"], marks=pytest.mark.nightly),
+        ["schema"],
+    ],
+)
 def test_standard_output_that_takes_nothing(made: Path, tmp_path: Path, words: list[str]) -> None:
     assert command(words, made, tmp_path, ">&-") == (0, "", "")
     full = command(words, made, tmp_path, ">/dev/full")
@@ -251,21 +258,39 @@ def test_other_streams_that_are_closed(made: Path, tmp_path: Path) -> None:
 
 
 ASCII = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+ONE_BY_ONE = """
+import json, sys
+from advpipe.__main__ import main
+for words in json.loads(sys.argv[1]):
+    sys.argv = ["advpipe", *words]
+    try:
+        main()
+    except SystemExit as end:
+        assert not end.code, (words, end.code)
+"""
+"""Several commands in one process: libraries are loaded once."""
 
 
 def test_in_a_locale_of_ascii_files_are_the_same(run: Run, made: Path, tmp_path: Path) -> None:
     (tmp_path / "citation.txt").write_text("Å. Author", encoding="utf-8")
-    frames = ["--frames", "0:2"]
-    for words in (
-        ["attack", "plain", "--recipe", "random", *frames, "-o", "{out}/bag"],
-        ["evaluate", "plain/clean", *frames, "--no-baseline", "-o", "{out}/report"],
+    frame = ["--frames", "0:1"]
+    commands = (
+        ["attack", "plain", "--recipe", "random", *frame, "-o", "{out}/bag"],
+        ["evaluate", "plain/clean", *frame, "--no-baseline", "-o", "{out}/report"],
         ["share", "plain", "-o", "{out}/shared", "--citation", str(tmp_path / "citation.txt")],
         ["inspect", "plain"],
-    ):
-        done = command(words, made, tmp_path / "ascii", **ASCII)
-        assert done.code == 0, done.errors
-        assert done.out.isascii()
-        done = run(*(word.replace("{out}", str(tmp_path / "utf8")) for word in words))
+    )
+    in_ascii, in_utf8 = (
+        [[word.replace("{out}", str(tmp_path / name)) for word in words] for words in commands]
+        for name in ("ascii", "utf8")
+    )
+    one_by_one = [sys.executable, "-c", ONE_BY_ONE, json.dumps(in_ascii)]
+    ended = subprocess.run(one_by_one, capture_output=True, cwd=made, env={**os.environ, **ASCII})
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stdout.isascii()
+    assert ended.stdout.count(b"\n") > len(commands)
+    for words in in_utf8:
+        done = run(*words)
         assert done.code == 0, done.errors
     for name in ("bag/attack.yaml", "bag/bag_0.mcap", "report/report.html", "shared/README.md"):
         assert (tmp_path / "ascii" / name).read_bytes() == (tmp_path / "utf8" / name).read_bytes(), name
@@ -305,17 +330,18 @@ def test_names_that_are_not_utf_8(run: Run, made: Path, tmp_path: Path) -> None:
 
 
 FRAME = ["--frames", "0:1"]
+BAG = ["attack", "{plain}", "--recipe", "random", *FRAME, "-o", "{out}/bag"]
 REPORT = ["evaluate", "{plain}", *FRAME, "--no-baseline", "-o", "{out}/report"]
 
 
 @pytest.mark.parametrize(
     ("words", "code"),
     [
-        (["attack", "{plain}", "--recipe", "random", *FRAME, "-o", "{out}/bag"], 0),
+        pytest.param(BAG, 0, marks=pytest.mark.nightly),
         pytest.param(REPORT, 0, marks=pytest.mark.nightly),
         (["simulate", "smoke", "-o", "{out}/drive", *SHORT], 0),
         (["simulate", "smoke", *SHORT], 2),
-        (["attack"], 2),
+        pytest.param(["attack"], 2, marks=pytest.mark.nightly),
         (["clean", "--remove"], 2),
         (["plot", "{plain}"], 2),
     ],
