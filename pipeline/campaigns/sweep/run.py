@@ -104,7 +104,7 @@ class SweepReport:
 
 def _line(cell: Cell, budget: Budget, times: Times) -> str:
     return (
-        f"{cell.name}: mAP ratio {number(cell.row['map_ratio_percent'], 2)} % (the paper: "
+        f"{cell.name}: mAP ratio {number(cell.attacked.map_ratio_percent, 2)} % (the paper: "
         f"{budget.paper_map_ratio_percent:.2f} %), {len(cell.frames)} frames, "
         f"attack {times.attack_s:.0f} s, evaluation {times.evaluate_s:.0f} s"
     )

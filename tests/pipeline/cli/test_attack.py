@@ -104,7 +104,7 @@ def test_options_become_an_attack(bag: Path, monkeypatch: pytest.MonkeyPatch) ->
         ({"settings": ["round=1"]}, r"detach: unknown parameter 'round'; known: ratio, "),
         ({"settings": ["rounds=many"]}, "detach: rounds is 'many'"),
         ({"kind": "detatch"}, "unknown attack 'detatch'; known: .*detach, "),
-        ({"recipe": "worst"}, "unknown recipe 'worst'"),
+        ({"recipe": "worst"}, "recipe is 'worst'; known"),
         ({"attacker": ["a"]}, "detach has no use for attackers"),
         (
             {"kind": "cam-dos", "attacker": ["a", "5%"]},
