@@ -10,7 +10,6 @@ import typer
 from advpipe.pipeline.cli.shared import (
     Answer,
     DetectorName,
-    Device,
     LidarTopic,
     Overwrite,
     Workers,
@@ -62,7 +61,7 @@ def attack(
     lidar: LidarTopic = AttackOptions.lidar,
     frames: Annotated[str, option(AttackOptions, "frames")] = AttackOptions.frames,
     detector: DetectorName = AttackOptions.detector,
-    device: Device = "cpu",
+    device: Annotated[str, option(AttackOptions, "device")] = AttackOptions.device,
     seed: Annotated[int, option(AttackOptions, "seed")] = AttackOptions.seed,
     workers: Workers = None,
     out: Annotated[

@@ -83,9 +83,10 @@ class Reading:
 class Sensor(ABC, Generic[SectionT]):
     """One kind of sensor. Its key in the scenario's section `sensors` is that of the registry.
 
-    section: its part of the scenario file.
+    title: what readers of a data set's card know it by. section: its part of the scenario file.
     """
 
+    title: ClassVar[str]
     section: ClassVar[type[Section]]
 
     @classmethod

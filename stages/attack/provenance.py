@@ -19,7 +19,14 @@ _WHEN = ("pipeline/scenario/attacks.py", "stages/attack/clouds.py", "stages/atta
 
 _LABELS = tuple(f"pipeline/labels/{name}.py" for name in ("points", "quantities", "quantity"))
 
-LIDAR = (*CLOUDS, *_WHEN, *_LABELS, "stages/attack/lidar", "stages/attack/cloud_attack.py")
+LIDAR = (
+    *CLOUDS,
+    *_WHEN,
+    *_LABELS,
+    "stages/attack/bounds.py",
+    "stages/attack/cloud_attack.py",
+    "stages/attack/lidar",
+)
 """The code that decides what becomes of which clouds."""
 
 MESSAGES = (

@@ -10,8 +10,9 @@ from typing import Any
 
 from advpipe.pipeline.bag.frames import FrameSlice
 from advpipe.pipeline.core import plain_json
+from advpipe.pipeline.core.attack_options import AttackOptions
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
-from advpipe.pipeline.detector.device import CPU, device_record, frames_at_once, open_device
+from advpipe.pipeline.detector.device import device_record, frames_at_once, open_device
 from advpipe.pipeline.detector.registry import detector_sha256
 from advpipe.pipeline.labels.declaration import Family
 from advpipe.pipeline.scenario.attacks import AttackSpec
@@ -31,8 +32,8 @@ class AttackRequest:
     """
 
     attacks: tuple[AttackSpec, ...]
-    seed: int = 0
-    device: str = CPU
+    seed: int = AttackOptions.seed
+    device: str = AttackOptions.device
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "attacks", tuple(map(named, self.attacks)))

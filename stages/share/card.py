@@ -12,12 +12,13 @@ import yaml
 from jinja2 import Environment, StrictUndefined
 from pydantic import ConfigDict, Field
 
-from advpipe.pipeline.bag.carried import CLOUD_TYPE
+from advpipe.pipeline.bag.carried import CLOUD_TYPE, CarriedSensor
 from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.document import Document, Number, Text, Word, read_yaml
 from advpipe.pipeline.core.errors import one_line
 from advpipe.pipeline.dataset.layout import Layout
+from advpipe.pipeline.sensors.registry import SENSORS
 from advpipe.stages.share import names
 from advpipe.stages.share.effects import banners, effect_tables
 from advpipe.stages.share.facts import BagFacts, TopicFacts
@@ -100,6 +101,13 @@ class _Attack(NamedTuple):
     frames: str
 
 
+class _Sensor(NamedTuple):
+    title: str
+    name: str
+    vehicle: str
+    topics: list[str]
+
+
 def write_card(
     name: str,
     found: Layout,
@@ -139,6 +147,7 @@ def write_card(
         other_drives=len(drives) - 1,
         rate=_rate,
         lidars=[{"name": name, **dict(lidar)} for name, lidar in scenario.sensors.lidars.items()],
+        sensors=_sensors(clean),
         origin=_origin(clean, scenario),
         banners=banners(found.reports),
         effects=effect_tables(found.reports),
@@ -186,6 +195,19 @@ def _scenario(clean: BagFacts) -> RecordedScenario:
     where = f"{clean.path}: the provenance record: scenario"
     found: RecordedScenario = read_yaml(text, RecordedScenario, where, "record the bag again")
     return found
+
+
+def _sensors(clean: BagFacts) -> list[_Sensor]:
+    """Those of the drive with a topic in the bag, in the order of the registry; none of another tool's."""
+    carried = clean.sensors or {}
+    topics: dict[CarriedSensor, list[str]] = {}
+    for name, sensor in carried.items():
+        if name in clean.topics:
+            topics.setdefault(sensor, []).append(name)
+    return [
+        _Sensor(each.kind.title, each.name, each.vehicle, sorted(topics[each]))
+        for each in sorted(topics, key=lambda each: (list(SENSORS).index(each.key), each.vehicle, each.name))
+    ]
 
 
 def _origin(clean: BagFacts, scenario: RecordedScenario) -> dict[str, str]:

@@ -19,6 +19,7 @@ POINT_BYTES = 22
 class Lidars(MountedSensor[LidarSensor]):
     """All LiDARs of one vehicle."""
 
+    title = "LiDAR"
     section = LidarSensor
     default: ClassVar = {"lidar": LidarSensor()}
     needs = frozenset({"road users", "rays"})

@@ -24,6 +24,9 @@ Bool = npt.NDArray[np.bool_]
 Int64 = npt.NDArray[np.int64]
 Float64 = npt.NDArray[np.float64]
 
+AS_RECORDED = Placement()
+"""Of a cloud that no defence put elsewhere."""
+
 
 @dataclass(frozen=True)
 class Criterion:
@@ -110,12 +113,11 @@ class CachedDetector:
         """The next frame comes: its clouds are others."""
         self._seen.clear()
 
-    def detect(self, cloud: Cloud) -> Detections:
-        """The detections in the detector's range, labelled by `geometry.boxes.CLASSES`, best first."""
-        return self.detect_placed(cloud, Placement())
+    def detect(self, cloud: Cloud, placement: Placement = AS_RECORDED) -> Detections:
+        """The detections in the detector's range, labelled by `geometry.boxes.CLASSES`, best first.
 
-    def detect_placed(self, cloud: Cloud, placement: Placement) -> Detections:
-        """Those in a cloud that a defence put elsewhere, back where they belong."""
+        placement: where a defence put the cloud; the boxes are back where they belong.
+        """
         about = f"{placement}".encode()
         key = hashlib.blake2b(np.ascontiguousarray(cloud).tobytes() + about, digest_size=16).digest()
         if key not in self._seen:

@@ -20,7 +20,7 @@ def test_the_command_line_has_their_defaults() -> None:
 def test_the_scenario_file_has_their_defaults_and_helps() -> None:
     sections = AttackSpec.model_fields | Schedule.model_fields
     for each in fields(AttackOptions):
-        if each.name == "seed":  # of all attacks of a scenario: simulation.seed
+        if each.name in ("seed", "device"):  # of all attacks: simulation.seed, and `run --device`
             continue
         assert (sections[each.name].description or "").startswith(each.metadata["help"])
         assert sections[each.name].default == each.default or sections[each.name].is_required()

@@ -39,6 +39,7 @@ class RadarSensor(MountedSection):
 class Radars(MountedSensor[RadarSensor]):
     """All radars of one vehicle: the radial velocity of what each beam meets, as the intensity of a point."""
 
+    title = "radar"
     section = RadarSensor
     needs = frozenset({"road users", "rays"})
 

@@ -97,6 +97,10 @@ def test_the_card_tells_what_is_in_the_bags(recorded: Path, shared: Path) -> Non
             assert f"| `{name}` | {info.type.replace('/msg/', '/')} | {info.count:,} |" in card
     assert "| `/ego/imu` | sensor_msgs/Imu | 90 | 100.0 Hz | ego/imu |" in card
     assert "| `lidar` | ego | 16 | 72,000 | 10.0 | 100.0 m | 0.0, 0.0, 1.8 m |" in card
+    assert "| LiDAR | `lidar` | ego | `/ego/lidar/points` |" in card
+    assert "| GNSS receiver |  | ego | `/ego/gnss/fix` |" in card
+    assert "| IMU |  | ego | `/ego/imu` |" in card
+    assert "| wheel odometry |  | ego | `/ego/" in card
     assert f"| map's SHA-256 | {reader.provenance['map_sha256']} |" in card
     assert sha256_of(next((shared / "clean").glob("*.mcap"))) in card
     row = json.loads((recorded / "reports" / "small" / "report.json").read_text())["rows"][0]

@@ -18,7 +18,7 @@ from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import LANES, SCENARIO_INFO, VehicleTopics
 from advpipe.pipeline.messages.types import serialise
-from advpipe.pipeline.v2x.channel import Air
+from advpipe.pipeline.v2x.channel import Channel
 from advpipe.pipeline.v2x.radio.medium import Medium
 from advpipe.stages.evaluate.v2x.drive import read_drive
 from advpipe.stages.evaluate.v2x.receptions import read_receptions
@@ -59,7 +59,7 @@ def test_the_radio_does_not_run(smoke: Path, offset: Path, monkeypatch: pytest.M
     def refuse(*_: object) -> None:
         raise AssertionError("a radio is asked what was received")
 
-    for made in (Air, Medium):
+    for made in (Channel, Medium):
         monkeypatch.setattr(made, "__init__", refuse)
     (found,) = sections(smoke, [offset])
     assert found.notes == ()
