@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from advpipe.pipeline.core.errors import UsageError as UsageError
     from advpipe.pipeline.core.seeding import named_generator as named_generator
     from advpipe.pipeline.detector.protocol import Detections as Detections
-    from advpipe.pipeline.detector.protocol import Detector as Detector
+    from advpipe.pipeline.detector.protocol import ObjectDetector as Detector
     from advpipe.pipeline.detector.protocol import Range as Range
     from advpipe.pipeline.geometry.boxes import BOX_COLUMNS as BOX_COLUMNS
     from advpipe.pipeline.geometry.boxes import CLASSES as CLASSES
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from advpipe.pipeline.replay.v2x_drive import V2xStep as V2xStep
     from advpipe.pipeline.scenario.load import load_scenario as load_scenario
     from advpipe.pipeline.scenario.models import Scenario as Scenario
-    from advpipe.pipeline.sensors.sensor import Drive as Drive
+    from advpipe.pipeline.sensors.sensor import DriveSettings as Drive
     from advpipe.pipeline.sensors.sensor import Instant as Instant
     from advpipe.pipeline.sensors.sensor import MountedSection as MountedSection
     from advpipe.pipeline.sensors.sensor import MountedSensor as MountedSensor
@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from advpipe.stages.attack.lidar.base import LidarTraits as LidarTraits
     from advpipe.stages.attack.lidar.base import PublishedFigure as PublishedFigure
     from advpipe.stages.attack.lidar.base import unchanged as unchanged
-    from advpipe.stages.attack.lidar.targets import Targets as Targets
+    from advpipe.stages.attack.lidar.targets import AttackTargets as Targets
     from advpipe.stages.attack.lidar.targets import detection_loss as detection_loss
     from advpipe.stages.attack.lidar.targets import find_targets as find_targets
     from advpipe.stages.attack.summary import AttackSummary as AttackSummary

@@ -2,7 +2,7 @@
 
 import pytest
 
-from advpipe.pipeline.results.evaluation import plain
+from advpipe.pipeline.results.evaluation import plain_value
 from advpipe.stages.evaluate.detection.summary import classes_in_map
 from advpipe.stages.evaluate.report.table import changed_percent, interval, number
 
@@ -33,4 +33,7 @@ def test_classes_of_the_map():
 
 
 def test_json_has_no_nan():
-    assert plain({"b": float("nan"), "a": (1 / 3, float("inf"))}) == {"a": [0.33333333, None], "b": None}
+    assert plain_value({"b": float("nan"), "a": (1 / 3, float("inf"))}) == {
+        "a": [0.33333333, None],
+        "b": None,
+    }
