@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from advpipe.stages.simulate.run import SimulationSummary
 
 
-def simulate(
+def simulate_command(
     scenario: Annotated[str, typer.Argument(help="A scenario file or a shipped name.")] = "district",
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Data set folder.", show_default="datasets/<name>")

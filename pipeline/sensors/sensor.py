@@ -47,7 +47,7 @@ class Panel:
 
 
 @dataclass(frozen=True)
-class Drive:
+class DriveSettings:
     """What the sensors of a drive are made with. markers: whether truth is drawn for viewers as well."""
 
     seed: int
@@ -153,7 +153,7 @@ class MountedSensor(Sensor[MountedT]):
     mounts: Mapping[str, Float64]
 
     @abstractmethod
-    def __init__(self, vehicle: str, sections: Mapping[str, MountedT], drive: Drive) -> None: ...
+    def __init__(self, vehicle: str, sections: Mapping[str, MountedT], drive: DriveSettings) -> None: ...
 
     @abstractmethod
     def sense(self, instant: Instant) -> Reading:

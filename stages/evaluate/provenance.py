@@ -13,9 +13,9 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.code import CLOUDS, code_sha256
 from advpipe.pipeline.core.versions import installed
 from advpipe.pipeline.detector.device import device_record
-from advpipe.pipeline.detector.protocol import Detector
+from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.detector.registry import detector_sha256
-from advpipe.pipeline.results.origin import CleanBag, ComparedBag, DetectorOrigin, Origin
+from advpipe.pipeline.results.origin import CleanBag, ComparedBag, DetectorOrigin, ResultsOrigin
 from advpipe.stages.evaluate.bags import Bags
 from advpipe.stages.evaluate.detection.comparison import Comparison, bag_name
 from advpipe.stages.evaluate.detection.summary import Summary
@@ -44,11 +44,11 @@ REPORTING = (
 def origin_of(
     bags: Bags,
     clean_sha256: str,
-    models: Mapping[str, Detector],
+    models: Mapping[str, ObjectDetector],
     maps: Mapping[str, MapStatus],
     summaries: Sequence[Summary],
     options: Options,
-) -> Origin:
+) -> ResultsOrigin:
     """Bags with their checksums and records, detectors, options and code.
 
     The bags that were scored come first, each with its frames of the clean bag; then those whose clouds
@@ -58,7 +58,7 @@ def origin_of(
     unseen = [
         Comparison(bag, about, ()) for bag, about in bags.provenances.items() if bag not in bags.on_clouds
     ]
-    return Origin(
+    return ResultsOrigin(
         advpipe=installed("advpipe"),
         code_sha256=code_sha256(*REPORTING),
         clean=CleanBag(

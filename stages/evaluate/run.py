@@ -10,7 +10,7 @@ from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.partial import staged_folder
 from advpipe.pipeline.core.progress import track
-from advpipe.pipeline.detector.protocol import Detector
+from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.stages.evaluate.bags import Bags
 from advpipe.stages.evaluate.cooperative.section import KEY as COOPERATIVE
@@ -87,7 +87,7 @@ def evaluate(
 
 
 def _score(
-    bags: Bags, name: str, model: Detector, options: Options, workers: int | None
+    bags: Bags, name: str, model: ObjectDetector, options: Options, workers: int | None
 ) -> Iterator[Summary]:
     """What one detector makes of each adversarial bag whose clouds were attacked, or of the clean bag."""
     run = DetectionRun(

@@ -22,9 +22,9 @@ from advpipe.pipeline.sensors.registry import SENSORS
 from advpipe.stages.share import names
 from advpipe.stages.share.effects import banners, effect_tables
 from advpipe.stages.share.facts import BagFacts, TopicFacts
-from advpipe.stages.share.markdown import Markdown, block, code, escaped, link, literal, own_words
+from advpipe.stages.share.markdown import Markdown, authors_text, block, code, escaped, link, literal
 from advpipe.stages.share.options import ShareOptions
-from advpipe.stages.share.pictures import Picture
+from advpipe.stages.share.pictures import SharedPicture
 
 _HUB_LICENCES = (
     "apache-2.0", "mit", "cc0-1.0", "cc-by-4.0", "cc-by-sa-4.0", "cc-by-nc-4.0", "cc-by-nc-sa-4.0", "odbl",
@@ -116,7 +116,7 @@ def write_card(
     drives: Mapping[str, BagFacts],
     options: ShareOptions,
     remarks: Sequence[str],
-    pictures: Sequence[Picture],
+    pictures: Sequence[SharedPicture],
 ) -> str:
     """The card's text; bags: the clean one first.
 
@@ -255,7 +255,7 @@ def _plain(value: object) -> str:
 
 
 def _contents(
-    found: Layout, bags: Sequence[BagFacts], pictures: Sequence[Picture]
+    found: Layout, bags: Sequence[BagFacts], pictures: Sequence[SharedPicture]
 ) -> Iterator[dict[str, str]]:
     for bag in bags:
         what = _WHAT.get(bag.path.name) or (_ATTACK if bag.is_attack else _DRIVE)
@@ -318,4 +318,4 @@ def _numpy_fields(clean: BagFacts, topic: TopicFacts) -> Markdown:
 def _own_words(found: Layout) -> Markdown:
     """What the author wrote into the data set's README.md, unless sharing made that."""
     text = found.card.read_text(encoding="utf-8", errors="replace") if found.card else ""
-    return own_words("" if names.CARD_MARK in text else text.strip())
+    return authors_text("" if names.CARD_MARK in text else text.strip())

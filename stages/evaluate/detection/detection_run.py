@@ -22,7 +22,7 @@ from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.geometry.boxes import count_points
 from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.pipeline.metrics.chamfer import chamfer_distance
-from advpipe.stages.evaluate.detection.baseline import looks_of, random_baselines
+from advpipe.stages.evaluate.detection.baseline import attack_query_budget, random_baselines
 from advpipe.stages.evaluate.detection.cloud_difference import CloudDifference, cloud_difference
 from advpipe.stages.evaluate.detection.comparison import (
     CloudResult,
@@ -33,7 +33,7 @@ from advpipe.stages.evaluate.detection.comparison import (
 from advpipe.stages.evaluate.detection.displacement import Displacement, finite_xyz
 from advpipe.stages.evaluate.detection.occlusion import Occlusion
 from advpipe.stages.evaluate.detection.pairing import pair_frames
-from advpipe.stages.evaluate.detection.random_change import Budget
+from advpipe.stages.evaluate.detection.random_change import SpentBudget
 from advpipe.stages.evaluate.detection.scoring import CachedDetector, Truth, ground_truth, match, worth
 
 RANDOM_RECIPES = ("random", "random-near", "random-best")
@@ -96,7 +96,7 @@ class DetectionRun:
         """Of how many random tries the best is looked at beside an attack; 0 without baselines."""
         if not self.baseline or about.get("recipe") in RANDOM_RECIPES:
             return 0
-        return looks_of(about) if self.baseline_tries is None else self.baseline_tries
+        return attack_query_budget(about) if self.baseline_tries is None else self.baseline_tries
 
     @property
     def _chosen(self) -> FrameSlice:
@@ -152,7 +152,7 @@ class DetectionRun:
             clouds = random_baselines(
                 before.cloud,
                 truth.boxes.geometry[truth.is_evaluated],
-                Budget.of(before.cloud, after.cloud, change, provenance.parameters),
+                SpentBudget.of(before.cloud, after.cloud, change, provenance.parameters),
                 lambda cloud: worth(truth, match(truth, eye.detect(cloud), eye.classes))[truth.is_evaluated],
                 tries=tries,
                 seed=self.seed,

@@ -75,7 +75,7 @@ def _message(reader: BagReader, raw: RawMessage, topic: Topic, found: Detections
 def detections_message(stamp_ns: int, frame_id: str, found: Detections) -> Any:
     """vision_msgs/Detection3DArray, best first, with scores; detections have no name over time."""
     boxes = Boxes(found.boxes, found.labels, ("",) * len(found), np.zeros((len(found), 3)))
-    message = build.detections(stamp_ns, frame_id, boxes)
+    message = build.detections_message(stamp_ns, frame_id, boxes)
     for item, score in zip(message.detections, found.scores, strict=True):
         item.results[0].hypothesis.score = float(score)
     return message

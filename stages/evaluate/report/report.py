@@ -8,10 +8,10 @@ from typing import TypeVar
 
 from advpipe.pipeline.results.evaluation import Evaluation
 from advpipe.pipeline.results.listed import Listed
-from advpipe.pipeline.results.origin import Origin
+from advpipe.pipeline.results.origin import ResultsOrigin
 from advpipe.pipeline.results.records import PrecisionRecord
 from advpipe.stages.evaluate.detection.summary import Summary
-from advpipe.stages.evaluate.report.section import Section
+from advpipe.stages.evaluate.report.section import ReportSection
 from advpipe.stages.evaluate.report.wording import RANDOM_BEST, WHITE_BOX
 
 T = TypeVar("T", bound=Listed)
@@ -55,7 +55,7 @@ FORMULAS: Mapping[str, str] = {
 class Report(Evaluation):
     """An evaluation as people read it. sections: what every family adds: tables, pictures and records."""
 
-    sections: tuple[Section, ...] = ()
+    sections: tuple[ReportSection, ...] = ()
 
     def listed(self, kind: type[T]) -> list[T]:
         """The records of a kind, of all sections."""
@@ -64,8 +64,8 @@ class Report(Evaluation):
 
 def report_of(
     summaries: Sequence[Summary],
-    sections: Sequence[Section],
-    origin: Origin,
+    sections: Sequence[ReportSection],
+    origin: ResultsOrigin,
     formulas: Mapping[str, str],
     banners: Sequence[str],
 ) -> Report:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import inspect
 from dataclasses import fields
 
-from advpipe.pipeline.cli.attack import attack
+from advpipe.pipeline.cli.attack import attack_command
 from advpipe.pipeline.core.attack_options import AttackOptions
 from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
 
 
 def test_the_command_line_has_their_defaults() -> None:
-    parameters = inspect.signature(attack).parameters
+    parameters = inspect.signature(attack_command).parameters
     for each in fields(AttackOptions):
         name = "kind" if each.name == "type" else each.name
         assert parameters[name].default == each.default, name
