@@ -275,4 +275,5 @@ def _strict_share(record: SuccessRecord) -> str:
     if not record.strict_found_clean:
         return NOTHING
     percent = with_interval(record.strict_attack_success_percent, record.strict_attack_success_ci95, 0)
-    return f"{percent} % ({formatted_number(record.strict_lost, 0)} of {formatted_number(record.strict_found_clean, 0)})"
+    lost, found = (formatted_number(count, 0) for count in (record.strict_lost, record.strict_found_clean))
+    return f"{percent} % ({lost} of {found})"

@@ -120,8 +120,9 @@ def report_warnings(report: Report) -> list[str]:
         if strongest and (bounds := row.baselines[strongest].map_ratio_minus_ci95):
             words.append(
                 f"{bag}: mAP ratio minus that {baseline_title(strongest)} (the strongest {PLAIN_RANDOM} "
-                f"baseline) {formatted_number(row.baselines[strongest].map_ratio_minus, 2)} points, 95 % interval "
-                f"{interval(bounds)}. Beats {PLAIN_RANDOM}: {'yes' if row.beats_random else 'no'}."
+                f"baseline) {formatted_number(row.baselines[strongest].map_ratio_minus, 2)} points, "
+                f"95 % interval {interval(bounds)}. Beats {PLAIN_RANDOM}: "
+                f"{'yes' if row.beats_random else 'no'}."
             )
         words += _lost_remark(report, row, bag)
     if any(row.baselines for row in report.results):

@@ -124,8 +124,8 @@ def section(
         f"{formatted_number(_mean(ours), 3)}, of the baseline built from CaTCH's checks "
         f"{formatted_number(_mean(theirs), 3)}; of {clean.detection.messages:,} honest messages of the "
         f"clean drive {formatted_number(100 * rate, 2)} % are flagged, by the baseline "
-        f"{formatted_number(100 * clean.detection.baseline.false_positive_rate, 2)} %. What both were tuned on: "
-        f"{'; '.join(tuned.DRIVES)}."
+        f"{formatted_number(100 * clean.detection.baseline.false_positive_rate, 2)} %. "
+        f"What both were tuned on: {'; '.join(tuned.DRIVES)}."
     )
     drives = (clean, *attacked)
     return ReportSection(

@@ -4,7 +4,8 @@ import pytest
 
 from advpipe.pipeline.results.evaluation import plain_value
 from advpipe.stages.evaluate.detection.summary import classes_in_map
-from advpipe.stages.evaluate.report.table import changed_percent, interval, number
+from advpipe.stages.evaluate.report.numbers import formatted_number
+from advpipe.stages.evaluate.report.table import changed_percent, interval
 
 
 @pytest.mark.parametrize(
@@ -12,7 +13,7 @@ from advpipe.stages.evaluate.report.table import changed_percent, interval, numb
     [(0.12345, 3, "0.123"), (1234, 0, "1,234"), (None, 2, "–"), (float("nan"), 2, "–"), (65.0, 2, "65.00")],
 )
 def test_numbers(value, digits, text):
-    assert number(value, digits) == text
+    assert formatted_number(value, digits) == text
 
 
 def test_intervals():
