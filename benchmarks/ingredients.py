@@ -46,10 +46,10 @@ from advpipe.pipeline.metrics.chamfer import chamfer_distance
 from advpipe.pipeline.metrics.matching import FrameMatches, match_overlaps
 from advpipe.stages.attack.lidar import (
     attach,
-    attach_game,
+    attach_problem,
     attack_objective,
     detach,
-    detach_game,
+    detach_problem,
     greedy_allocation,
 )
 from advpipe.stages.attack.lidar.attach import Attach
@@ -89,9 +89,9 @@ CLIMBING: Mapping[str, Line] = {
     **OTHER_RECIPES,
     "half the rounds": Line({"rounds": 5}),
     "twice the rounds": Line({"rounds": 20}),
-    "rounds of equal size": constant(greedy_allocation, "CURVE", 1.0),
-    "lower scores do not count": constant(attack_objective, "FAINT", 0.0),
-    "no second look at the choice": constant(greedy_allocation, "REPAIRS", 1),
+    "rounds of equal size": constant(greedy_allocation, "GROWTH_POWER", 1.0),
+    "lower scores do not count": constant(attack_objective, "SCORE_LOSS_SHARE", 0.0),
+    "no second look at the choice": constant(greedy_allocation, "MAX_REVISIONS", 1),
 }
 LINES: Mapping[str, Mapping[str, Line]] = {
     "perturb": {
@@ -115,15 +115,15 @@ LINES: Mapping[str, Mapping[str, Line]] = {
         **CLIMBING,
         "points in boxes only": constant(detach, "MARGIN_M", 0.0),
         "points within 1 m of boxes": constant(detach, "MARGIN_M", 1.0),
-        "at most half of an object": constant(detach_game, "MOST", 0.5),
+        "at most half of an object": constant(detach_problem, "MAX_SHARE_PER_OBJECT", 0.5),
     },
     "attach": {
         **CLIMBING,
         "places in boxes only": constant(attach, "MARGIN_M", 0.0),
         "places within 1 m of boxes": constant(attach, "MARGIN_M", 1.0),
-        "30 points an object": constant(attach_game, "MOST", 30),
-        "120 points an object": constant(attach_game, "MOST", 120),
-        "200 fresh places a round": constant(attach_game, "FRESH", 200),
+        "30 points an object": constant(attach_problem, "MAX_POINTS_PER_OBJECT", 30),
+        "120 points an object": constant(attach_problem, "MAX_POINTS_PER_OBJECT", 120),
+        "200 fresh places a round": constant(attach_problem, "NEW_CANDIDATES", 200),
         "far places as dear as near ones": Line({"decay_m": 100.0}),
         "points along rays": Line({"along_ray": True}),
         "occlusion order kept": Line({"keep_occlusion_order": True}),

@@ -108,11 +108,11 @@ def gnss_traits(kind: type[GnssAttack]) -> GnssTraits:
     return found
 
 
-def level(angle_rad: float) -> Float64:
+def horizontal_unit(angle_rad: float) -> Float64:
     """The horizontal unit vector (3,) at an angle from the map's x axis."""
     return np.array([math.cos(angle_rad), math.sin(angle_rad), 0.0])
 
 
-def any_direction(rng: np.random.Generator) -> Float64:
+def random_direction(rng: np.random.Generator) -> Float64:
     """A horizontal unit vector (3,), uniform in all directions."""
-    return level(float(rng.uniform(0, math.tau)))
+    return horizontal_unit(float(rng.uniform(0, math.tau)))

@@ -15,7 +15,7 @@ from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.facilities.cam import Cam
 from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam, encode_cam
-from advpipe.stages.attack.gnss.spoofing_schedule import Lie, SpoofingSchedule
+from advpipe.stages.attack.gnss.spoofing_schedule import FalseFix, SpoofingSchedule
 
 
 class ReportedCams:
@@ -56,7 +56,7 @@ class ReportedCams:
             return one
         return replace(one, payload=encode_cam(self._with_place(told, lie)))
 
-    def _with_place(self, told: Cam, lie: Lie) -> Cam:
+    def _with_place(self, told: Cam, lie: FalseFix) -> Cam:
         if lie.position_m is None:
             return replace(
                 told,

@@ -21,7 +21,7 @@ from advpipe.stages.attack.parameters import resolved_parameters
 from advpipe.stages.attack.recording import RecordedTimes
 
 
-class Lie(NamedTuple):
+class FalseFix(NamedTuple):
     """What a victim is made to believe of one fix: position_m (3,) in the map, None for no fix."""
 
     attack: str
@@ -29,7 +29,7 @@ class Lie(NamedTuple):
 
 
 @dataclass
-class _Strike:
+class _ScheduledAttack:
     """One attack, and since when it has been on."""
 
     spec: AttackSpec
@@ -65,11 +65,11 @@ class SpoofingSchedule:
             attack = kind(**resolved_parameters(spec, kind))
             spoofer = attack.begin(named_generator(seed, *names))
             acts = acting_on_fixes(spec, victim, recording.start_ns, seed)
-            self._strikes.append(_Strike(spec, attack.bounds, spoofer, acts))
+            self._strikes.append(_ScheduledAttack(spec, attack.bounds, spoofer, acts))
 
     def of(
         self, time_ns: int, position_m: Float64, heading_rad: float, innovation: Callable[[], Innovation]
-    ) -> Lie | None:
+    ) -> FalseFix | None:
         """The lie about a genuine fix (3,) in the map at a log time; None where it is left alone.
 
         Raises AdvpipeError for one that is beyond the bounds that its attack declares.
@@ -85,12 +85,12 @@ class SpoofingSchedule:
             since_s, interval_s = (time_ns - strike.begin_ns) / 1e9, (time_ns - strike.last_ns) / 1e9
             context = SpoofingContext(self._genuine, since_s, interval_s, heading_rad, innovation)
             strike.last_ns = time_ns
-            lie = Lie(strike.spec.type, strike.spoofer(context))
+            lie = FalseFix(strike.spec.type, strike.spoofer(context))
             _refuse_beyond(strike, lie, position_m)
         return lie
 
 
-def _refuse_beyond(strike: _Strike, lie: Lie, position_m: Float64) -> None:
+def _refuse_beyond(strike: _ScheduledAttack, lie: FalseFix, position_m: Float64) -> None:
     if lie.position_m is not None:
         change = FixChange(lie.position_m - position_m)
         for excess in excesses(change, strike.bounds, FIX_QUANTITIES):

@@ -21,7 +21,7 @@ from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.replay.recorded_filter import RecordedFilter, filter_errors
-from advpipe.stages.attack.gnss.spoofing_schedule import Lie, SpoofingSchedule
+from advpipe.stages.attack.gnss.spoofing_schedule import FalseFix, SpoofingSchedule
 
 NO_FIX = -1
 COVARIANCE_UNKNOWN = 0
@@ -38,7 +38,7 @@ class FixRecord:
     genuine: Float64 | None
     genuine_m: Float64 | None
     covariance_m2: Float64
-    lie: Lie | None
+    lie: FalseFix | None
     told: Float64 | None
 
     @property
@@ -80,7 +80,7 @@ def _spoof_vehicle(reader: BagReader, recorded: RecordedFilter, strikes: Spoofin
     estimates: dict[int, Estimate] = {}
     for measured in read_measurements(reader, topics):
         while raw is not None and raw.log_time_ns <= measured.stamp_ns:
-            foresee = _foresight(estimator, measured)
+            foresee = _innovation_predictor(estimator, measured)
             fix, record = _spoof_fix(raw, reader.decode(raw), strikes, geodesy, heading_rad, foresee)
             fixes.append(fix)
             records.append(record)
@@ -95,7 +95,7 @@ def _spoof_vehicle(reader: BagReader, recorded: RecordedFilter, strikes: Spoofin
     return SpoofedVehicle(strikes.victim, strikes.name, tuple(fixes), tuple(records), estimates)
 
 
-def _foresight(estimator: Estimator, measured: Measurements) -> Callable[[Float64], Innovation]:
+def _innovation_predictor(estimator: Estimator, measured: Measurements) -> Callable[[Float64], Innovation]:
     """What the filter would make of a fix in this step; the filter itself stays as it is."""
 
     def foresee(fix: Float64) -> Innovation:
@@ -124,11 +124,11 @@ def _spoof_fix(
     if lie is None or (lie.position_m is not None and np.array_equal(lie.position_m, genuine_m)):
         return raw, FixRecord(stamp_ns, genuine, genuine_m, covariance_m2, lie, genuine)
     told = None if lie.position_m is None else geodesy.to_geographic(lie.position_m)
-    spoofed = replace(raw, cdr=serialise(_with_place(message, told), raw.topic.type))
+    spoofed = replace(raw, cdr=serialise(_with_position(message, told), raw.topic.type))
     return spoofed, FixRecord(stamp_ns, genuine, genuine_m, covariance_m2, lie, told)
 
 
-def _with_place(message: Any, told: Float64 | None) -> Any:
+def _with_position(message: Any, told: Float64 | None) -> Any:
     """The fix at another place, with the receiver's own claims of accuracy; or that it has none."""
     if told is None:
         return replace(

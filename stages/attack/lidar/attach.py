@@ -15,10 +15,10 @@ from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.labels.points import ADDED, PointLabels
 from advpipe.pipeline.labels.quantities import ADDED_DISTANCE, POINTS_ADDED, POINTS_MOVED, POINTS_REMOVED
 from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
-from advpipe.stages.attack.bounds import checked_number, one_of, whole
-from advpipe.stages.attack.lidar.attach_game import AttachGame
+from advpipe.stages.attack.bounds import checked_choice, checked_integer, checked_number
 from advpipe.stages.attack.lidar.attach_paper import salient_copies
 from advpipe.stages.attack.lidar.attach_places import Places, ball_places, joined, voxel_places
+from advpipe.stages.attack.lidar.attach_problem import AttachProblem
 from advpipe.stages.attack.lidar.attack_objective import AttackObjective
 from advpipe.stages.attack.lidar.base import (
     MAX_ROUNDS,
@@ -33,7 +33,7 @@ from advpipe.stages.attack.lidar.base import (
     unchanged,
 )
 from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
-from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners
+from advpipe.stages.attack.lidar.goal import AttackGoal, goal_of, owners
 from advpipe.stages.attack.lidar.gradient import gradients_of
 from advpipe.stages.attack.lidar.greedy_allocation import greedy_allocation, queries
 from advpipe.stages.attack.lidar.selection import NoGradientError
@@ -133,10 +133,10 @@ class Attach(LidarAttack):
             raise UsageError(f"attach: eps_m is {self.eps_m}, but must lie above 0 and up to {MAX_EPS_M:g}")
         if not self.decay_m > 0:
             raise UsageError(f"attach: decay_m is {self.decay_m}, but must be above 0")
-        one_of("attach", "recipe", self.recipe, RECIPES)
+        checked_choice("attach", "recipe", self.recipe, RECIPES)
         checked_number("attach", "weight", self.weight, 0)
-        self.points = whole("attach", "points", self.points, 1, MAX_POINTS)
-        self.rounds = whole("attach", "rounds", self.rounds, 1, MAX_ROUNDS)
+        self.points = checked_integer("attach", "points", self.points, 1, MAX_POINTS)
+        self.rounds = checked_integer("attach", "rounds", self.rounds, 1, MAX_ROUNDS)
         self.constraints = Constraints.among(vars(self))
 
     @property
@@ -180,7 +180,12 @@ class Attach(LidarAttack):
         return LidarResult(adversarial, _labels(scene, added), loss_before, loss_after, note)
 
     def _places(
-        self, clean: Float32, goal: Goal, detector: ObjectDetector, rules: Rules, rng: np.random.Generator
+        self,
+        clean: Float32,
+        goal: AttackGoal,
+        detector: ObjectDetector,
+        rules: Rules,
+        rng: np.random.Generator,
     ) -> tuple[Places, str]:
         """Where the new points stand, and what the user must know."""
         boxes = goal.targets.boxes.double().numpy()
@@ -197,7 +202,7 @@ class Attach(LidarAttack):
         places, note = self._candidates(clean, sources, boxes, detector, rules, rng)
         jitter_m = JITTER_M if self.recipe == "robust" else 0.0
         judge, blind = AttackObjective.of(goal, detector, clean), self.recipe == "random-best"
-        game = AttachGame(clean, places, goal, judge, detector, rng, self.decay_m, jitter_m, blind)
+        game = AttachProblem(clean, places, goal, judge, detector, rng, self.decay_m, jitter_m, blind)
         chosen, reserve = greedy_allocation(game, self.points, self.rounds)
         best = places[np.concatenate([chosen, reserve])[: self.points]]
         short = self.points - len(best)
@@ -239,7 +244,7 @@ class Attach(LidarAttack):
 
 
 def _with_intensity(
-    clean: Float32, places: Places, goal: Goal, judge: AttackObjective, detector: ObjectDetector
+    clean: Float32, places: Places, goal: AttackGoal, judge: AttackObjective, detector: ObjectDetector
 ) -> Places:
     """The places with intensities of 0 or 1, whichever the gradient asks for, where that does more harm."""
 

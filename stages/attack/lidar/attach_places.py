@@ -18,10 +18,10 @@ Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 
-HAIR = 1 - 1e-9
+ROUNDING_FACTOR = 1 - 1e-9
 """Displacements are kept this much within their bound, so that no rounding takes them over it."""
 
-_DRAWS = 50
+_MAX_DRAWS = 50
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def ball_places(
     """`count` places by chance, each uniformly in the ball about one of the sources, as the baseline
     `baselines.add_random_points` draws them; fewer where the constraints permit next to none."""
     drawn, have = [_none()], 0
-    for _ in range(_DRAWS if len(sources) else 0):
+    for _ in range(_MAX_DRAWS if len(sources) else 0):
         source = rng.choice(sources, size=count)
         offset = random_offsets(count, eps_m, rng)
         if rules.constraints.along_ray:
@@ -109,7 +109,7 @@ def _places(
     """The places at these offsets (K, 3) from clean points that are in reach, as stored, and permitted."""
     start = clean[source, :3]
     points = clean[source].copy()
-    points[:, :3] = move_within(start, offset_m * HAIR)
+    points[:, :3] = move_within(start, offset_m * ROUNDING_FACTOR)
     distance_m = np.linalg.norm(points[:, :3].astype(np.float64) - start, axis=1)
     kept = np.flatnonzero((distance_m <= eps_m) & rules.permits(points[:, :3]))
     owner = owners(points[kept, :3], boxes, margin_m)
@@ -151,7 +151,7 @@ def _nearest_in_cells(
 def _steps_on_rays(clean: Float32, near: Int64, eps_m: float, voxel_m: float) -> tuple[Int64, Float64]:
     """Steps of half a voxel to and fro on the rays of clean points."""
     steps_m = np.arange(voxel_m / 2, eps_m, voxel_m / 2)
-    steps_m = np.concatenate([-steps_m, steps_m, [-eps_m, eps_m]]) * HAIR
+    steps_m = np.concatenate([-steps_m, steps_m, [-eps_m, eps_m]]) * ROUNDING_FACTOR
     start = clean[near, :3].astype(np.float64)
     unit = start / np.maximum(np.linalg.norm(start, axis=1, keepdims=True), 1e-9)
     return np.repeat(near, len(steps_m)), (unit[:, None] * steps_m[:, None]).reshape(-1, 3)

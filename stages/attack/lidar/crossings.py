@@ -21,7 +21,7 @@ Bool = npt.NDArray[np.bool_]
 MAX_CELLS_AWAY = 2
 """Along each axis. A farther cell is no better a hiding place, and its way is longer."""
 
-HAIR = 1e-9
+ROUNDING_MARGIN = 1e-9
 """Displacements end this share short of their bound, so that no rounding carries one beyond it."""
 
 
@@ -72,9 +72,9 @@ def find_crossings(
                 if along_ray
                 else (np.arange(len(start)), np.clip(0.0, first, last))
             )
-        fits = np.linalg.norm(way, axis=1) <= reach_m * (1 - HAIR)
+        fits = np.linalg.norm(way, axis=1) <= reach_m * (1 - ROUNDING_MARGIN)
         point.append(here[fits])
-        offset.append(way[fits] * (1 - HAIR))
+        offset.append(way[fits] * (1 - ROUNDING_MARGIN))
         target.append(cells[here[fits]] + step)
     points, offsets, targets = np.concatenate(point), np.concatenate(offset), np.concatenate(target)
     arrived = move_within(start[points], offsets)

@@ -14,7 +14,7 @@ from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.labels.points import PointLabels
 from advpipe.pipeline.labels.quantities import POINTS_ADDED, POINTS_MOVED, SHARE_REMOVED
 from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
-from advpipe.stages.attack.bounds import one_of, whole
+from advpipe.stages.attack.bounds import checked_choice, checked_integer
 from advpipe.stages.attack.lidar.attack_objective import AttackObjective
 from advpipe.stages.attack.lidar.base import (
     MAX_ROUNDS,
@@ -29,8 +29,8 @@ from advpipe.stages.attack.lidar.base import (
     unchanged,
 )
 from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
-from advpipe.stages.attack.lidar.detach_game import DetachGame
-from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners
+from advpipe.stages.attack.lidar.detach_problem import DetachProblem
+from advpipe.stages.attack.lidar.goal import AttackGoal, goal_of, owners
 from advpipe.stages.attack.lidar.greedy_allocation import greedy_allocation, queries
 from advpipe.stages.attack.lidar.selection import Indices, NoGradientError, choose_salient_points
 from advpipe.stages.attack.lidar.targets import AttackTargets, detection_loss
@@ -94,8 +94,8 @@ class Detach(LidarAttack):
         if not 0 < self.ratio < 1:
             share = "must lie between 0 and 1, such as 0.01 for 1 %"
             raise UsageError(f"detach: ratio is {self.ratio}, but {share}")
-        one_of("detach", "recipe", self.recipe, RECIPES)
-        self.rounds = whole("detach", "rounds", self.rounds, 1, MAX_ROUNDS)
+        checked_choice("detach", "recipe", self.recipe, RECIPES)
+        self.rounds = checked_integer("detach", "rounds", self.rounds, 1, MAX_ROUNDS)
         self.constraints = Constraints.among(vars(self))
 
     @property
@@ -149,13 +149,13 @@ class Detach(LidarAttack):
         scene: Cloud,
         allowed: Indices,
         budget: int,
-        goal: Goal,
+        goal: AttackGoal,
         detector: ObjectDetector,
         rng: np.random.Generator,
     ) -> tuple[Indices, str]:
         """Which `budget` of the allowed points of a scene to remove; and what the user must know."""
         if self.recipe == "random":
-            return _by_chance(scene, allowed, budget, rng), ""
+            return _random_points(scene, allowed, budget, rng), ""
         if self.recipe == "paper":
             return self._greedily(scene, allowed, budget, goal.loss_targets, detector, rng)
         owner = np.full(len(scene), -1, np.int64)
@@ -168,7 +168,7 @@ class Detach(LidarAttack):
             jitter_m = JITTER_M if self.recipe == "robust" else 0.0
             blind = self.recipe == "random-best"
             judge = AttackObjective.of(goal, detector, xyzi(scene))
-            game = DetachGame(xyzi(scene), owner, goal, judge, detector, rng, jitter_m, blind)
+            game = DetachProblem(xyzi(scene), owner, goal, judge, detector, rng, jitter_m, blind)
             chosen, reserve = greedy_allocation(game, budget, self.rounds)
         chosen = np.concatenate([chosen, reserve])[:budget]
         short = budget - len(chosen)
@@ -178,7 +178,7 @@ class Detach(LidarAttack):
             "nothing more to gain: the rest removed at random" if short and self.recipe in QUERYING else "",
             "no occupancy_loss: points by the gradient of the loss" if is_plain else "",
         )
-        return np.concatenate([chosen, _by_chance(scene, rest, short, rng)]), note
+        return np.concatenate([chosen, _random_points(scene, rest, short, rng)]), note
 
     def _greedily(
         self,
@@ -202,13 +202,13 @@ class Detach(LidarAttack):
             except NoGradientError:
                 if not len(removed):
                     raise
-                rest = _by_chance(scene, kept[free], budget - len(removed), rng)
+                rest = _random_points(scene, kept[free], budget - len(removed), rng)
                 return np.concatenate([removed, rest]), "gradient used up: the rest removed at random"
             removed = np.concatenate([removed, chosen])
             kept = np.setdiff1d(kept, chosen, assume_unique=True)
         return removed, ""
 
 
-def _by_chance(scene: Cloud, points: Indices, count: int, rng: np.random.Generator) -> Indices:
+def _random_points(scene: Cloud, points: Indices, count: int, rng: np.random.Generator) -> Indices:
     """`count` of the points, by the baseline that every recipe is compared with."""
     return np.delete(points, remove_random_points(scene[points], count, rng))

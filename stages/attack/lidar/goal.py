@@ -28,11 +28,11 @@ Int64 = npt.NDArray[np.int64]
 FALSE_WEIGHT = 0.3
 """What a false detection near an object is worth beside the object's own: it costs precision, not recall."""
 
-NOBODY = "no object to hide that the detector could find"
+NO_TARGETS = "no object to hide that the detector could find"
 
 
 @dataclass(frozen=True)
-class Goal:
+class AttackGoal:
     """The M objects that an attack fights over, in the cloud's frame.
 
     targets: their boxes and labels. loss_targets: what the detector's loss is asked for.
@@ -92,7 +92,7 @@ class Goal:
         return np.concatenate([on_objects, seen_decoys])
 
 
-def goal_of(constraints: Constraints, detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> Goal:
+def goal_of(constraints: Constraints, detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> AttackGoal:
     """The goal under these constraints; of no objects, with a note, where there is nothing to fight over.
 
     Every object's detection is broken or, on demand, hidden: the loss of the truth goes up. Chosen objects
@@ -102,22 +102,22 @@ def goal_of(constraints: Constraints, detector: ObjectDetector, cloud: Cloud, bo
     everyone, classes = find_targets(detector, cloud, boxes), detector.classes
     if constraints.ghost:
         constraints.ghost.check(detector)
-        ghost = _known(constraints.attacked(boxes, xyz(cloud)), detector)
+        ghost = _detectable(constraints.attacked(boxes, xyz(cloud)), detector)
         note = "" if len(ghost) else "no ground for the ghost to stand on"
-        return Goal(ghost, _joined(everyone, ghost), -1.0, "create", classes, note)
+        return AttackGoal(ghost, _joined(everyone, ghost), -1.0, "create", classes, note)
     if constraints.objects:
         chosen = find_targets(detector, cloud, constraints.attacked(boxes, xyz(cloud)))
         absent = constraints.absent(boxes)
         note = join_notes(
             f"not in the ground truth: {', '.join(absent)}" if absent else "",
-            "" if len(chosen) else NOBODY,
+            "" if len(chosen) else NO_TARGETS,
         )
-        return Goal(chosen, _without(everyone, chosen), -1.0, "hide", classes, note)
-    note = "" if len(everyone) else NOBODY
-    return Goal(everyone, everyone, 1.0, constraints.goal, classes, note)
+        return AttackGoal(chosen, _without(everyone, chosen), -1.0, "hide", classes, note)
+    note = "" if len(everyone) else NO_TARGETS
+    return AttackGoal(everyone, everyone, 1.0, constraints.goal, classes, note)
 
 
-def with_decoys(goal: Goal, detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> Goal:
+def with_decoys(goal: AttackGoal, detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> AttackGoal:
     """The goal with what the detector finds in the clean cloud where none of the true boxes is."""
     if goal.kind != "break":
         return goal
@@ -146,7 +146,7 @@ def owners(points: npt.NDArray[np.float32], boxes: Float64, margin_m: float) -> 
     return owner
 
 
-def _known(boxes: Boxes, detector: ObjectDetector) -> AttackTargets:
+def _detectable(boxes: Boxes, detector: ObjectDetector) -> AttackTargets:
     """The boxes of classes that the detector has, however few points they hold."""
     names = [CLASSES[label] for label in boxes.labels]
     wanted = [i for i, name in enumerate(names) if name in detector.classes]

@@ -18,14 +18,14 @@ Int64 = npt.NDArray[np.int64]
 Float64 = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 
-CURVE = 1.5
+GROWTH_POWER = 1.5
 """The goals of the rounds grow with this power: fine first steps, for the objects that fall early."""
 
-REPAIRS = 3
+MAX_REVISIONS = 3
 """How often a choice of rungs is looked at together, and what did not hold is priced anew."""
 
 
-class Game(Protocol):
+class AllocationProblem(Protocol):
     """What is played for, with items that cost one point each."""
 
     @property
@@ -45,10 +45,10 @@ class Game(Protocol):
 
 def queries(rounds: int) -> int:
     """How many choices of items the detector judges in so many rounds."""
-    return rounds + REPAIRS
+    return rounds + MAX_REVISIONS
 
 
-def greedy_allocation(game: Game, budget: int, rounds: int) -> tuple[Int64, Int64]:
+def greedy_allocation(game: AllocationProblem, budget: int, rounds: int) -> tuple[Int64, Int64]:
     """The items, at most `budget`, that do the most harm found in so many rounds; and the others that were
     tried, in the order in which they would go on. Raises NoGradientError where not even the first round
     has a gradient to follow."""
@@ -57,7 +57,7 @@ def greedy_allocation(game: Game, budget: int, rounds: int) -> tuple[Int64, Int6
     objects = [ObjectCosts(value) for value in harm]
     hopeless = game.enough(harm).all()  # nothing was found in the first place: follow the gradient once
     for round_ in range(1, rounds + 1):
-        goals = np.ceil(depth * (round_ / rounds) ** CURVE).astype(np.int64)
+        goals = np.ceil(depth * (round_ / rounds) ** GROWTH_POWER).astype(np.int64)
         taken = np.array([len(object_.items) for object_ in objects], np.int64)
         wanted = np.where(game.enough(harm), 0, np.maximum(goals - taken, 0))
         if hopeless:
@@ -65,7 +65,7 @@ def greedy_allocation(game: Game, budget: int, rounds: int) -> tuple[Int64, Int6
         if not wanted.any():
             continue
         try:
-            proposals = game.propose(_all(objects), wanted, depth - taken)
+            proposals = game.propose(_all_items(objects), wanted, depth - taken)
         except NoGradientError:
             if not any(object_.items for object_ in objects):
                 raise
@@ -74,11 +74,11 @@ def greedy_allocation(game: Game, budget: int, rounds: int) -> tuple[Int64, Int6
             break
         for object_, items in zip(objects, proposals, strict=True):
             object_.items.extend(items.tolist())
-        harm = game.harm(_all(objects))
+        harm = game.harm(_all_items(objects))
         for object_, value in zip(objects, harm, strict=True):
             object_.end_round(value)
     chosen = _best_together(game, objects, budget)
-    return chosen, np.setdiff1d(_all(objects), chosen, assume_unique=True)
+    return chosen, np.setdiff1d(_all_items(objects), chosen, assume_unique=True)
 
 
 class ObjectCosts:
@@ -118,11 +118,11 @@ def allocate(costs: list[list[int]], harms: list[list[float]], budget: int) -> l
     return rungs[::-1]
 
 
-def _best_together(game: Game, objects: list[ObjectCosts], budget: int) -> Int64:
+def _best_together(game: AllocationProblem, objects: list[ObjectCosts], budget: int) -> Int64:
     """The best choice of rungs, looked at together: neighbours may have helped each other on the way up."""
     best, most = np.zeros(0, np.int64), -np.inf
     costs, harms = [object_.cost for object_ in objects], [list(object_.harm) for object_ in objects]
-    for _ in range(REPAIRS):
+    for _ in range(MAX_REVISIONS):
         rungs = allocate(costs, harms, budget)
         items = np.array(
             [i for object_, r in zip(objects, rungs, strict=True) for i in object_.up_to(r)], int
@@ -139,5 +139,5 @@ def _best_together(game: Game, objects: list[ObjectCosts], budget: int) -> Int64
     return best
 
 
-def _all(objects: list[ObjectCosts]) -> Int64:
+def _all_items(objects: list[ObjectCosts]) -> Int64:
     return np.array([item for object_ in objects for item in object_.items], np.int64)

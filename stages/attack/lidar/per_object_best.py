@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud
-from advpipe.stages.attack.lidar.goal import Goal
+from advpipe.stages.attack.lidar.goal import AttackGoal
 
 Float32 = npt.NDArray[np.float32]
 Int64 = npt.NDArray[np.int64]
@@ -23,7 +23,7 @@ class PerObjectBest:
 
     def __init__(
         self,
-        goal: Goal,
+        goal: AttackGoal,
         detector: ObjectDetector,
         clean: Float32,
         owner: Int64,

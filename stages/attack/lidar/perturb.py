@@ -12,7 +12,7 @@ from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.labels.points import MOVED, PointLabels
 from advpipe.pipeline.labels.quantities import MAX_DISPLACEMENT, POINTS_ADDED, POINTS_REMOVED
 from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
-from advpipe.stages.attack.bounds import checked_number, one_of, whole
+from advpipe.stages.attack.bounds import checked_choice, checked_integer, checked_number
 from advpipe.stages.attack.lidar.base import (
     MAX_ROUNDS,
     NO_GRADIENT,
@@ -25,12 +25,12 @@ from advpipe.stages.attack.lidar.base import (
     join_notes,
     unchanged,
 )
-from advpipe.stages.attack.lidar.chance import Chance
 from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
-from advpipe.stages.attack.lidar.crossing import Crossing, Tactics
+from advpipe.stages.attack.lidar.crossing_search import CrossingSearch, CrossingSettings
 from advpipe.stages.attack.lidar.goal import goal_of, owners, with_decoys
 from advpipe.stages.attack.lidar.per_object_best import PerObjectBest
-from advpipe.stages.attack.lidar.pgd import Descent
+from advpipe.stages.attack.lidar.pgd import ProjectedGradientDescent
+from advpipe.stages.attack.lidar.random_search import RandomSearch
 from advpipe.stages.attack.lidar.search import Search
 from advpipe.stages.attack.lidar.selection import NoGradientError
 from advpipe.stages.attack.lidar.targets import detection_loss
@@ -44,12 +44,12 @@ NOTHING_MOVED = "nothing moved: no point that may move does harm in its reach"
 RECIPES = {"best": 24, "robust": 24, "paper": 40, "random": 1, "random-near": 1, "random-best": 24}
 """How many steps each takes where none are given: gradients, or random tries."""
 
-BY_CHANCE = ("random", "random-near", "random-best")
+RANDOM_RECIPES = ("random", "random-near", "random-best")
 
-TACTICS = {
-    "best": Tactics(),
+SETTINGS = {
+    "best": CrossingSettings(),
     # A centimetre of jitter or rounding must not carry points back.
-    "robust": Tactics(landing_m=0.02, jitter_m=0.01),
+    "robust": CrossingSettings(landing_m=0.02, jitter_m=0.01),
 }
 
 
@@ -116,11 +116,11 @@ class Perturb(LidarAttack):
             raise UsageError(
                 f"perturb: eps_cm is {self.eps_cm}, but must lie above 0 and up to {MAX_EPS_CM:g}"
             )
-        one_of("perturb", "recipe", self.recipe, RECIPES)
+        checked_choice("perturb", "recipe", self.recipe, RECIPES)
         checked_number("perturb", "weight", self.weight, 0)
         self.eps_m = float(self.eps_cm) / 100
-        self.steps = whole("perturb", "steps", self.steps, 0, MAX_ROUNDS) or RECIPES[self.recipe]
-        self.tactics = TACTICS.get(self.recipe, TACTICS["best"])
+        self.steps = checked_integer("perturb", "steps", self.steps, 0, MAX_ROUNDS) or RECIPES[self.recipe]
+        self.tactics = SETTINGS.get(self.recipe, SETTINGS["best"])
         self.constraints = Constraints.among(vars(self))
 
     @property
@@ -159,15 +159,19 @@ class Perturb(LidarAttack):
 
         # Start: how points are moved from where they are.
         search: Search
-        if self.recipe in BY_CHANCE:
-            search = Chance(points, rules, everywhere if self.recipe == "random" else near, self.eps_m, rng)
+        if self.recipe in RANDOM_RECIPES:
+            search = RandomSearch(
+                points, rules, everywhere if self.recipe == "random" else near, self.eps_m, rng
+            )
         elif self.recipe == "paper":
-            search = Descent(points, goal, detector, rules, everywhere, self.eps_m, rng, self.weight)
+            search = ProjectedGradientDescent(
+                points, goal, detector, rules, everywhere, self.eps_m, rng, self.weight
+            )
         elif isinstance(detector, VoxelDetector):
-            search = Crossing(points, goal, detector, rules, owner, self.eps_m, self.tactics, rng)
+            search = CrossingSearch(points, goal, detector, rules, owner, self.eps_m, self.tactics, rng)
             jitter_m = self.tactics.jitter_m
         else:
-            search = Descent(points, goal, detector, rules, near, self.eps_m, rng)
+            search = ProjectedGradientDescent(points, goal, detector, rules, near, self.eps_m, rng)
             note = join_notes(NO_OCCUPANCY.format(self.recipe), INTENSITY_STAYS if self.intensity else "")
         judge = (
             PerObjectBest(goal, detector, points, owner, jitter_m, rng)

@@ -14,8 +14,8 @@ from torch import Tensor
 from advpipe.pipeline.baselines import move_within
 from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.stages.attack.lidar.constraints import Constraints, Rules
-from advpipe.stages.attack.lidar.crossings import HAIR
-from advpipe.stages.attack.lidar.goal import Goal
+from advpipe.stages.attack.lidar.crossings import ROUNDING_MARGIN
+from advpipe.stages.attack.lidar.goal import AttackGoal
 from advpipe.stages.attack.lidar.gradient import gradients_of
 from advpipe.stages.attack.lidar.selection import NoGradientError
 
@@ -23,12 +23,12 @@ Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 
-STEP_SHARE = 1 / 30
+STEP_FRACTION = 1 / 30
 """Of the reach, a step (section IV-B of the paper: alpha = eps / 30)."""
 
 
 @dataclass(frozen=True)
-class Descent:
+class ProjectedGradientDescent:
     """PGD on points (N, 4) as in Eq. 1 and 2 of the paper; the fourth column stays.
 
     The loss is L = -sign * L_det + weight * sum of squared displacements, the weight in its units a square
@@ -38,7 +38,7 @@ class Descent:
     """
 
     points: Float32
-    goal: Goal
+    goal: AttackGoal
     detector: ObjectDetector
     rules: Rules
     near: Bool
@@ -67,14 +67,14 @@ class Descent:
             total = -self.goal.sign * gradient + 2 * self.weight * offset
             length = total.norm(dim=1, keepdim=True)
             unit = total / length.clamp(min=1e-30)
-            offset = _permitted(project(offset - STEP_SHARE * reach_m * unit, reach_m), rules, allowed)
+            offset = _permitted(project(offset - STEP_FRACTION * reach_m * unit, reach_m), rules, allowed)
             yield displaced(points, offset.numpy(), reach_m)
 
     def keep(self, better: Bool) -> None:
         """It goes on from its latest iterate."""
 
 
-def loss_gradient(start: Tensor, offset: Tensor, goal: Goal, detector: ObjectDetector) -> Tensor:
+def loss_gradient(start: Tensor, offset: Tensor, goal: AttackGoal, detector: ObjectDetector) -> Tensor:
     """The gradient (N, 3) of the detector's loss to the points (N, 4) displaced by an offset (N, 3)."""
     leaf = start.clone()
     leaf[:, :3] += offset
@@ -104,7 +104,7 @@ def displaced(points: Float32, offset_m: npt.NDArray[np.floating[Any]], reach_m:
     """Points (N, 4) moved by offsets (N, 3), as float32 nowhere farther than the reach, not by a bit."""
     offset = np.asarray(offset_m, np.float64)
     length = np.linalg.norm(offset, axis=1, keepdims=True)
-    offset = offset * np.minimum(1.0, reach_m / np.maximum(length, 1e-300)) * (1 - HAIR)
+    offset = offset * np.minimum(1.0, reach_m / np.maximum(length, 1e-300)) * (1 - ROUNDING_MARGIN)
     moved = points.copy()
     moved[:, :3] = move_within(points[:, :3], offset)
     return moved

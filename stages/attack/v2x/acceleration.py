@@ -7,7 +7,7 @@ from typing import Any
 
 from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.v2x.codec.codes import AccelerationControl
-from advpipe.stages.attack.bounds import checked_number, span
+from advpipe.stages.attack.bounds import checked_number, checked_range
 from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
 from advpipe.stages.attack.v2x.draws import AttackDraws
 from advpipe.stages.attack.v2x.falsification import Falsification, OwnMessage
@@ -56,5 +56,5 @@ class FeignedBraking(Falsification):
 
 
 def _factors(context: AttackContext, least: float, most: float) -> dict[int, float]:
-    ends, draws = span(context.name, "factor_{}", least, most, 0, 1000), AttackDraws(context)
+    ends, draws = checked_range(context.name, "factor_{}", least, most, 0, 1000), AttackDraws(context)
     return {one: float(draws.of(one).uniform(*ends)) for one in context.attackers}

@@ -29,7 +29,7 @@ from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.pipeline.v2x.channel import Channel, Sent
 from advpipe.stages.attack.parameters import resolved_parameters
 from advpipe.stages.attack.recording import recording_of
-from advpipe.stages.attack.v2x.base import AttackContext, MessageEditor, Numbers, V2xAttack
+from advpipe.stages.attack.v2x.base import AllocatedIds, AttackContext, MessageEditor, V2xAttack
 from advpipe.stages.attack.v2x.cams import CamEditor
 from advpipe.stages.attack.v2x.congestion import Congestion
 from advpipe.stages.attack.v2x.declared import declaration_of_messages
@@ -66,7 +66,7 @@ def forge(
     recording, selection = recording_of(reader), AttackerSelection(drive, str(reader.path), seed)
     origin = drive.origin
     geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
-    cams, numbers = CamEditor(), Numbers(last + 1, set(drive.stations))
+    cams, numbers = CamEditor(), AllocatedIds(last + 1, set(drive.stations))
     made: list[V2xAttack] = []
     for spec in attacks:
         recording.refuse_outside(spec)

@@ -16,7 +16,7 @@ from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack
 from advpipe.stages.attack.v2x.cams import field_of, with_fields
 from advpipe.stages.attack.v2x.claimed_path import ClaimedPath
 
-FRONT_M = "front_m"
+REFERENCE_POINT_M = "front_m"
 """Beside the fields of a CAM: x and y of the reference point in the map's frame."""
 
 
@@ -53,7 +53,7 @@ class Falsification(V2xAttack):
 
     @abstractmethod
     def lie(self, message: OwnMessage) -> Mapping[str, Any]:
-        """The fields that the message is to tell otherwise (`cams.FIELDS`, `FRONT_M`); messages come in order
+        """The fields that the message is to tell otherwise (`cams.FIELDS`, `REFERENCE_POINT_M`); messages come in order
         of time."""
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
@@ -92,17 +92,17 @@ class Falsification(V2xAttack):
 
     def _to_geographic(self, lies: Sequence[dict[str, Any]]) -> None:
         """Latitude and longitude instead of places on the map."""
-        moved = [fields for fields in lies if FRONT_M in fields]
+        moved = [fields for fields in lies if REFERENCE_POINT_M in fields]
         if not moved:
             return
-        x_m, y_m = zip(*(fields.pop(FRONT_M) for fields in moved), strict=True)
+        x_m, y_m = zip(*(fields.pop(REFERENCE_POINT_M) for fields in moved), strict=True)
         latitude_deg, longitude_deg, _ = self.context.geodesy.to_geographic([x_m, y_m, [0.0] * len(moved)])
         for fields, north, east in zip(moved, latitude_deg.tolist(), longitude_deg.tolist(), strict=True):
             if np.isfinite(north + east):
                 fields |= {"latitude_deg": north, "longitude_deg": east}
 
 
-class Misplacement(Falsification):
+class PositionFalsification(Falsification):
     """A lie about the position.
 
     rebuild_path: the path history tells the places that the attacker has claimed, those of its honest

@@ -28,7 +28,7 @@ class Mixed(NamedTuple):
 
 
 class Mix(V2xAttack):
-    """Each attacker draws one of these attacks, which it carries out with the defaults (but see `nextgen`).
+    """Each attacker draws one of these attacks, which it carries out with the defaults (but see `nextgen_attacks`).
 
     attacks: three, nextgen, f2md or all (see `MIXES`), an attack, or several of both with commas between
     them. Labels name the one that was drawn as the `part`.
@@ -82,37 +82,39 @@ def _part(mixed: Mixed) -> DeclaredPart:
     )
 
 
-def three() -> list[Mixed]:
+def three_attacks() -> list[Mixed]:
     """NextGen's mixThree."""
     kinds = PositionOffset, SpeedRandomOffset, SuddenStop
     return [Mixed(name, {}) for kind in kinds for name, known in V2X_ATTACKS.items() if known is kind]
 
 
-def nextgen() -> list[Mixed]:
+def nextgen_attacks() -> list[Mixed]:
     """NextGen's mixAll, each attack as that has it: its constant speed is a zero speed report."""
-    return [Mixed(name, v2x_traits(V2X_ATTACKS[name]).published_of) for name in _by(lambda p: p.nextgen)]
+    return [
+        Mixed(name, v2x_traits(V2X_ATTACKS[name]).published_of) for name in _in_catalogue(lambda p: p.nextgen)
+    ]
 
 
-def f2md() -> list[Mixed]:
+def f2md_attacks() -> list[Mixed]:
     """The 19 of F2MD, in the order of their numbers in VeReMi's extension."""
-    return [Mixed(name, {}) for name in _by(lambda published: published.veremi_extension)]
+    return [Mixed(name, {}) for name in _in_catalogue(lambda published: published.veremi_extension)]
 
 
-def both() -> list[Mixed]:
+def all_attacks() -> list[Mixed]:
     """Both catalogues together, each attack with its defaults."""
-    names = (one.name for one in (*f2md(), *nextgen()))
+    names = (one.name for one in (*f2md_attacks(), *nextgen_attacks()))
     return [Mixed(name, {}) for name in dict.fromkeys(names)]
 
 
 MIXES: Mapping[str, Callable[[], list[Mixed]]] = {
-    "three": three,
-    "nextgen": nextgen,
-    "f2md": f2md,
-    "all": both,
+    "three": three_attacks,
+    "nextgen": nextgen_attacks,
+    "f2md": f2md_attacks,
+    "all": all_attacks,
 }
 
 
-def _by(place: Callable[[Published], int | None]) -> list[str]:
+def _in_catalogue(place: Callable[[Published], int | None]) -> list[str]:
     """The attacks that have a place in a catalogue, in its order."""
     places = {name: place(v2x_traits(kind).published) for name, kind in V2X_ATTACKS.items()}
     return sorted((name for name in places if places[name] is not None), key=lambda name: places[name] or 0)
@@ -120,10 +122,10 @@ def _by(place: Callable[[Published], int | None]) -> list[str]:
 
 def _mixed(mix: str, attacks: str) -> list[Mixed]:
     """What `attacks` names. Raises AdvpipeError for what is neither a mix nor an attack to mix."""
-    return [one for name in attacks.split(",") for one in _of(mix, name.strip())]
+    return [one for name in attacks.split(",") for one in _named(mix, name.strip())]
 
 
-def _of(mix: str, name: str) -> Iterator[Mixed]:
+def _named(mix: str, name: str) -> Iterator[Mixed]:
     if name in MIXES:
         yield from MIXES[name]()
     elif name in V2X_ATTACKS and not issubclass(V2X_ATTACKS[name], Mix):

@@ -7,7 +7,7 @@ from typing import Any
 
 from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.labels.message_quantities import SPEED_OFFSET
-from advpipe.stages.attack.bounds import checked_number, span
+from advpipe.stages.attack.bounds import checked_number, checked_range
 from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
 from advpipe.stages.attack.v2x.draws import AttackDraws
 from advpipe.stages.attack.v2x.falsification import Falsification, OwnMessage
@@ -61,7 +61,7 @@ class SpeedOffset(Falsification):
         max_mps: float = 7.0,
     ) -> None:
         super().__init__(context)
-        ends_mps = span(context.name, "{}_mps", min_mps, max_mps, 0, MAX_MPS)
+        ends_mps = checked_range(context.name, "{}_mps", min_mps, max_mps, 0, MAX_MPS)
         draws = AttackDraws(context)
         self._offsets_mps = {
             one: draws.signed(one, *ends_mps)
@@ -105,7 +105,7 @@ class SpeedRandomOffset(Falsification):
 
     def __init__(self, context: AttackContext, *, min_mps: float = 1.0, max_mps: float = 7.0) -> None:
         super().__init__(context)
-        self._ends_mps = span(context.name, "{}_mps", min_mps, max_mps, 0, MAX_MPS)
+        self._ends_mps = checked_range(context.name, "{}_mps", min_mps, max_mps, 0, MAX_MPS)
         self._draws = AttackDraws(context)
 
     @classmethod

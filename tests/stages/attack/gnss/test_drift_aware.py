@@ -7,7 +7,7 @@ import pytest
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.localisation.estimate import Innovation
-from advpipe.stages.attack.gnss.drift_aware import DriftAware, unsuspicious_m
+from advpipe.stages.attack.gnss.drift_aware import DriftAware, undetected_range_m
 
 UNIT = np.array([0.0, 1.0, 0.0])
 
@@ -24,9 +24,9 @@ def test_allowed_is_seven_tenths_of_the_gate():
 
 def test_the_roots_of_the_parabola():
     """Variance 4, residual (3, 1, 0): nis(a) = (9 + (1 + a)^2) / 4 = 6.25 at a = 3 and a = -5."""
-    assert np.allclose(unsuspicious_m(innovation([3, 1, 0], 4), UNIT, 6.25), (-5, 3))
+    assert np.allclose(undetected_range_m(innovation([3, 1, 0], 4), UNIT, 6.25), (-5, 3))
     # 9 / 4 is the least that any offset leaves, at a = -1
-    assert np.allclose(unsuspicious_m(innovation([3, 1, 0], 4), UNIT, 2.0), (-1, -1))
+    assert np.allclose(undetected_range_m(innovation([3, 1, 0], 4), UNIT, 2.0), (-1, -1))
 
 
 def test_grows_as_fast_as_it_may(follow):

@@ -16,34 +16,34 @@ from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.stages.attack.bounds import checked_number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
-from advpipe.stages.attack.v2x.phantoms import Braking, GhostMotion, Key, PhantomAttack
+from advpipe.stages.attack.v2x.ghost_vehicles import BrakingMotion, GhostAttack, GhostMotion, Key
 
-NEAR_M = 300.0
+MAX_DISTANCE_M = 300.0
 """Ghosts farther than that from their target no longer frighten it."""
 
 
 @dataclass
-class _Laid:
+class _GhostGroup:
     """Ghosts laid out together, for the `count`-th time. senders: station ids, by place in `ghosts`."""
 
     count: int
-    ghosts: list[Braking]
+    ghosts: list[BrakingMotion]
     senders: dict[int, int] = field(default_factory=dict)
 
 
-class GhostsAhead(PhantomAttack):
+class GhostsAhead(GhostAttack):
     """Ghosts on the straight line ahead of a target: the victim, or without one each attacker's own way.
 
     They are laid out when the attack acts first and the target drives at least `from_speed_mps`; once the
-    target has passed them all, or is `NEAR_M` away, others with new station ids follow. Several attackers
-    share the ghosts of one victim: those within `NEAR_M` of it, the nearest first; what one had that leaves
+    target has passed them all, or is `MAX_DISTANCE_M` away, others with new station ids follow. Several attackers
+    share the ghosts of one victim: those within `MAX_DISTANCE_M` of it, the nearest first; what one had that leaves
     the road goes to the nearest.
     """
 
     def __init__(self, context: AttackContext, *, from_speed_mps: float = 3.0, **others: Any) -> None:
         super().__init__(context, **others)
         self._from_mps = checked_number(context.name, "from_speed_mps", from_speed_mps, 0)
-        self._laid: dict[int, _Laid] = {}
+        self._laid: dict[int, _GhostGroup] = {}
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         context, edited = self.context, list(sent)
@@ -59,7 +59,7 @@ class GhostsAhead(PhantomAttack):
             motions: dict[int, dict[Key, GhostMotion]] = {}
             for index, ghost in enumerate(laid.ghosts):
                 if laid.senders.get(index) not in {radio.station_id for radio in senders}:
-                    near = [radio for radio in senders if _distance_m(radio, target) <= NEAR_M]
+                    near = [radio for radio in senders if _distance_m(radio, target) <= MAX_DISTANCE_M]
                     heir = senders[0] if index in laid.senders or not near else near[index % len(near)]
                     laid.senders[index] = heir.station_id
                 key = target.station_id, laid.count, index
@@ -70,22 +70,22 @@ class GhostsAhead(PhantomAttack):
         return edited
 
     @abstractmethod
-    def _lay(self, begin_ns: int, front: Float64, speed_mps: float, key: Key) -> list[Braking]:
+    def _lay(self, begin_ns: int, front: Float64, speed_mps: float, key: Key) -> list[BrakingMotion]:
         """Ghosts for a target with this pose (4, 4) of its front, and this speed. key: for chance."""
 
-    def _renewed(self, step: V2xStep, target: RadioPlace) -> _Laid:
+    def _renewed(self, step: V2xStep, target: RadioPlace) -> _GhostGroup:
         """The target's ghosts, laid out anew where there are none ahead any more."""
-        laid = self._laid.setdefault(target.station_id, _Laid(0, []))
+        laid = self._laid.setdefault(target.station_id, _GhostGroup(0, []))
         front = target.map_SE3_base.copy()
         front[:3, 3] = transform_points(front, [target.size_m[0] / 2, 0.0, 0.0])
         offsets_m = [ghost.motion(step.begin_ns).map_SE3_base[:3, 3] - front[:3, 3] for ghost in laid.ghosts]
-        if any(offset @ front[:3, 0] > 0 and np.linalg.norm(offset) < NEAR_M for offset in offsets_m):
+        if any(offset @ front[:3, 0] > 0 and np.linalg.norm(offset) < MAX_DISTANCE_M for offset in offsets_m):
             return laid
         speed_mps = float(front[:3, 0] @ target.velocity_mps)
-        laid = _Laid(laid.count, [])
+        laid = _GhostGroup(laid.count, [])
         if speed_mps >= self._from_mps and self.context.active(step.begin_ns):
             key = target.station_id, laid.count + 1
-            laid = _Laid(laid.count + 1, self._lay(step.begin_ns, front, max(speed_mps, 0.0), key))
+            laid = _GhostGroup(laid.count + 1, self._lay(step.begin_ns, front, max(speed_mps, 0.0), key))
         self._laid[target.station_id] = laid
         return laid
 
@@ -119,9 +119,9 @@ class GhostStop(GhostsAhead):
         self._reaction_s = checked_number(context.name, "reaction_s", reaction_s, 0)
         self._deceleration_mps2 = checked_number(context.name, "deceleration_mps2", deceleration_mps2, 0.1)
 
-    def _lay(self, begin_ns: int, front: Float64, speed_mps: float, key: Key) -> list[Braking]:
+    def _lay(self, begin_ns: int, front: Float64, speed_mps: float, key: Key) -> list[BrakingMotion]:
         gap_m = self._margin_m + speed_mps * self._reaction_s + speed_mps**2 / (2 * self._deceleration_mps2)
-        return [Braking(self._beside(front, gap_m, 0.0), begin_ns, 0.0, 0.0, 1.0, 0.0)]
+        return [BrakingMotion(self._beside(front, gap_m, 0.0), begin_ns, 0.0, 0.0, 1.0, 0.0)]
 
 
 class GhostBrake(GhostsAhead):
@@ -146,9 +146,9 @@ class GhostBrake(GhostsAhead):
         self._cruise_s = checked_number(context.name, "cruise_s", cruise_s, 0)
         self._deceleration_mps2 = checked_number(context.name, "deceleration_mps2", deceleration_mps2, 0.1)
 
-    def _lay(self, begin_ns: int, front: Float64, speed_mps: float, key: Key) -> list[Braking]:
+    def _lay(self, begin_ns: int, front: Float64, speed_mps: float, key: Key) -> list[BrakingMotion]:
         start = self._beside(front, self._headway_s * speed_mps, 0.0)
-        return [Braking(start, begin_ns, speed_mps, self._cruise_s, self._deceleration_mps2, 0.0)]
+        return [BrakingMotion(start, begin_ns, speed_mps, self._cruise_s, self._deceleration_mps2, 0.0)]
 
 
 def _distance_m(one: RadioPlace, other: RadioPlace) -> float:

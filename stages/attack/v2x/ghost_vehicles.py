@@ -25,7 +25,7 @@ from advpipe.pipeline.v2x.facilities.reference_point import ReferencePoint, refe
 from advpipe.pipeline.v2x.facilities.station_state import StationState
 from advpipe.stages.attack.bounds import checked_number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack
-from advpipe.stages.attack.v2x.gate import Gate
+from advpipe.stages.attack.v2x.dcc_gate import DccGate
 
 Key = tuple[int, ...]
 
@@ -49,7 +49,7 @@ class _Station:
     next_check_ns: int
 
 
-class Phantoms:
+class GhostVehicles:
     """The phantoms of one attack, each with a station id, a clock and a memory of its path of its own.
 
     A phantom checks every 0.1 s whether it has to send, as any station does, and leaves through the antenna
@@ -66,7 +66,7 @@ class Phantoms:
         self._width_m = float(checked_number(context.name, "width_m", width_m, 0.1, 6))
         self._ahead_ns = round(checked_number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
         self._rules = GenerationRules.of(context.v2x.cam)
-        self._gate = Gate(context.v2x, context.attackers) if dcc else None
+        self._gate = DccGate(context.v2x, context.attackers) if dcc else None
         self._stations: dict[Key, _Station] = {}
 
     def tell(self, step: V2xStep, sender: int, motions: Mapping[Key, GhostMotion]) -> list[Sent]:
@@ -131,7 +131,7 @@ class Phantoms:
         )
 
 
-class PhantomAttack(V2xAttack):
+class GhostAttack(V2xAttack):
     """An attack by phantoms, which take the last four parameters; see there."""
 
     def __init__(
@@ -144,10 +144,10 @@ class PhantomAttack(V2xAttack):
         dcc: bool = False,
     ) -> None:
         super().__init__(context)
-        self._phantoms = Phantoms(context, length_m=length_m, width_m=width_m, ahead_s=ahead_s, dcc=dcc)
+        self._phantoms = GhostVehicles(context, length_m=length_m, width_m=width_m, ahead_s=ahead_s, dcc=dcc)
 
 
-class Companion:
+class OffsetMotion:
     """A place that moves with a vehicle, at a constant offset in its frame, and so turns with it."""
 
     def __init__(self, offset_m: tuple[float, float]) -> None:
@@ -173,7 +173,7 @@ class Companion:
         return GhostMotion(pose, speed_mps, acceleration_mps2, yaw_rate_radps)
 
 
-class Braking(NamedTuple):
+class BrakingMotion(NamedTuple):
     """A straight drive from a pose: at one speed for a while, then braking evenly down to another."""
 
     map_SE3_start: Float64

@@ -14,7 +14,7 @@ from advpipe.pipeline.v2x.radio.path_loss import PATH_LOSS
 from advpipe.pipeline.v2x.section import V2x
 
 
-class Gate:
+class DccGate:
     """The least time between two messages of each attacker's radio, by reactive congestion control.
 
     The radio decides only after all editors are through, so the channel load is an estimate: the air time of

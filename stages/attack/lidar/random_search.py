@@ -16,7 +16,7 @@ Bool = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Chance:
+class RandomSearch:
     """Points (N, 4) moved by the whole reach in random directions, as far as the rules let them.
 
     near: (N,) the only ones that take part. Where intensities are attacked, theirs are drawn anew.

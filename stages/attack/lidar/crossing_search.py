@@ -18,7 +18,7 @@ from advpipe.pipeline.baselines import move_within
 from advpipe.pipeline.detector.protocol import VoxelDetector
 from advpipe.stages.attack.lidar.constraints import Rules
 from advpipe.stages.attack.lidar.crossings import find_crossings
-from advpipe.stages.attack.lidar.goal import Goal
+from advpipe.stages.attack.lidar.goal import AttackGoal
 from advpipe.stages.attack.lidar.gradient import gradients_of
 from advpipe.stages.attack.lidar.per_object_best import jittered
 from advpipe.stages.attack.lidar.selection import NoGradientError
@@ -33,7 +33,7 @@ INTENSITY_STEP = 0.2
 
 
 @dataclass(frozen=True)
-class Tactics:
+class CrossingSettings:
     """How crossings are chosen; chosen by measurement (benchmarks/ingredients.py).
 
     margin_m: points this near to an object take part. landing_m: how far past a face they land.
@@ -58,18 +58,18 @@ class Tactics:
     lie: bool = True
 
 
-class Crossing:
+class CrossingSearch:
     """One cloud under attack: points (N, 4) float32, all finite."""
 
     def __init__(
         self,
         points: Float32,
-        goal: Goal,
+        goal: AttackGoal,
         detector: VoxelDetector,
         rules: Rules,
         owner: Int64,
         reach_m: float,
-        tactics: Tactics,
+        tactics: CrossingSettings,
         rng: np.random.Generator,
     ) -> None:
         """rules: what may be touched. owner: (N,) the object that a point belongs to, -1 for none: those

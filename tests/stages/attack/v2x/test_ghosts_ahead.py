@@ -5,7 +5,7 @@ import pytest
 from v2x_lane import BEGIN_NS, STEP_NS, context, edited, lane, said, time_s
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.stages.attack.v2x.ghosts import GhostBrake, GhostStop
+from advpipe.stages.attack.v2x.ghosts_ahead import GhostBrake, GhostStop
 
 GAP_M = 2 + 10 + 10**2 / (2 * 6)
 """Margin, a second of reaction, braking at 6 m/s2: 20.33 m from the victim's front to the ghost's rear."""

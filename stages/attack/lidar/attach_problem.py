@@ -11,7 +11,7 @@ import torch
 from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
 from advpipe.stages.attack.lidar.attach_places import Places
 from advpipe.stages.attack.lidar.attack_objective import AttackObjective
-from advpipe.stages.attack.lidar.goal import Goal
+from advpipe.stages.attack.lidar.goal import AttackGoal
 from advpipe.stages.attack.lidar.gradient import gradients_of
 from advpipe.stages.attack.lidar.selection import NoGradientError
 
@@ -20,15 +20,15 @@ Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 
-MOST = 60
+MAX_POINTS_PER_OBJECT = 60
 """So many points an object may get while the search looks for what it costs; a ghost gets all there are."""
 
-KNOWN, FRESH = 300, 500
+KEPT_CANDIDATES, NEW_CANDIDATES = 300, 500
 """Places of an object that are weighed each round: the best of those weighed before, and others by chance."""
 
 
 @dataclass(frozen=True)
-class AttachGame:
+class AttachProblem:
     """The items are places; taking one puts a point there.
 
     clean: (N, 4) float32. decay_m: a place d away from its clean point counts exp(-(d / decay_m)**2).
@@ -38,7 +38,7 @@ class AttachGame:
 
     clean: Float32
     places: Places
-    goal: Goal
+    goal: AttackGoal
     judge: AttackObjective
     detector: ObjectDetector
     rng: np.random.Generator
@@ -54,7 +54,7 @@ class AttachGame:
     def most(self) -> Int64:
         owner = self.places.owner
         available = np.bincount(owner[owner >= 0], minlength=len(self.goal.targets))
-        return available if self.goal.kind == "create" else np.minimum(available, MOST)
+        return available if self.goal.kind == "create" else np.minimum(available, MAX_POINTS_PER_OBJECT)
 
     def propose(self, taken: Int64, wanted: Int64, room: Int64) -> list[Int64]:
         free = np.ones(len(self.places), bool)
@@ -79,8 +79,10 @@ class AttachGame:
     def _pool(self, mine: Int64) -> Int64:
         """The places of an object to weigh in this round."""
         known = np.isfinite(self._worth[mine])
-        best = mine[known][np.argsort(-self._worth[mine[known]], kind="stable")[:KNOWN]]
-        fresh = self.rng.permutation(mine[~known])[: FRESH if known.any() else KNOWN + FRESH]
+        best = mine[known][np.argsort(-self._worth[mine[known]], kind="stable")[:KEPT_CANDIDATES]]
+        fresh = self.rng.permutation(mine[~known])[
+            : NEW_CANDIDATES if known.any() else KEPT_CANDIDATES + NEW_CANDIDATES
+        ]
         return np.concatenate([best, fresh])
 
     def _gains(self, taken: Int64, pool: Int64) -> Float64:

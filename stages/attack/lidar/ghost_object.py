@@ -25,7 +25,7 @@ _GROUND_PERCENTILE = 5
 
 
 @dataclass(frozen=True)
-class Ghost:
+class GhostObject:
     """A box of one of `geometry.boxes.CLASSES` at a place in the cloud's frame, on the ground there."""
 
     name: str
@@ -41,13 +41,13 @@ class Ghost:
                 raise UsageError(f"ghost: {place.name} is {getattr(self, place.name)}, but must be finite")
 
     @staticmethod
-    def parse(text: str) -> Ghost:
+    def parse(text: str) -> GhostObject:
         """The ghost of `CLASS:X:Y` or `CLASS:X:Y:YAW`, in metres and radians, such as `car:12:-3.5`."""
         name, *numbers = text.split(":")
         try:
             if not 2 <= len(numbers) <= 3:
                 raise ValueError
-            return Ghost(name, *map(float, numbers))
+            return GhostObject(name, *map(float, numbers))
         except ValueError:
             raise UsageError(f"ghost is {text!r}, but must read CLASS:X:Y or CLASS:X:Y:YAW") from None
 

@@ -10,7 +10,7 @@ import torch
 
 from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
 from advpipe.stages.attack.lidar.attack_objective import AttackObjective
-from advpipe.stages.attack.lidar.goal import Goal
+from advpipe.stages.attack.lidar.goal import AttackGoal
 from advpipe.stages.attack.lidar.gradient import gradients_of
 from advpipe.stages.attack.lidar.selection import NoGradientError
 
@@ -19,12 +19,12 @@ Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 
-MOST = 0.85
+MAX_SHARE_PER_OBJECT = 0.85
 """The share of its points that an object may lose while the search looks for what it costs."""
 
 
 @dataclass(frozen=True)
-class DetachGame:
+class DetachProblem:
     """The items are points of the clean cloud, (N, 4); taking one removes it.
 
     owner: (N,) the object of the goal that each point belongs to, -1 for one that must not be touched.
@@ -34,7 +34,7 @@ class DetachGame:
 
     points: Float32
     owner: Int64
-    goal: Goal
+    goal: AttackGoal
     judge: AttackObjective
     detector: ObjectDetector
     rng: np.random.Generator
@@ -44,7 +44,7 @@ class DetachGame:
     @property
     def most(self) -> Int64:
         of_object = np.bincount(self.owner[self.owner >= 0], minlength=len(self.goal.targets))
-        most: Int64 = np.ceil(MOST * of_object).astype(np.int64)
+        most: Int64 = np.ceil(MAX_SHARE_PER_OBJECT * of_object).astype(np.int64)
         return most
 
     def propose(self, taken: Int64, wanted: Int64, room: Int64) -> list[Int64]:
