@@ -44,6 +44,6 @@ class Drift(GnssAttack):
             nonlocal direction
             if context.is_first:
                 direction = horizontal_unit(context.heading_rad + math.radians(self.angle_deg))
-            return context.position_m + min(self.rate_mps * context.since_s, self.most_m) * direction
+            return context.position_m + min(self.rate_mps * context.elapsed_s, self.most_m) * direction
 
         return spoof

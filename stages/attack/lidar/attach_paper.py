@@ -21,7 +21,7 @@ Float64 = npt.NDArray[np.float64]
 
 STEPS = 40
 STEP_FRACTION = 1 / 30
-"""Steps of eps / 30, as the paper's perturbation takes; of attachment it tells neither number."""
+"""Steps of eps / 30, as in the paper's perturbation; for attachment the paper states neither number."""
 
 
 def salient_copies(
@@ -34,11 +34,11 @@ def salient_copies(
     weight: float,
     rng: np.random.Generator,
 ) -> Places:
-    """`count` places: of copies of the most salient clean points (N, 4), shifted by PGD.
+    """`count` places of copies of the most salient clean points (N, 4), shifted by PGD.
 
     Minimises L = -L_det + weight * D_C (Eq. 1 and 4) over the copies' coordinates within the ball of radius
-    eps about where each started, with steps normalised for each point. Where fewer points may be copied
-    than are to be added, they are copied again.
+    eps around each start, with steps normalised for each point. If fewer points may be copied than are to be
+    added, points are copied several times.
     """
     allowed = np.flatnonzero(rules.allowed)
     if not len(allowed):
@@ -52,7 +52,7 @@ def salient_copies(
         added = _at(start, offset)
         uphill = goal.sign * _gradient(clean, added, goal, detector)
         away_m = added[:, :3] - tree.data[tree.query(added[:, :3].astype(np.float64))[1]]
-        # Of D_C's two terms only that of the added points changes with them: 2 (z - nearest) / |P_a|.
+        # Only the added points' term of D_C depends on them; its gradient is 2 (z - nearest) / |P_a|.
         downhill = -uphill + weight * 2 * away_m / (len(clean) + count)
         length = np.linalg.norm(downhill, axis=1, keepdims=True)
         offset = offset - STEP_FRACTION * eps_m * downhill / np.maximum(length, 1e-30)

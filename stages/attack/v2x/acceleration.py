@@ -24,9 +24,9 @@ class Acceleration(Falsification):
         super().__init__(context)
         self._factors = _factors(context, factor_min, factor_max)
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
-        told_mps2 = message.says(_FIELD)
-        return {} if told_mps2 is None else {_FIELD: told_mps2 * self._factors[message.station_id]}
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
+        true_mps2 = message.field(_FIELD)
+        return {} if true_mps2 is None else {_FIELD: true_mps2 * self._factors[message.station_id]}
 
 
 class FeignedBraking(Falsification):
@@ -47,10 +47,10 @@ class FeignedBraking(Falsification):
         self._factors = _factors(context, factor_min, factor_max)
         self._least_mps2 = checked_number(context.name, "least_mps2", least_mps2, 0, 16)
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
-        told_mps2 = message.says(_FIELD) or 0.0
-        braking_mps2 = max(abs(told_mps2) * self._factors[message.station_id], self._least_mps2)
-        pedals = AccelerationControl(message.says("acceleration_control") or 0)
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
+        true_mps2 = message.field(_FIELD) or 0.0
+        braking_mps2 = max(abs(true_mps2) * self._factors[message.station_id], self._least_mps2)
+        pedals = AccelerationControl(message.field("acceleration_control") or 0)
         pedals = pedals & ~AccelerationControl.GAS_PEDAL | AccelerationControl.BRAKE_PEDAL
         return {_FIELD: -braking_mps2, "acceleration_control": pedals}
 

@@ -71,7 +71,7 @@ class Flood(V2xAttack):
                 edited += self._pour(attacker, step.begin_ns, step.end_ns)
         self._remember(step, sent)
         if self._gate is not None:
-            self._gate.hear(step, edited)
+            self._gate.observe(step, edited)
         return edited
 
     def _pour(self, attacker: int, begin_ns: int, end_ns: int) -> list[Sent]:

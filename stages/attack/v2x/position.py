@@ -78,7 +78,7 @@ class PositionConstant(PositionFalsification):
         self._playground.learn(step)
         return super().edit(step, sent)
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         station_id = message.station_id
         if self._place_m is None and station_id not in self._places_m:
             self._places_m[station_id] = self._playground.draw(self._draws.of(station_id))
@@ -127,9 +127,14 @@ class PositionOffset(PositionFalsification):
             corner_m = parameters["max_m"], parameters["max_m"]
         return {POSITION_OFFSET.name: (0, math.hypot(corner_m[0] or 0, corner_m[1] or 0))}
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         offset_m = self._offsets_m[message.station_id]
-        return {REFERENCE_POINT_M: (message.front_m[0] + offset_m[0], message.front_m[1] + offset_m[1])}
+        return {
+            REFERENCE_POINT_M: (
+                message.reference_point_m[0] + offset_m[0],
+                message.reference_point_m[1] + offset_m[1],
+            )
+        }
 
 
 class PositionRandom(PositionFalsification):
@@ -159,7 +164,7 @@ class PositionRandom(PositionFalsification):
         self._playground.learn(step)
         return super().edit(step, sent)
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         return {REFERENCE_POINT_M: self._playground.draw(self._draws.of(message.station_id))}
 
 
@@ -187,9 +192,11 @@ class PositionRandomOffset(PositionFalsification):
     def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
         return {POSITION_OFFSET.name: (0, math.hypot(parameters["max_m"], parameters["max_m"]))}
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         east_m, north_m = (self._draws.signed(message.station_id, *self._span_m) for _ in range(2))
-        return {REFERENCE_POINT_M: (message.front_m[0] + east_m, message.front_m[1] + north_m)}
+        return {
+            REFERENCE_POINT_M: (message.reference_point_m[0] + east_m, message.reference_point_m[1] + north_m)
+        }
 
 
 class PositionMirrored(PositionFalsification):
@@ -206,10 +213,10 @@ class PositionMirrored(PositionFalsification):
     def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
         return {POSITION_OFFSET.name: (0, abs(parameters["left_m"]))}
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
-        heading_rad = message.says("heading_rad")
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
+        heading_rad = message.field("heading_rad")
         if heading_rad is None:
             return {}
         # Clockwise from north: forward is (sin, cos), and left of that (-cos, sin).
-        x_m = message.front_m[0] - self._left_m * math.cos(heading_rad)
-        return {REFERENCE_POINT_M: (x_m, message.front_m[1] + self._left_m * math.sin(heading_rad))}
+        x_m = message.reference_point_m[0] - self._left_m * math.cos(heading_rad)
+        return {REFERENCE_POINT_M: (x_m, message.reference_point_m[1] + self._left_m * math.sin(heading_rad))}

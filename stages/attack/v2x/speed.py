@@ -39,7 +39,7 @@ class SpeedConstant(Falsification):
             for one in context.attackers
         }
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         return {"speed_mps": self._speeds_mps[message.station_id]}
 
 
@@ -75,7 +75,7 @@ class SpeedOffset(Falsification):
         offset_mps = parameters["offset_mps"]
         return {SPEED_OFFSET.name: (0, parameters["max_mps"] if offset_mps is None else abs(offset_mps))}
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         return _offset(message, self._offsets_mps[message.station_id])
 
 
@@ -89,7 +89,7 @@ class SpeedRandom(Falsification):
         self._most_mps = checked_number(context.name, "max_mps", max_mps, 0, MAX_MPS)
         self._draws = AttackDraws(context)
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         return {"speed_mps": float(self._draws.of(message.station_id).uniform(0, self._most_mps))}
 
 
@@ -112,7 +112,7 @@ class SpeedRandomOffset(Falsification):
     def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
         return {SPEED_OFFSET.name: (0, parameters["max_mps"])}
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         return _offset(message, self._draws.signed(message.station_id, *self._ends_mps))
 
 
@@ -130,15 +130,15 @@ class SpeedFrozen(Falsification):
         self._draws = AttackDraws(context)
         self._frozen_mps: dict[int, float | None] = {}
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         station_id = message.station_id
         if station_id not in self._frozen_mps:
             if self._draws.of(station_id).random() >= self._probability:
                 return {}
-            self._frozen_mps[station_id] = message.says("speed_mps")
+            self._frozen_mps[station_id] = message.field("speed_mps")
         return {"speed_mps": self._frozen_mps[station_id]}
 
 
 def _offset(message: OwnMessage, offset_mps: float) -> Mapping[str, Any]:
-    speed_mps = message.says("speed_mps")
+    speed_mps = message.field("speed_mps")
     return {} if speed_mps is None else {"speed_mps": max(speed_mps + offset_mps, 0.0)}

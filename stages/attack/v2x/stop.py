@@ -56,7 +56,7 @@ class EventualStop(PositionFalsification):
         self._lied: dict[int, int] = {}
         self._stopped: dict[int, dict[str, Any]] = {}
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         station_id = message.station_id
         if station_id in self._stopped:
             return self._stopped[station_id]
@@ -64,7 +64,7 @@ class EventualStop(PositionFalsification):
         self._lied[station_id] = so_far + 1
         if self._draws.of(station_id).random() >= self._probability + so_far * self._growth:
             return {}
-        self._stopped[station_id] = {name: message.says(name) for name in _FROZEN_FIELDS} | _STANDSTILL
+        self._stopped[station_id] = {name: message.field(name) for name in _FROZEN_FIELDS} | _STANDSTILL
         return self._first(self._stopped[station_id])
 
     def _first(self, still: dict[str, Any]) -> Mapping[str, Any]:

@@ -95,8 +95,8 @@ class SybilGrid(GhostAttack):
                 (attacker, index): companion.motion(step, radio) for index, companion in enumerate(companions)
             }
             if self.context.active(step.begin_ns):
-                edited += self._phantoms.tell(step, attacker, motions)
-        self._phantoms.hear(step, edited)
+                edited += self._ghost_vehicles.messages(step, attacker, motions)
+        self._ghost_vehicles.observe(step, edited)
         return edited
 
     def _crowd(self, attacker: int) -> list[OffsetMotion]:
@@ -154,7 +154,7 @@ class CrawlingGhosts(GhostsAhead):
         jitter_m, spread = rng.uniform(-1, 1, 2).tolist()
         ahead_m = place_m[0] + jitter_m * self._jitter_m
         final_mps = self._jam_mps * (1 + spread * self._speed_spread)
-        start = self._beside(front, ahead_m, place_m[1])
+        start = self._ghost_pose(front, ahead_m, place_m[1])
         return BrakingMotion(
             start, begin_ns, max(speed_mps, final_mps), 0.0, self._deceleration_mps2, final_mps
         )
@@ -185,24 +185,24 @@ class SybilCongestion(CrawlingGhosts):
     ) -> None:
         super().__init__(context, **others)
         name = context.name
-        self._ghosts_laid = checked_integer(name, "ghosts", ghosts, 1, MAX_GHOSTS)
+        self._ghost_count = checked_integer(name, "ghosts", ghosts, 1, MAX_GHOSTS)
         self._lanes = checked_integer(name, "lanes", lanes, 1, 99)
         self._lane_m = checked_number(name, "lane_m", lane_m, 0)
         self._spacing_m = checked_number(name, "spacing_m", spacing_m, 0)
         self._margin_m = checked_number(name, "margin_m", margin_m, 0)
         self._headway_s = checked_number(name, "headway_s", headway_s, 0)
 
-    def _lay(self, begin_ns: int, front: Float64, speed_mps: float, key: Key) -> list[BrakingMotion]:
+    def _create(self, begin_ns: int, front: Float64, speed_mps: float, key: Key) -> list[BrakingMotion]:
         rng = self.context.rng("congestion", *key)
         gap_m = self._margin_m + self._headway_s * speed_mps
-        laid = []
-        for index in range(self._ghosts_laid):
+        ghosts = []
+        for index in range(self._ghost_count):
             row, side = divmod(index, self._lanes)
             # The target's own lane first, then left, right, and so on.
             lane = (side + 1) // 2 * (1 if side % 2 else -1)
             place_m = gap_m + row * self._spacing_m, lane * self._lane_m
-            laid.append(self._crawling(begin_ns, front, speed_mps, place_m, rng))
-        return laid
+            ghosts.append(self._crawling(begin_ns, front, speed_mps, place_m, rng))
+        return ghosts
 
 
 _SILENCE_NS = 2_000_000_000

@@ -33,15 +33,15 @@ def test_grows_as_fast_as_it_may(follow):
     """Allowed is 1: with 0, 0, 0.85, 2, -0.5 m to the left already, 1, 1, 0.15, -1 and 1.5 m more pass."""
     attack = DriftAware(rate_mps=5, share=1 / 16.26623619623813)
     seen = [innovation([0, y, 0]) for y in (0, 0, 0.85, 2, -0.5)]
-    told = np.array(follow(attack, [[0, 0, 0]] * 5, innovations=seen))
-    assert np.allclose(told[:, 1], [0, 0.5, 0.15, 0, 0.5], atol=1e-6)
-    assert np.allclose(told[:, [0, 2]], 0)
+    spoofed = np.array(follow(attack, [[0, 0, 0]] * 5, innovations=seen))
+    assert np.allclose(spoofed[:, 1], [0, 0.5, 0.15, 0, 0.5], atol=1e-6)
+    assert np.allclose(spoofed[:, [0, 2]], 0)
 
 
 def test_never_beyond_its_bound(follow):
     attack = DriftAware(rate_mps=5, most_m=0.7, angle_deg=0)
-    told = np.array(follow(attack, [[0, 0, 0]] * 4, innovations=[innovation([0, 0, 0])] * 4))
-    assert np.allclose(told[:, 0], [0, 0.5, 0.7, 0.7])
+    spoofed = np.array(follow(attack, [[0, 0, 0]] * 4, innovations=[innovation([0, 0, 0])] * 4))
+    assert np.allclose(spoofed[:, 0], [0, 0.5, 0.7, 0.7])
 
 
 @pytest.mark.parametrize(
