@@ -115,7 +115,7 @@ class Perturb(LidarAttack):
     def __post_init__(self) -> None:
         if not (0 < self.eps_cm <= MAX_EPS_CM or (self.eps_cm == 0 and self.intensity)):
             raise UsageError(
-                f"perturb: eps_cm is {self.eps_cm}, but must toward_decoys above 0 and up to {MAX_EPS_CM:g}"
+                f"perturb: eps_cm is {self.eps_cm}, but must lie above 0 and up to {MAX_EPS_CM:g}"
             )
         checked_choice("perturb", "recipe", self.recipe, RECIPES)
         checked_number("perturb", "weight", self.weight, 0)

@@ -28,8 +28,8 @@ def choose_salient_points(
 ) -> Indices:
     """The `count` points with the largest gradient norm of the detection loss (the paper's Eq. 3).
 
-    points: (N, 4). among: (K,) the indices to choose from. Returns indices in descending order, ties in random
-    order. Raises `NoGradientError` if all gradients are zero.
+    points: (N, 4). among: (K,) the indices to choose from. Returns indices in descending order, ties
+    in random order. Raises `NoGradientError` if all gradients are zero.
     """
     leaf = torch.from_numpy(points).requires_grad_()
     loss = detector.loss(leaf, targets.boxes, targets.labels)

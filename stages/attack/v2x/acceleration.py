@@ -1,4 +1,4 @@
-"""Lies about acceleration and braking; what a CAM cannot tell, beyond 16 m/s2, is told as 16."""
+"""Falsified acceleration and braking; CAMs encode magnitudes beyond 16 m/s2 as 16."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _FIELD = "longitudinal_acceleration_mps2"
 
 
 class Acceleration(Falsification):
-    """The acceleration times a factor, which each attacker draws: NextGen's multiplication by 2 to 4."""
+    """Multiplies the acceleration by a factor that each attacker draws: 2 to 4, as in NextGen."""
 
     traits = V2xTraits(untrue=("acceleration",), published=Published(nextgen=10, catch_f1=0.05))
 
@@ -30,8 +30,11 @@ class Acceleration(Falsification):
 
 
 class FeignedBraking(Falsification):
-    """Braking, foot on the pedal, while it does not: minus the acceleration's size times a factor that each
-    attacker draws (NextGen's), and at least least_mps2, which NextGen's cars at constant speed lack."""
+    """Claims to brake, with the brake pedal pressed, while it does not.
+
+    The deceleration is the magnitude of the acceleration times a factor that each attacker draws (as in
+    NextGen), and at least least_mps2, as NextGen's factor has no effect at constant speed.
+    """
 
     traits = V2xTraits(untrue=("acceleration",), published=Published(nextgen=9, catch_f1=0.027))
 

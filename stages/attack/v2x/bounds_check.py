@@ -1,4 +1,4 @@
-"""What an attack may do to messages: anything beyond the bounds that it declares is refused."""
+"""Checks that attacks on messages keep the bounds that they declare."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from advpipe.pipeline.v2x.facilities.cam_values import Values
 
 
 class BoundsCheck:
-    """Follows what attacks did in the order of time; declared: by their places among all editors."""
+    """Checks each touched message, in order of time. declared: by the attacks' indices among all editors."""
 
     def __init__(self, geodesy: Geodesy, declared: Mapping[int, Declaration]) -> None:
         self._geodesy, self._declared = geodesy, declared
@@ -29,26 +29,26 @@ class BoundsCheck:
         part: str,
         one: Sent,
         old: Sent | None,
-        said: tuple[Values | None, Values | None],
+        values: tuple[Values | None, Values | None],
     ) -> None:
-        """Raises AdvpipeError where what an attack, or a part of it, made of a message is beyond its bounds.
+        """Raises AdvpipeError if an attack, or a part of it, changed a message beyond its bounds.
 
-        old: the message before, None for one that was added. said: what it says before and after.
+        old: the message before, None for an added one. values: of the message before and after.
         """
         declared = self._declared.get(place)
-        terms = declared.part(part) if declared is not None and part else declared
-        if terms is None or not terms.bounds:
+        part_declared = declared.part(part) if declared is not None and part else declared
+        if part_declared is None or not part_declared.bounds:
             return
         if old is None:
             count = self._added_in_a_second(place, one)
             change = MessageChange(self._geodesy, added_in_a_second=count)
         else:
-            change = MessageChange(self._geodesy, *said, (one.request_ns - old.request_ns) / NS_PER_S)
-        for excess in excesses(change, terms.bounds, MESSAGE_QUANTITIES):
+            change = MessageChange(self._geodesy, *values, (one.request_ns - old.request_ns) / NS_PER_S)
+        for excess in excesses(change, part_declared.bounds, MESSAGE_QUANTITIES):
             raise AdvpipeError(f"{part or attack} went beyond its bounds: {excess}")
 
     def _added_in_a_second(self, place: int, one: Sent) -> int:
-        """How many its radio has added by now, in the second that ends with this one."""
+        """How many messages its radio has added in the second that ends with this one."""
         times_ns = self._added_ns.setdefault((place, one.station_id), deque())
         times_ns.append(one.request_ns)
         while times_ns[0] <= one.request_ns - NS_PER_S:

@@ -1,4 +1,4 @@
-"""CAMs opened and closed, each once a step however many attacks and labels look at it."""
+"""Decoded and encoded CAMs, each only once a step for all attacks and labels."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ LOW, VEHICLE_LOW = "lowFrequencyContainer", "basicVehicleContainerLowFrequency"
 
 
 class CamEditor:
-    """The codec with a memory of one step; what it hands out is shared, and not to be changed in place."""
+    """The CAM codec with a cache of one step; its trees are shared and must not be changed in place."""
 
     def __init__(self) -> None:
         self._trees: dict[bytes, CamTree | None] = {}
 
     def open(self, payload: bytes) -> CamTree | None:
-        """The values of a vehicle's CAM; None for bytes that are none."""
+        """The values of a vehicle's CAM; None for any other bytes."""
         if payload not in self._trees:
             try:
                 tree = decode_cam_tree(payload)
@@ -29,7 +29,7 @@ class CamEditor:
         return self._trees[payload]
 
     def decode(self, payload: bytes) -> CamTree:
-        """As `codec.decode`, also for those who receive what was opened or closed here."""
+        """As `codec.decode`, with the cache of CAMs that were opened or closed here."""
         return self._trees.get(payload) or decode_cam_tree(payload)
 
     def close(self, tree: CamTree) -> bytes:
@@ -39,12 +39,12 @@ class CamEditor:
         return payload
 
     def forget(self) -> None:
-        """Begins a step."""
+        """Clears the cache; called at the start of a step."""
         self._trees.clear()
 
 
 def field_of(tree: CamTree, field: str) -> Any:
-    """A field of a vehicle's CAM, one of `FIELDS`: as in `Cam`, None where it is unavailable or left out."""
+    """A field of a vehicle's CAM, one of `FIELDS`, as in `Cam`: None if it is unavailable or absent."""
     if field in QUANTITIES:
         path, quantity = QUANTITIES[field]
         return quantity.value(_at(tree, path))
@@ -55,9 +55,9 @@ def field_of(tree: CamTree, field: str) -> Any:
 
 
 def with_fields(tree: CamTree, **fields: Any) -> CamTree:
-    """The same CAM with other values in these of `FIELDS`; all else is shared with `tree`, to the bit.
+    """A copy of the CAM with new values of these `FIELDS`; every other bit stays as in `tree`.
 
-    Raises CamError for a value that a CAM cannot tell.
+    Raises CamError for a value that a CAM cannot encode, ValueError for an unknown field.
     """
     for field, value in fields.items():
         if field in QUANTITIES:
@@ -68,12 +68,12 @@ def with_fields(tree: CamTree, **fields: Any) -> CamTree:
         elif field == "acceleration_control":
             tree = with_code(tree, PEDALS, (int(value), 7))
         else:
-            raise ValueError(f"{field} is none of {', '.join(FIELDS)}")
+            raise ValueError(f"unknown CAM field {field}; known: {', '.join(FIELDS)}")
     return tree
 
 
 def with_code(tree: CamTree, path: tuple[str, ...], code: Any) -> CamTree:
-    """A copy along the path, with this ASN.1 value at its end; a CHOICE on the way is passed through."""
+    """A copy of the CAM with this ASN.1 value at the end of a path, which may lead through a CHOICE."""
     name, rest = path[0], path[1:]
     if not rest:
         return {**tree, name: code}

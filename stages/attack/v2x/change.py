@@ -56,8 +56,8 @@ def forge(
     drive = V2xDrive(reader)
     if dcc_reacts and drive.v2x.cam.dcc == "none":
         raise UsageError(
-            f"{reader.path} was recorded without congestion control (v2x.cam.dcc is none), so none can react; "
-            "leave out dcc_reacts"
+            f"{reader.path} was recorded without congestion control (v2x.cam.dcc is none), so none "
+            "can react; leave out dcc_reacts"
         )
     sent = reader.messages(V2X_SENT.name) if V2X_SENT.name in reader.topics else iter(())
     last = max((int(message.number) for _, message in sent), default=None)
@@ -104,8 +104,8 @@ def _build(spec: AttackSpec, context: AttackContext) -> V2xAttack:
         and spec.attackers.roadside_unit is not None
     ):
         raise UsageError(
-            f"{spec.type} changes the CAMs that a vehicle sends, but a roadside unit sends none; name vehicles as "
-            "attackers"
+            f"{spec.type} changes the CAMs that a vehicle sends, but a roadside unit sends none; name "
+            "vehicles as attackers"
         )
     return attack
 
@@ -151,7 +151,7 @@ class V2xChange:
         return self._congestion.held_back if self._congestion else 0
 
     def messages(self) -> Iterator[RawMessage]:
-        """All messages of the topics, in log-time order; can be iterated only once, as this transmits the drive."""
+        """Transmit the drive, only once; yields all messages of the topics in log-time order."""
         if self._stage != "new":
             raise RuntimeError("the messages of a V2xChange can be iterated only once")
         self._stage = "begun"
@@ -172,8 +172,8 @@ class V2xChange:
         self._labels.write(folder)
 
     def counts(self) -> Counter[str]:
-        """How many CAMs were changed, added, delayed, dropped, made invalid, corrupt already before the attack,
-        and held back by the benign stations' congestion control; and which attacks met no CAM."""
+        """How many CAMs were changed, added, delayed, dropped, made invalid, corrupt before the attack, and
+        held back by the benign stations' congestion control; and which attacks met no CAM."""
         counts = Counter({f"CAMs {what}": count for what, count in self._labels.counts.items()})
         for place, editor in enumerate(self._editors):
             if isinstance(editor, V2xAttack) and place not in self._labels.touching:

@@ -1,4 +1,4 @@
-"""Path histories of those who lie about where they are: the places that they claimed."""
+"""Path histories of attackers that falsify their position: the places that they claimed."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _LOW = ("cam", "camParameters", LOW)
 
 
 class ClaimedPath:
-    """What each station has claimed, from message to message; an honest path has a place every 0.1 s.
+    """The places that each station has claimed, one a message; a genuine path has one every 0.1 s.
 
-    points: how many a CAM tells at most.
+    points: the maximum number in a CAM.
     """
 
     def __init__(self, points: int) -> None:
@@ -24,7 +24,7 @@ class ClaimedPath:
         self._paths: dict[int, tuple[PathHistory, int]] = {}
 
     def follow(self, sent: Sent, tree: CamTree, is_attacked: bool) -> CamTree:
-        """The CAM, its path history exchanged if it has one and lies."""
+        """The CAM, with its path history, if any, replaced if the message is attacked."""
         latitude_deg, longitude_deg = field_of(tree, "latitude_deg"), field_of(tree, "longitude_deg")
         altitude_m = field_of(tree, "altitude_m")
         if latitude_deg is None or longitude_deg is None:

@@ -14,9 +14,9 @@ from advpipe.pipeline.v2x.section import CamRules
 class Congestion:
     """Holds back messages that a station's reactive congestion control would not have allowed.
 
-    A recorded drive does not contain what a station would have sent later instead: a message too soon after the
-    station's last one is lost, and the next recorded one follows. Under the channel load of the recording,
-    nothing is held back.
+    A recorded drive does not contain what a station would have sent later instead: a message too soon after
+    the station's last one is lost, and the next recorded one follows. Under the channel load of the
+    recording, nothing is held back.
 
     held_back: how many messages so far.
     """

@@ -1,4 +1,4 @@
-"""One's own messages, late: held back by a radio, or told again long after they were true."""
+"""Delayed messages of the attacker: sent late, or replaced by its earlier ones."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from advpipe.stages.attack.v2x.overheard_messages import is_time_untrue, with_la
 
 
 class Delay(V2xAttack):
-    """Each message leaves so much later, drawn once for each attacker: NextGen's time delay attack.
+    """Sends each message late, by a delay that each attacker draws once: NextGen's time delay attack.
 
-    restamp: with a generation time that is as much later, so that maps take it. A message of an attacker that
-    leaves the road meanwhile, or of the drive's end, is never sent.
+    restamp: delay the generation time as well, so that receivers' LDMs accept the message. Messages that are
+    due after the attacker has left the road, or after the drive, are never sent.
     """
 
     traits = V2xTraits(untrue=("generation time",), published=Published(nextgen=11, catch_f1=0.062))
@@ -76,10 +76,10 @@ class Delay(V2xAttack):
 
 
 class Stale(V2xAttack):
-    """What the attacker itself said some messages ago: F2MD's stale messages (there, 60 at one a second).
+    """Repeats the attacker's own CAM of some messages ago: F2MD's stale messages (there, 60 at 1 Hz).
 
-    restamp: with the generation time of the message that it replaces. Until there have been so many, the
-    truth is told.
+    restamp: with the generation time of the message that it replaces. The first `messages` CAMs stay
+    unchanged.
     """
 
     traits = V2xTraits(
@@ -94,7 +94,7 @@ class Stale(V2xAttack):
         self._messages = checked_integer(context.name, "messages", messages, 1, 100_000)
         self._restamp = bool(restamp)
         self._ahead_ns = round(checked_number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
-        self._said: dict[int, deque[CamTree]] = {}
+        self._history: dict[int, deque[CamTree]] = {}
 
     @classmethod
     def untrue(cls, parameters: Mapping[str, Any]) -> tuple[Claim, ...]:
@@ -113,11 +113,11 @@ class Stale(V2xAttack):
         own = cams.open(one.payload)
         if own is None:
             return one
-        said = self._said.setdefault(one.station_id, deque(maxlen=self._messages + 1))
-        said.append(own)
-        if len(said) <= self._messages or not self.context.active(one.request_ns):
+        history = self._history.setdefault(one.station_id, deque(maxlen=self._messages + 1))
+        history.append(own)
+        if len(history) <= self._messages or not self.context.active(one.request_ns):
             return one
-        old = said[0]
+        old = history[0]
         if self._restamp:
             old = with_fields(old, generation_delta_time_ms=field_of(own, "generation_delta_time_ms"))
         return replace(one, payload=cams.close(with_later_time(old, self._ahead_ns)))

@@ -1,4 +1,4 @@
-"""Lies about one's size."""
+"""Falsified vehicle dimensions."""
 
 from __future__ import annotations
 
@@ -11,12 +11,15 @@ from advpipe.stages.attack.v2x.falsification import Falsification, OwnMessage
 
 LEAST_M = 0.1
 MAX_LENGTH_M, MAX_WIDTH_M = 102.1, 6.0
-"""The largest that a CAM can tell."""
+"""The largest dimensions that a CAM can encode."""
 
 
 class Dimensions(Falsification):
-    """Longer and wider by these offsets (VASP's is 4 m), or smaller with negative ones; never below 0.1 m nor
-    above what a CAM can tell. The front stays where it is, so the box grows backwards and to both sides."""
+    """Adds offsets to length and width (VASP adds 4 m), negative ones to make the vehicle smaller.
+
+    The result stays between 0.1 m and what a CAM can encode. As the reference point is on the front side, the
+    box grows backwards and to both sides.
+    """
 
     traits = V2xTraits(untrue=("dimensions",))
 
@@ -31,6 +34,6 @@ class Dimensions(Falsification):
             ("length_m", self._length_m, MAX_LENGTH_M),
             ("width_m", self._width_m, MAX_WIDTH_M),
         ):
-            if (told_m := message.field(name)) is not None:
-                fields[name] = min(max(told_m + offset_m, LEAST_M), most_m)
+            if (true_m := message.field(name)) is not None:
+                fields[name] = min(max(true_m + offset_m, LEAST_M), most_m)
         return fields

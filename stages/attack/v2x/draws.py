@@ -1,4 +1,4 @@
-"""Numbers that attackers draw for their lies, each from a generator of its own."""
+"""Random numbers for falsified fields, from one generator for each attacker."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ class AttackDraws:
         self._rngs = {number: context.rng("lie", number) for number in context.attackers}
 
     def of(self, station_id: int) -> np.random.Generator:
-        """An attacker's own."""
+        """The generator of an attacker."""
         return self._rngs[station_id]
 
     def signed(self, station_id: int, least: float, most: float) -> float:
-        """Uniform between both, with either sign: never the positive one alone."""
+        """A magnitude uniform between both limits, with a random sign."""
         rng = self._rngs[station_id]
         size = float(rng.uniform(least, most))
         return size if rng.random() < 0.5 else -size

@@ -1,4 +1,4 @@
-"""Messages that are never sent."""
+"""Dropped messages."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from advpipe.stages.attack.v2x.cams import field_of
 
 
 class Drop(V2xAttack):
-    """Leaves out what an attacker would send: all of it, or those messages that matter most.
+    """Drops an attacker's messages: all of them, or those that matter most.
 
-    probability: of each message to be left out, once the others hold. near_m: only where the attacker is
-    within this distance of the victim. braking_mps2: only messages that tell of braking at least so hard.
+    probability: of dropping each message that meets the other conditions. near_m: only while the attacker is
+    within this distance of the victim. braking_mps2: only messages that report at least this deceleration.
     """
 
     traits = V2xTraits()
@@ -57,7 +57,7 @@ class Drop(V2xAttack):
         return bool(self._rngs[one.station_id].random() < self._probability)
 
     def _distance_m(self, step: V2xStep, attacker: int) -> float:
-        """To the victim; infinite where either is not on the road."""
+        """The distance to the victim; infinite if either is not on the road."""
         assert self.context.victim is not None
         places = [self.context.radio(step, station) for station in (attacker, self.context.victim)]
         if places[0] is None or places[1] is None:

@@ -1,4 +1,4 @@
-"""Far more messages than the standard allows: denial of service, with content of several kinds."""
+"""Denial of service by far more messages than the standard allows, with various contents."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from advpipe.stages.attack.v2x.dcc_gate import DccGate
 from advpipe.stages.attack.v2x.overheard_messages import RECEPTION_RANGE_M, OverheardMessages, with_later_time
 
 RATE_HZ = 40.0
-"""Four times what the standard allows, as F2MD's four times the usual."""
+"""Four times the highest rate of the standard, like F2MD's four times the normal rate."""
 MIN_RATE_HZ, MAX_RATE_HZ = 0.001, 10_000.0
 _LATITUDE_DEG = 1e-4
 
 
 class Flood(V2xAttack):
-    """Sends so many messages a second beside those of its stations, evenly, whatever the standard says.
+    """Sends `rate_hz` messages at equal intervals, besides the attackers' genuine ones.
 
-    ahead_s: how much later than it is they are generated. dcc: whether attackers keep to reactive congestion
-    control all the same. sybil: a new station id for each message.
+    ahead_s: how far generation times lie in the future. dcc: whether attackers respect reactive congestion
+    control nevertheless. sybil: use a new station id for each message.
     """
 
     sybil = False
@@ -49,13 +49,13 @@ class Flood(V2xAttack):
             checked_number(context.name, "rate_hz", rate_hz, MIN_RATE_HZ, MAX_RATE_HZ)
         )
         self._ahead_ns = round(checked_number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
-        self._gate = DccGate(context.v2x, context.attackers) if dcc else None
+        self._dcc_gate = DccGate(context.v2x, context.attackers) if dcc else None
         self._rngs = {attacker: context.rng("flood", attacker) for attacker in context.attackers}
         self._next_ns = {
             attacker: context.start_ns + int(rng.integers(self._interval_ns))
             for attacker, rng in self._rngs.items()
         }
-        self._disguises = 0
+        self._pseudonyms = 0
 
     @classmethod
     def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
@@ -68,45 +68,45 @@ class Flood(V2xAttack):
             radio = self.context.radio(step, attacker)
             if radio is not None and step.end_ns is not None:
                 self._prepare(step, radio, sent)
-                edited += self._pour(attacker, step.begin_ns, step.end_ns)
+                edited += self._flood_step(attacker, step.begin_ns, step.end_ns)
         self._remember(step, sent)
-        if self._gate is not None:
-            self._gate.observe(step, edited)
+        if self._dcc_gate is not None:
+            self._dcc_gate.observe(step, edited)
         return edited
 
-    def _pour(self, attacker: int, begin_ns: int, end_ns: int) -> list[Sent]:
+    def _flood_step(self, attacker: int, begin_ns: int, end_ns: int) -> list[Sent]:
         cams, interval_ns = self.context.cams, self._interval_ns
-        if self._gate is not None:
-            interval_ns = max(interval_ns, round(self._gate.interval_s(attacker) * 1e9))
-        at_ns, poured = self._next_ns[attacker], []
+        if self._dcc_gate is not None:
+            interval_ns = max(interval_ns, round(self._dcc_gate.interval_s(attacker) * 1e9))
+        at_ns, flooded = self._next_ns[attacker], []
         at_ns += -(-max(begin_ns - at_ns, 0) // interval_ns) * interval_ns
         while at_ns < end_ns:
             tree = self._content(attacker, at_ns) if self.context.active(at_ns) else None
             if tree is not None:
                 if self.sybil:
-                    self._disguises += 1
-                    disguise = self.context.pseudonym("flood", attacker, self._disguises)
-                    tree = with_fields(tree, station_id=disguise)
+                    self._pseudonyms += 1
+                    pseudonym = self.context.pseudonym("flood", attacker, self._pseudonyms)
+                    tree = with_fields(tree, station_id=pseudonym)
                 if self._ahead_ns:
                     tree = with_later_time(tree, self._ahead_ns)
-                poured.append(self.context.message(attacker, at_ns, cams.close(tree)))
+                flooded.append(self.context.message(attacker, at_ns, cams.close(tree)))
             at_ns += interval_ns
         self._next_ns[attacker] = at_ns
-        return poured
+        return flooded
 
     def _prepare(self, step: V2xStep, radio: RadioPlace, sent: Sequence[Sent]) -> None:
-        """What an attacker has to know before it floods a step."""
+        """Hook before an attacker floods a step."""
 
     def _remember(self, step: V2xStep, sent: Sequence[Sent]) -> None:
-        """What attackers learn from a step when it is over."""
+        """Hook after a step, with the messages that attackers could overhear."""
 
     @abstractmethod
     def _content(self, attacker: int, at_ns: int) -> CamTree | None:
-        """What a message says that is generated then; None for nothing to say."""
+        """The content of a message generated at this time; None to send no message."""
 
 
 class Dos(Flood):
-    """The attacker's own last CAM, moved on along its heading by its speed: true, but too often."""
+    """The attacker's own last CAM, extrapolated along its heading: true, but too often."""
 
     traits = V2xTraits(
         every_message_matters=True, published=Published(veremi_extension=13, nextgen=12, catch_f1=0.353)
@@ -187,7 +187,7 @@ class DosRandom(Flood):
 
 
 class DosRandomSybil(DosRandom):
-    """The same, each message from another station that does not exist."""
+    """The same, with a new ghost station id in each message."""
 
     traits = V2xTraits(
         every_message_matters=True, needs_traffic=False, published=Published(veremi_extension=18)
@@ -197,7 +197,7 @@ class DosRandomSybil(DosRandom):
 
 
 class DosDisruptive(Flood):
-    """Any message that was heard in the last memory_s within range_m, under the attacker's id, as if new."""
+    """Random messages heard in the last memory_s within range_m, replayed as new under the attacker's id."""
 
     traits = V2xTraits(
         every_message_matters=True, needs_traffic=False, published=Published(veremi_extension=15)
@@ -231,7 +231,7 @@ class DosDisruptive(Flood):
 
 
 class DosDisruptiveSybil(DosDisruptive):
-    """The same, each message from another station that does not exist."""
+    """The same, with a new ghost station id in each message."""
 
     traits = V2xTraits(
         every_message_matters=True, needs_traffic=False, published=Published(veremi_extension=19)
@@ -245,7 +245,7 @@ def _interval_ns(rate_hz: float) -> int:
 
 
 def _extrapolated(tree: CamTree, by_ns: int) -> CamTree:
-    """A CAM so much later of a vehicle that went straight on."""
+    """The CAM of a vehicle after it moved straight on for this long."""
     names = ("latitude_deg", "longitude_deg", "heading_rad", "speed_mps")
     latitude_deg, longitude_deg, heading_rad, speed_mps = (field_of(tree, name) for name in names)
     values = (latitude_deg, longitude_deg, heading_rad, speed_mps)
@@ -262,7 +262,7 @@ def _extrapolated(tree: CamTree, by_ns: int) -> CamTree:
 
 
 def _degrees_per_metre(latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-    """Degrees of longitude for a metre to the east, of latitude for one to the north; away from the poles."""
+    """Degrees of longitude per metre east, and of latitude per metre north; not valid at the poles."""
     east_m, north_m = east_north_m(
         latitude_deg, longitude_deg, latitude_deg + _LATITUDE_DEG, longitude_deg + _LATITUDE_DEG
     )

@@ -31,7 +31,7 @@ Key = tuple[int, ...]
 
 
 class GhostMotion(NamedTuple):
-    """The motion of a ghost vehicle at the start of a step; the pose (4, 4) is of the ground below its middle.
+    """The motion of a ghost vehicle at the start of a step; its pose (4, 4) is on the ground, at the middle.
 
     speed_mps: negative when reversing. acceleration_mps2: forward. yaw_rate_radps: positive to the left.
     """
@@ -53,9 +53,10 @@ class GhostVehicles:
     """The ghost vehicles of one attack, each with its own station id, clock and path history.
 
     A ghost vehicle checks every 0.1 s whether it has to send, like any station, and an attacker's radio
-    transmits its CAMs. length_m, width_m: of each vehicle. ahead_s: how far generation times lie in the future,
-    which keeps the vehicles in a receiver's LDM for longer, up to its expiry. dcc: whether all messages of an
-    attacker's radio together respect reactive congestion control, in equal shares for its ghost vehicles.
+    transmits its CAMs. length_m, width_m: of each vehicle. ahead_s: how far generation times lie in the
+    future, which keeps the vehicles in a receiver's LDM for longer, up to its expiry. dcc: whether all
+    messages of an attacker's radio together respect reactive congestion control, in equal shares for its
+    ghost vehicles.
     """
 
     def __init__(
@@ -66,7 +67,7 @@ class GhostVehicles:
         self._width_m = float(checked_number(context.name, "width_m", width_m, 0.1, 6))
         self._ahead_ns = round(checked_number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
         self._rules = GenerationRules.of(context.v2x.cam)
-        self._gate = DccGate(context.v2x, context.attackers) if dcc else None
+        self._dcc_gate = DccGate(context.v2x, context.attackers) if dcc else None
         self._stations: dict[Key, _Station] = {}
 
     def messages(self, step: V2xStep, sender: int, motions: Mapping[Key, GhostMotion]) -> list[Sent]:
@@ -76,7 +77,7 @@ class GhostVehicles:
         """
         if step.end_ns is None or not motions:
             return []
-        interval_s = 0.0 if self._gate is None else self._gate.interval_s(sender) * len(motions)
+        interval_s = 0.0 if self._dcc_gate is None else self._dcc_gate.interval_s(sender) * len(motions)
         poses: Float64 = np.array([motion.map_SE3_base for motion in motions.values()])
         places = reference_points(self._context.geodesy, poses, np.full(len(motions), self.length_m))
         sent: list[Sent] = []
@@ -97,8 +98,8 @@ class GhostVehicles:
 
     def observe(self, step: V2xStep, sent: Sequence[Sent]) -> None:
         """Update congestion control with everything that is sent in the step."""
-        if self._gate is not None:
-            self._gate.observe(step, sent)
+        if self._dcc_gate is not None:
+            self._dcc_gate.observe(step, sent)
 
     def _station(self, step: V2xStep, key: Key) -> _Station:
         if key not in self._stations:
@@ -176,7 +177,7 @@ class OffsetMotion:
 
 
 class BrakingMotion(NamedTuple):
-    """Straight motion from a pose: constant speed for a while, then constant braking down to a final speed."""
+    """Straight motion from a pose: constant speed for a while, then constant braking to a final speed."""
 
     map_SE3_start: Float64
     begin_ns: int

@@ -1,4 +1,4 @@
-"""Lies about where one heads."""
+"""Falsified headings."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from advpipe.stages.attack.v2x.falsification import Falsification, OwnMessage
 
 
 class HeadingReversed(Falsification):
-    """The opposite direction, at the same reference point: receivers who place its box behind that point
-    see it a length farther on."""
+    """Reverses the heading at the same reference point: receivers that place the box behind this point see
+    it displaced by one vehicle length."""
 
     traits = V2xTraits(untrue=("heading",), published=Published(nextgen=8, catch_f1=0.593))
 
@@ -23,18 +23,18 @@ class HeadingReversed(Falsification):
 
 
 class HeadingRotating(Falsification):
-    """A heading that turns away from the truth, clockwise, from the attacker's first lie on."""
+    """Rotates the heading away from the true one, clockwise, from the attacker's first false message on."""
 
     traits = V2xTraits(untrue=("heading",))
 
     def __init__(self, context: AttackContext, *, rate_degps: float = 45.0) -> None:
         super().__init__(context)
         self._rate_radps = math.radians(checked_number(context.name, "rate_degps", rate_degps, -3600, 3600))
-        self._begun_ns: dict[int, int] = {}
+        self._first_ns: dict[int, int] = {}
 
     def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
-        begun_ns = self._begun_ns.setdefault(message.station_id, message.time_ns)
-        return _turned(message, self._rate_radps * (message.time_ns - begun_ns) / 1e9)
+        first_ns = self._first_ns.setdefault(message.station_id, message.time_ns)
+        return _turned(message, self._rate_radps * (message.time_ns - first_ns) / 1e9)
 
 
 def _turned(message: OwnMessage, by_rad: float) -> Mapping[str, Any]:

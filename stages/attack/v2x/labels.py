@@ -1,4 +1,4 @@
-"""What attacks did to which message, as Parquet beside the adversarial bag: one row a touched message."""
+"""The labels of attacks on messages, as Parquet beside the adversarial bag: one row a touched message."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ _BLOCK = 1000
 
 
 class _Row(NamedTuple):
-    """A touched message. before, true, false: what it said before the attack, what an honest one would have
-    said, and what it says; None for what is no CAM, or nobody's."""
+    """A touched message. before, true, false: the values before the attack, those of a genuine message, and
+    those after the attack; None if there are none or the message is not a vehicle's CAM."""
 
     one: Sent
     time_ns: int
@@ -50,14 +50,13 @@ class _Row(NamedTuple):
 
 
 class Labels:
-    """Compares what editors get with what they hand on, message by message.
+    """Compares the messages before and after each editor.
 
     The columns of `v2x_labels.parquet`: `labels.messages.MESSAGE_COLUMNS`.
 
-    touching: places, among all editors, of those that touched any message. counts: of the messages by
-    action, and "made invalid": of those, how many were CAMs and no longer are.
-    Those held back count as dropped once the file is written. declared: what attacks declare, by their places
-    among all editors.
+    touching: indices of the editors that touched any message. counts: messages by action, and "made
+    invalid": how many of them were CAMs before but no longer. Messages still held back count as
+    dropped once the file is written. declared: declarations of attacks, by their indices among all editors.
     """
 
     def __init__(
@@ -81,7 +80,7 @@ class Labels:
         self.counts: Counter[str] = Counter()
 
     def begin(self, recorded: Sequence[Sent]) -> None:
-        """A step, with what was recorded."""
+        """Start a step with its recorded messages."""
         for station_id, messages in self._by_station.items():
             self._newest[station_id] = messages[-1].payload
         self._step = {one.number: one for one in recorded}
@@ -92,20 +91,20 @@ class Labels:
     def compare(
         self, place: int, editor: MessageEditor, before: Sequence[Sent], after: Sequence[Sent]
     ) -> None:
-        """What the editor, at this place among all, did in the step. Raises AdvpipeError where that is beyond
-        the bounds that it declares."""
+        """Label what the editor with this index did in the step. Raises AdvpipeError if it exceeded the
+        bounds that it declares."""
         while len(self._editors) <= place:
             self._editors.append(editor)
         olds = {one.number: one for one in before}
         for one in after:
             old = olds.pop(one.number, None)
             if old is None:
-                self._arrived(place, one)
+                self._add_new(place, one)
             elif one is old or one == old:
                 if isinstance(editor, V2xAttack) and self._is_corrupt(editor, one):
                     self._add(place, CORRUPT, one, one, one.request_ns, one.payload)
             elif one.payload == old.payload and one.request_ns != old.request_ns:
-                self._add(place, DELAYED, one, old, old.request_ns, self._honest(one))
+                self._add(place, DELAYED, one, old, old.request_ns, self._genuine(one))
             else:
                 original = self._step.get(one.number, old)
                 self._add(place, CHANGED, one, old, original.request_ns, original.payload)
@@ -115,7 +114,7 @@ class Labels:
             self._close_block()
 
     def write(self, folder: Path) -> None:
-        """Writes the file, in order of time; whatever is still held back by then was dropped."""
+        """Write the file, in order of time; messages that are still held back were dropped."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 
@@ -130,27 +129,27 @@ class Labels:
         order = [("time_ns", "ascending"), ("number", "ascending"), ("attack", "ascending")]
         pq.write_table(table.sort_by(order), folder / FILE)
 
-    def _arrived(self, place: int, one: Sent) -> None:
+    def _add_new(self, place: int, one: Sent) -> None:
         held = self._held.pop((place, one.number), None)
-        honest = self._honest(one)
+        genuine = self._genuine(one)
         if held is None:
-            self._add(place, ADDED, one, None, one.request_ns, honest)
+            self._add(place, ADDED, one, None, one.request_ns, genuine)
         else:
-            self._add(place, DELAYED, one, held, held.request_ns, honest)
+            self._add(place, DELAYED, one, held, held.request_ns, genuine)
 
     def _is_corrupt(self, attack: V2xAttack, one: Sent) -> bool:
         return attack.context.acts(one) and self.cams.open(one.payload) is None
 
-    def _honest(self, one: Sent) -> bytes | None:
-        """What the station that a message claims to be from has last said itself."""
+    def _genuine(self, one: Sent) -> bytes | None:
+        """The latest genuine message of the station that a message claims to be from."""
         tree = self.cams.open(one.payload)
         if tree is None:
             return None
         station_id = field_of(tree, "station_id")
         payload = self._newest.get(station_id)
-        for said in self._by_station.get(station_id, ()):
-            if said.request_ns <= one.request_ns:
-                payload = said.payload
+        for sent in self._by_station.get(station_id, ()):
+            if sent.request_ns <= one.request_ns:
+                payload = sent.payload
         return payload
 
     def _add(
@@ -162,7 +161,7 @@ class Labels:
         time_ns: int,
         true: bytes | None,
     ) -> None:
-        """old: the message as the editor got it. time_ns: when it was handed to the radio, as recorded."""
+        """old: the message before the editor. time_ns: when it was handed to the radio in the recording."""
         is_sent, before = action != DROPPED, None if old is None else old.payload
         sender, editor = self._names.get(one.station_id, ""), self._editors[place]
         self.touching.add(place)
@@ -176,8 +175,8 @@ class Labels:
             sender,
             action,
             part is not None and part.traits.every_message_matters,
-            said := self._values(before),
-            said if true is before else self._values(true),
+            before_values := self._values(before),
+            before_values if true is before else self._values(true),
             self._values(one.payload if is_sent else None),
         )
         if is_sent:
@@ -216,7 +215,7 @@ class Labels:
                 columns[f"{kind}_{axis}"] = pa.array(values_m, pa.float64(), from_pandas=True)
             for field in FIELDS:
                 columns[f"{kind}_{field}"] = [
-                    None if (said := getattr(row, kind)) is None else said[field] for row in rows
+                    None if (stated := getattr(row, kind)) is None else stated[field] for row in rows
                 ]
         self._tables.append(pa.Table.from_pydict(columns, arrow_schema(MESSAGE_COLUMNS)))
 
@@ -229,7 +228,7 @@ class Labels:
 
 
 def _changed_fields(row: _Row) -> str:
-    """The fields that this attack changed, by what it was given."""
+    """The fields that this attack changed in the message that it received."""
     if row.action != CHANGED or row.before is None or row.false is None:
         return ""
     return changed_fields(row.before, row.false)

@@ -1,4 +1,4 @@
-"""One's own messages under the station id of somebody else."""
+"""Impersonation: the attacker's own messages under the station id of another station."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ IDENTITIES = ("nearest", "random", "each", "victim")
 
 
 class Masquerade(V2xAttack):
-    """Says what is true of the attacker as if it were another station, whose entry in maps it overwrites.
+    """Sends the attacker's true state under the id of another station, whose entry in LDMs it overwrites.
 
-    identity: the nearest station, or a random one, while it stays within range_m; a random one for each
-    message; or the victim itself. ahead_s: generated so much later than it was, so that maps that keep the
-    newest CAM prefer it to the true ones.
+    identity: impersonate the "nearest" station or a "random" one while it stays within range_m, a random one
+    for "each" message, or the "victim". ahead_s: how far generation times lie in the future, so that LDMs
+    that keep the newest CAM prefer it to the genuine ones.
     """
 
     traits = V2xTraits(untrue=("station id", "generation time"), every_message_matters=True)
@@ -42,10 +42,10 @@ class Masquerade(V2xAttack):
         super().__init__(context)
         self._identity = checked_choice(context.name, "identity", identity, IDENTITIES)
         if identity == "victim" and context.victim is None:
-            raise UsageError(f"{context.name}: identity is 'victim', but there is none; name one")
+            raise UsageError(f"{context.name}: identity is 'victim', but no victim is given; name one")
         self._range_m = checked_number(context.name, "range_m", range_m, 0)
         self._ahead_ns = round(checked_number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
-        self._masks: dict[int, int] = {}
+        self._impersonated: dict[int, int] = {}
         self._rngs = {attacker: context.rng("masquerade", attacker) for attacker in context.attackers}
 
     @classmethod
@@ -58,34 +58,34 @@ class Masquerade(V2xAttack):
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         in_order = sorted(sent, key=lambda one: (one.request_ns, one.number))
-        return [self._masked(step, one) if self.context.acts(one) else one for one in in_order]
+        return [self._impersonate(step, one) if self.context.acts(one) else one for one in in_order]
 
-    def _masked(self, step: V2xStep, one: Sent) -> Sent:
+    def _impersonate(self, step: V2xStep, one: Sent) -> Sent:
         cams = self.context.cams
         tree = cams.open(one.payload)
-        mask = self._mask(step, one.station_id)
-        if tree is None or mask is None:
+        station_id = self._identity_of(step, one.station_id)
+        if tree is None or station_id is None:
             return one
-        tree = with_later_time(with_fields(tree, station_id=mask), self._ahead_ns)
+        tree = with_later_time(with_fields(tree, station_id=station_id), self._ahead_ns)
         return replace(one, payload=cams.close(tree))
 
-    def _mask(self, step: V2xStep, attacker: int) -> int | None:
-        """Whose id the attacker uses; None where nobody is near."""
+    def _identity_of(self, step: V2xStep, attacker: int) -> int | None:
+        """The station id that the attacker uses; None if no station is in range."""
         if self._identity == "victim":
             return self.context.victim
         others_m = self._others_m(step, attacker)
-        mask = self._masks.get(attacker)
-        if self._identity == "each" or mask not in others_m:
+        station_id = self._impersonated.get(attacker)
+        if self._identity == "each" or station_id not in others_m:
             if not others_m:
                 return None
             ids = sorted(others_m, key=lambda station: (others_m[station], station))
             rng: np.random.Generator = self._rngs[attacker]
-            mask = ids[0] if self._identity == "nearest" else ids[int(rng.integers(len(ids)))]
-            self._masks[attacker] = mask
-        return mask
+            station_id = ids[0] if self._identity == "nearest" else ids[int(rng.integers(len(ids)))]
+            self._impersonated[attacker] = station_id
+        return station_id
 
     def _others_m(self, step: V2xStep, attacker: int) -> dict[int, float]:
-        """Stations within range, attackers not, with their distances."""
+        """Stations within range that are not attackers, with their distances."""
         own = self.context.radio(step, attacker)
         if own is None:
             return {}

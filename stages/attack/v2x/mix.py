@@ -121,7 +121,7 @@ def _in_catalogue(place: Callable[[Published], int | None]) -> list[str]:
 
 
 def _mixed(mix: str, attacks: str) -> list[Mixed]:
-    """The attacks that `attacks` names. Raises AdvpipeError for a name that is neither a mix nor an attack."""
+    """The attacks that `attacks` names. Raises AdvpipeError for a name of neither a mix nor an attack."""
     return [one for name in attacks.split(",") for one in _named(mix, name.strip())]
 
 
@@ -132,6 +132,4 @@ def _named(mix: str, name: str) -> Iterator[Mixed]:
         yield Mixed(name, {})
     else:
         known = ", ".join(one for one, kind in V2X_ATTACKS.items() if not issubclass(kind, Mix))
-        raise UsageError(
-            f"{mix}: {name!r} is not an attack that can be mixed; known: {', '.join(MIXES)}, {known}"
-        )
+        raise UsageError(f"{mix}: {name!r} cannot be mixed; known: {', '.join(MIXES)}, {known}")

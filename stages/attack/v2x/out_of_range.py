@@ -1,4 +1,4 @@
-"""Values that UPER can carry and the data dictionary (TS 102 894-2) gives no vehicle."""
+"""Out-of-range values: UPER can encode them, but no vehicle has them (TS 102 894-2)."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ ALL = "all"
 
 
 class OutOfRange(V2xAttack):
-    """One field, or all of them, at what the ASN.1 lets pass and no receiver can use.
+    """Sets one field, or all of them, to values that the ASN.1 allows and no receiver can use.
 
-    The messages stay valid UPER; a Local Dynamic Map takes one without a position, and what it makes of the
-    others is its own affair.
+    The messages stay valid UPER. A Local Dynamic Map accepts one without a position; how it handles the other
+    fields depends on its implementation.
     """
 
     traits = V2xTraits(
@@ -49,13 +49,13 @@ class OutOfRange(V2xAttack):
 
     def __init__(self, context: AttackContext, *, field: str = ALL) -> None:
         super().__init__(context)
-        words = checked_choice(context.name, "field", field, (ALL, *CODES))
-        self._codes = [code for name, codes in CODES.items() if words in (ALL, name) for code in codes]
+        chosen = checked_choice(context.name, "field", field, (ALL, *CODES))
+        self._codes = [code for name, codes in CODES.items() if chosen in (ALL, name) for code in codes]
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
-        return [self._broken(one) if self.context.acts(one) else one for one in sent]
+        return [self._with_codes(one) if self.context.acts(one) else one for one in sent]
 
-    def _broken(self, one: Sent) -> Sent:
+    def _with_codes(self, one: Sent) -> Sent:
         cams = self.context.cams
         tree: CamTree | None = cams.open(one.payload)
         if tree is None:

@@ -1,4 +1,4 @@
-"""What attackers overhear of others' messages, and what becomes of one's generation time."""
+"""Messages that attackers overhear and replay, and their generation times."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from advpipe.pipeline.v2x.codec.timestamps import GENERATION_DELTA_TIME_CYCLE_MS
 from advpipe.stages.attack.v2x.cams import field_of, with_fields
 
 RECEPTION_RANGE_M = 400.0
-"""Far enough for most messages under the default radio, as in VeReMi NextGen."""
+"""The range of most messages under the default radio, as in VeReMi NextGen."""
 
 
 class OverheardMessages:
-    """All that listeners have heard of others within a distance, for a while.
+    """All messages that listeners received from others within a distance, for a limited time.
 
-    A distance stands for reception: the radio decides that only after all editors are through.
+    The distance replaces reception, as the radio model runs only after all editors.
     """
 
     def __init__(self, listeners: Sequence[int], range_m: float, memory_s: float) -> None:
@@ -31,7 +31,7 @@ class OverheardMessages:
         self._heard: dict[int, dict[int, list[Sent]]] = {listener: {} for listener in listeners}
 
     def listen(self, step: V2xStep, sent: Sequence[Sent]) -> None:
-        """Takes what was sent in a step, after it is over; forgets what is too old."""
+        """Store the messages of a step, after the step, and forget old ones."""
         near = _within(step.radios, self._listeners, self._range_m)
         for one in sorted(sent, key=lambda one: (one.request_ns, one.number)):
             for listener in near.get(one.station_id, ()):
@@ -45,24 +45,24 @@ class OverheardMessages:
                     del heard[station]
 
     def stations(self, listener: int, before_ns: int) -> list[int]:
-        """Those of whom a message before that time is remembered, ascending."""
+        """The stations with a stored message before this time, ascending."""
         return sorted(
             station for station, log in self._heard[listener].items() if log[0].request_ns < before_ns
         )
 
     def last(self, listener: int, station: int, before_ns: int) -> Sent | None:
-        """A station's last message before that time."""
+        """A station's last stored message before this time."""
         log = self._heard[listener].get(station, [])
         place = bisect_left(log, before_ns, key=_time)
         return log[place - 1] if place else None
 
     def between(self, listener: int, station: int, from_ns: int, until_ns: int) -> list[Sent]:
-        """A station's messages from one time up to, but not at, another."""
+        """A station's stored messages from one time to another, the latter excluded."""
         log = self._heard[listener].get(station, [])
         return log[bisect_left(log, from_ns, key=_time) : bisect_left(log, until_ns, key=_time)]
 
     def any_of(self, listener: int, rng: np.random.Generator) -> Sent | None:
-        """One of all remembered messages, each as likely as the others."""
+        """A random one of all stored messages, uniformly."""
         logs = [log for _, log in sorted(self._heard[listener].items())]
         ends = np.cumsum([len(log) for log in logs])
         if not logs:
@@ -73,14 +73,14 @@ class OverheardMessages:
 
 
 def with_later_time(tree: CamTree, by_ns: int) -> CamTree:
-    """The same CAM, generated that much later; it counts whole milliseconds, in a cycle of 65.536 s."""
+    """The CAM with a later generation time, in whole milliseconds, modulo its cycle of 65.536 s."""
     delta_ms = field_of(tree, "generation_delta_time_ms") + round(by_ns / NS_PER_MS)
     return with_fields(tree, generation_delta_time_ms=delta_ms % GENERATION_DELTA_TIME_CYCLE_MS)
 
 
 def is_time_untrue(parameters: Mapping[str, Any]) -> bool:
-    """Whether messages of an attack with these parameters tell another time than those that they replace: by
-    `ahead_s`, or without `restamp`."""
+    """Whether an attack with these parameters changes the generation time of messages: by `ahead_s`, or
+    without `restamp`."""
     return bool(parameters["ahead_s"]) or not parameters.get("restamp", True)
 
 
@@ -91,14 +91,14 @@ def _time(one: Sent) -> int:
 def _within(
     radios: Sequence[RadioPlace], listeners: Sequence[int], range_m: float
 ) -> dict[int, tuple[int, ...]]:
-    """Of each station on the road, the listeners on the road within a distance, itself not."""
+    """For each station on the road, the other listeners on the road within a distance."""
     ids = [radio.station_id for radio in radios]
     present = [listener for listener in listeners if listener in set(ids)]
     if not present:
         return {}
     places_m = np.array([radio.map_SE3_base[:3, 3] for radio in radios])
-    ears_m = places_m[[ids.index(listener) for listener in present]]
-    distance_m = np.linalg.norm(places_m[:, None] - ears_m[None], axis=-1)
+    listeners_m = places_m[[ids.index(listener) for listener in present]]
+    distance_m = np.linalg.norm(places_m[:, None] - listeners_m[None], axis=-1)
     return {
         station: tuple(
             listener

@@ -1,4 +1,4 @@
-"""Lies about where one is: VeReMi's attacks 1, 2, 4 and 8, and those that came after them."""
+"""Falsified positions: VeReMi's attacks 1, 2, 4 and 8, and later ones."""
 
 from __future__ import annotations
 
@@ -23,36 +23,36 @@ _LEAST_SIDE_M = 200.0
 
 
 class _SamplingArea:
-    """Where places are drawn from: a rectangle of the map, or the one that holds all radios at first."""
+    """The area of random places: a rectangle of the map, or the bounding box of the first step's radios."""
 
     def __init__(self, attack: str, corners_m: Sequence[float | None] = ()) -> None:
         given = [corner for corner in corners_m if corner is not None]
         if given and len(given) < 4:
             raise UsageError(f"{attack}: give all of x_min_m, x_max_m, y_min_m and y_max_m, or none")
         self._x_m = self._y_m = 0.0, 0.0
-        self._is_known = bool(given)
+        self._is_set = bool(given)
         if given:
             self._x_m = checked_range(attack, "x_{}_m", given[0], given[1], -_FAR_M, _FAR_M)
             self._y_m = checked_range(attack, "y_{}_m", given[2], given[3], -_FAR_M, _FAR_M)
 
-    def learn(self, step: V2xStep) -> None:
-        """The places of the first step that has any."""
-        if self._is_known or not step.radios:
+    def set_from(self, step: V2xStep) -> None:
+        """Set the area from the first step with radios, if it is not given."""
+        if self._is_set or not step.radios:
             return
         places_m = np.array([radio.map_SE3_base[:2, 3] for radio in step.radios])
         low_m, high_m = places_m.min(axis=0), places_m.max(axis=0)
         wider_m = np.maximum(_LEAST_SIDE_M - (high_m - low_m), 0) / 2
         self._x_m, self._y_m = np.stack([low_m - wider_m, high_m + wider_m], axis=1).tolist()
-        self._is_known = True
+        self._is_set = True
 
     def draw(self, rng: np.random.Generator) -> tuple[float, float]:
-        """x and y, uniform."""
+        """A uniform random place: x and y."""
         return float(rng.uniform(self._x_m[0], self._x_m[1])), float(rng.uniform(self._y_m[0], self._y_m[1]))
 
 
 class PositionConstant(PositionFalsification):
-    """One place, whatever happens: x_m and y_m in the map's frame (VeReMi 1), or a place that each attacker
-    draws (F2MD 1) from the rectangle that holds all radios of the drive's first step, at least 200 m wide."""
+    """Always claims the same place: x_m and y_m in the map's frame (VeReMi 1), or a place that each attacker
+    draws (F2MD 1) from the bounding box of all radios in the drive's first step, at least 200 m wide."""
 
     traits = V2xTraits(untrue=("position",), published=Published(veremi_2018=1, veremi_extension=1))
 
@@ -71,25 +71,25 @@ class PositionConstant(PositionFalsification):
         if self._place_m is not None:
             for name, value in zip(("x_m", "y_m"), self._place_m, strict=True):
                 checked_number(context.name, name, value, -_FAR_M, _FAR_M)
-        self._playground, self._draws = _SamplingArea(context.name), AttackDraws(context)
+        self._area, self._draws = _SamplingArea(context.name), AttackDraws(context)
         self._places_m: dict[int, tuple[float, float]] = {}
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
-        self._playground.learn(step)
+        self._area.set_from(step)
         return super().edit(step, sent)
 
     def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         station_id = message.station_id
         if self._place_m is None and station_id not in self._places_m:
-            self._places_m[station_id] = self._playground.draw(self._draws.of(station_id))
+            self._places_m[station_id] = self._area.draw(self._draws.of(station_id))
         return {REFERENCE_POINT_M: self._place_m or self._places_m[station_id]}
 
 
 class PositionOffset(PositionFalsification):
-    """The truth, moved by the same offset for good.
+    """The true position plus a constant offset.
 
-    x_m, y_m: of all attackers (VeReMi 2: 250, -150). Without them, each attacker draws both, of either sign,
-    between min_m and max_m: NextGen's 20 to 70 m; F2MD's 70 m +- 55 % are 31.5 to 108.5 m.
+    x_m, y_m: of all attackers (VeReMi 2: 250, -150). Without them, each attacker draws both between min_m and
+    max_m, with random signs: NextGen's 20 to 70 m; F2MD's 70 m +- 55 % are 31.5 to 108.5 m.
     """
 
     traits = V2xTraits(
@@ -138,9 +138,9 @@ class PositionOffset(PositionFalsification):
 
 
 class PositionRandom(PositionFalsification):
-    """Another place in each message (VeReMi 4, F2MD 3): uniform in a rectangle of the map.
+    """A random place in each message (VeReMi 4, F2MD 3), uniform in a rectangle of the map.
 
-    x_min_m to y_max_m: the rectangle; without it, the one that holds all radios of the drive's first step, at
+    x_min_m to y_max_m: the rectangle; by default the bounding box of all radios in the drive's first step, at
     least 200 m wide.
     """
 
@@ -157,20 +157,20 @@ class PositionRandom(PositionFalsification):
         rebuild_path: bool = True,
     ) -> None:
         super().__init__(context, rebuild_path=rebuild_path)
-        self._playground = _SamplingArea(context.name, (x_min_m, x_max_m, y_min_m, y_max_m))
+        self._area = _SamplingArea(context.name, (x_min_m, x_max_m, y_min_m, y_max_m))
         self._draws = AttackDraws(context)
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
-        self._playground.learn(step)
+        self._area.set_from(step)
         return super().edit(step, sent)
 
     def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
-        return {REFERENCE_POINT_M: self._playground.draw(self._draws.of(message.station_id))}
+        return {REFERENCE_POINT_M: self._area.draw(self._draws.of(message.station_id))}
 
 
 class PositionRandomOffset(PositionFalsification):
-    """The truth, moved by another offset in each message: along each axis between min_m and max_m, of either
-    sign. NextGen's 20 to 70 m; VeReMi 8 has 0 to 300 m, F2MD 4 0 to 35 m."""
+    """The true position plus a random offset in each message: between min_m and max_m along each axis, with
+    random signs. NextGen's 20 to 70 m; VeReMi 8 has 0 to 300 m, F2MD 4 0 to 35 m."""
 
     traits = V2xTraits(
         untrue=("position",), published=Published(veremi_2018=8, veremi_extension=4, nextgen=2, catch_f1=0.94)
@@ -200,8 +200,8 @@ class PositionRandomOffset(PositionFalsification):
 
 
 class PositionMirrored(PositionFalsification):
-    """On the opposite side of the road: left_m to the left of where it heads (negative: to the right, for
-    left-hand traffic). NextGen takes twice the distance to the road's edge instead."""
+    """A position on the opposite side of the road: left_m to the left of the heading (negative: to the right,
+    for left-hand traffic). NextGen takes twice the distance to the road's edge instead."""
 
     traits = V2xTraits(untrue=("position",), published=Published(nextgen=3, catch_f1=0.192))
 

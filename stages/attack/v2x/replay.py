@@ -1,4 +1,4 @@
-"""Messages that were true once, of somebody: replayed under one's own name or theirs."""
+"""Replay attacks: overheard messages, sent again under the attacker's or the original station id."""
 
 from __future__ import annotations
 
@@ -27,11 +27,12 @@ IDENTITIES = ("own", "theirs")
 
 
 class _Replay(V2xAttack):
-    """Says, instead of what is true of the attacker, what another message said.
+    """Replaces the attacker's messages by overheard ones.
 
-    identity: whose station id it bears. restamp: with the generation time of the message that it replaces;
-    otherwise its own stays, and maps take it for as old as it is. ahead_s: generated so much later than that;
-    up to the expiry of a map that keeps the newest CAM, it shuts out what really comes after it.
+    identity: whether they bear the attacker's "own" station id or "theirs". restamp: with the generation time
+    of the message that it replaces; otherwise the old one stays and reveals the age. ahead_s: how far the
+    generation time is moved into the future; LDMs that keep the newest CAM then ignore later genuine ones, up
+    to their expiry.
     """
 
     def __init__(
@@ -61,13 +62,13 @@ class _Replay(V2xAttack):
         )
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
-        """Replays what was heard in the steps before this one."""
+        """Replays messages that were overheard in earlier steps."""
         in_order = sorted(sent, key=lambda one: (one.request_ns, one.number))
-        edited = [self._echo(one) if self.context.acts(one) else one for one in in_order]
+        edited = [self._replayed(one) if self.context.acts(one) else one for one in in_order]
         self._overheard.listen(step, sent)
         return edited
 
-    def _echo(self, one: Sent) -> Sent:
+    def _replayed(self, one: Sent) -> Sent:
         other = self._choose(one, self._rng(one.station_id))
         cams = self.context.cams
         own = cams.open(one.payload)
@@ -91,10 +92,11 @@ class _Replay(V2xAttack):
 
 
 class CamReplay(_Replay):
-    """Follows another station for some messages, then the next one: F2MD's and NextGen's data replay.
+    """Replays several messages of one station, then of the next one: F2MD's and NextGen's data replay.
 
-    age_s: it says what the other said so long ago. messages_min, messages_max: followed in a row, drawn for
-    each; then a new one is drawn among those within range_m. See `_Replay` for the others.
+    age_s: the age of replayed messages. messages_min, messages_max: how many messages of one station are
+    replayed, drawn for each station; the next station is drawn among those within range_m. See `_Replay` for
+    the other parameters.
     """
 
     traits = V2xTraits(
@@ -114,7 +116,7 @@ class CamReplay(_Replay):
         ahead_s: float = 0.0,
     ) -> None:
         age_s = checked_number(context.name, "age_s", age_s, 0, 600)
-        # A station that sends but once a second has sent within this memory.
+        # Even a station that sends once a second has sent a message within this time.
         super().__init__(
             context,
             identity=identity,
@@ -144,7 +146,7 @@ class CamReplay(_Replay):
 
 
 class DisruptiveReplay(_Replay):
-    """Any message of any station heard in the last memory_s, drawn anew for each: F2MD's disruptive."""
+    """Replays random messages of any station, heard in the last memory_s: F2MD's disruptive replay."""
 
     traits = V2xTraits(untrue=ALL_CLAIMS, published=Published(veremi_extension=10))
 

@@ -1,4 +1,4 @@
-"""Lies about how fast one is."""
+"""Falsified speeds."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from advpipe.stages.attack.v2x.draws import AttackDraws
 from advpipe.stages.attack.v2x.falsification import Falsification, OwnMessage
 
 MAX_MPS = 163.81
-"""The largest that a CAM can tell."""
+"""The largest speed that a CAM can encode."""
 
 
 class SpeedConstant(Falsification):
-    """One speed, whatever happens: speed_mps (0: NextGen's zero speed report), or one that each attacker
-    draws between 0 and max_mps (F2MD 5)."""
+    """A constant speed: speed_mps (0: NextGen's zero speed report), or one that each attacker draws between
+    0 and max_mps (F2MD 5)."""
 
     traits = V2xTraits(
         untrue=("speed",),
@@ -44,10 +44,10 @@ class SpeedConstant(Falsification):
 
 
 class SpeedOffset(Falsification):
-    """The truth and the same offset for good: offset_mps of all attackers, or one that each draws, of either
-    sign, between min_mps and max_mps: NextGen's 1 to 7 m/s; F2MD's 7 m/s +- 55 % are 3.15 to 10.85 m/s.
+    """The true speed plus a constant offset; negative results become zero.
 
-    What would be below zero is told as zero.
+    offset_mps: of all attackers; without it, each attacker draws one with a random sign between min_mps and
+    max_mps: NextGen's 1 to 7 m/s; F2MD's 7 m/s +- 55 % are 3.15 to 10.85 m/s.
     """
 
     traits = V2xTraits(untrue=("speed",), published=Published(veremi_extension=6, nextgen=4, catch_f1=0.637))
@@ -80,7 +80,7 @@ class SpeedOffset(Falsification):
 
 
 class SpeedRandom(Falsification):
-    """Another speed in each message, uniform between 0 and max_mps (F2MD 7)."""
+    """A random speed in each message, uniform between 0 and max_mps (F2MD 7)."""
 
     traits = V2xTraits(untrue=("speed",), published=Published(veremi_extension=7))
 
@@ -94,9 +94,9 @@ class SpeedRandom(Falsification):
 
 
 class SpeedRandomOffset(Falsification):
-    """The truth and another offset in each message, of either sign, between min_mps and max_mps.
+    """The true speed plus a random offset in each message, between min_mps and max_mps with a random sign.
 
-    NextGen's 1 to 7 m/s; F2MD 8 has up to 7 m/s +- 55 %. What would be below zero is told as zero.
+    NextGen's 1 to 7 m/s; F2MD 8 has up to 7 m/s +- 55 %. Negative results become zero.
     """
 
     traits = V2xTraits(
@@ -117,9 +117,9 @@ class SpeedRandomOffset(Falsification):
 
 
 class SpeedFrozen(Falsification):
-    """From some message on, the speed of that message: NextGen's sudden constant speed.
+    """Freezes the speed at that of a random message: NextGen's sudden constant speed.
 
-    probability: of each message to be that one.
+    probability: of freezing at each message.
     """
 
     traits = V2xTraits(untrue=("speed",), published=Published(nextgen=7, catch_f1=0.284))

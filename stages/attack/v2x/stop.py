@@ -1,4 +1,4 @@
-"""Vehicles that claim to have stopped, and drive on."""
+"""Falsified stops: vehicles that claim to have stopped but drive on."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ EMERGENCY_MPS2 = -8.0
 
 
 class EventualStop(PositionFalsification):
-    """From some message on, it stands at the place of that message.
+    """Claims to stand at the place of a random message from that message on.
 
-    probability: of the first message to be that one; growth: how much more likely each one after it is.
-    VeReMi 16: 0.025 more each time, and the position alone; F2MD 9: 0.05 each time. Both, unlike ours, are
-    silent until they stop, or leave the speed as it is.
+    probability: of stopping at the first message; growth: added to it with each later message. VeReMi 16 adds
+    0.025 each time and changes the position alone; F2MD 9 stops with 0.05 each time. Unlike ours, they do not
+    send before they stop, or do not change the speed.
     """
 
     traits = V2xTraits(
@@ -53,29 +53,29 @@ class EventualStop(PositionFalsification):
         self._probability = checked_number(context.name, "probability", probability, 0, 1)
         self._growth = checked_number(context.name, "growth", growth, 0, 1)
         self._draws = AttackDraws(context)
-        self._lied: dict[int, int] = {}
+        self._message_counts: dict[int, int] = {}
         self._stopped: dict[int, dict[str, Any]] = {}
 
     def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         station_id = message.station_id
         if station_id in self._stopped:
             return self._stopped[station_id]
-        so_far = self._lied.get(station_id, 0)
-        self._lied[station_id] = so_far + 1
-        if self._draws.of(station_id).random() >= self._probability + so_far * self._growth:
+        count = self._message_counts.get(station_id, 0)
+        self._message_counts[station_id] = count + 1
+        if self._draws.of(station_id).random() >= self._probability + count * self._growth:
             return {}
         self._stopped[station_id] = {name: message.field(name) for name in _FROZEN_FIELDS} | _STANDSTILL
         return self._first(self._stopped[station_id])
 
-    def _first(self, still: dict[str, Any]) -> Mapping[str, Any]:
-        """What the message says that begins the stop."""
-        return still
+    def _first(self, stopped: dict[str, Any]) -> Mapping[str, Any]:
+        """The fields of the first message of the stop."""
+        return stopped
 
 
 class SuddenStop(EventualStop):
-    """From one message to the next at a standstill, announced by an emergency braking: NextGen's sudden stop.
+    """Claims to stop from one message to the next, after emergency braking: NextGen's sudden stop.
 
-    probability: of each message to be the first.
+    probability: of stopping at each message.
     """
 
     traits = V2xTraits(
@@ -94,7 +94,7 @@ class SuddenStop(EventualStop):
     ) -> None:
         super().__init__(context, probability=probability, growth=0.0, rebuild_path=rebuild_path)
 
-    def _first(self, still: dict[str, Any]) -> Mapping[str, Any]:
+    def _first(self, stopped: dict[str, Any]) -> Mapping[str, Any]:
         pedals = AccelerationControl.BRAKE_PEDAL | AccelerationControl.EMERGENCY_BRAKE
         braking = {"longitudinal_acceleration_mps2": EMERGENCY_MPS2, "acceleration_control": pedals}
-        return still | braking
+        return stopped | braking

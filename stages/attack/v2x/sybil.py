@@ -1,4 +1,4 @@
-"""One radio, many stations: crowds of ghosts around, ahead, or on others' tracks."""
+"""Sybil attacks: one radio pretends to be many vehicles."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ MAX_GHOSTS = 1000
 
 
 class SybilGrid(GhostAttack):
-    """Ghosts on a grid that moves with a vehicle, as F2MD's grid Sybil: 5 m apart, in lanes 2 m apart.
+    """Ghost vehicles on a grid that moves with a vehicle, as F2MD's grid Sybil: 5 m apart, lanes 2 m apart.
 
-    around: each attacker itself, or the victim, around which attackers take the cells in turns: no two ghosts
-    share one. The cells next to the vehicle are taken first, those ahead before those behind, left before
-    right; ghosts: of each attacker; jitter_m: each stands up to so far from its cell.
+    around: each "attacker", or the "victim", whose cells the attackers take in turns, so that no two ghost
+    vehicles share one. Cells nearest to the vehicle come first, ahead before behind, left before right.
+    ghosts: per attacker. jitter_m: the largest random offset from the cell along each axis.
     """
 
     traits = V2xTraits(
@@ -62,7 +62,7 @@ class SybilGrid(GhostAttack):
         name = context.name
         self._around_victim = checked_choice(name, "around", around, AROUND) == "victim"
         if self._around_victim and context.victim is None:
-            raise UsageError(f"{name}: around is 'victim', but there is none; name one")
+            raise UsageError(f"{name}: around is 'victim', but no victim is given; name one")
         self._jitter_m = checked_number(name, "jitter_m", jitter_m, 0)
         grids = len(context.attackers) if self._around_victim else 1
         cells = grid_cells(
@@ -76,7 +76,7 @@ class SybilGrid(GhostAttack):
 
     @classmethod
     def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
-        """Each ghost sends at most whenever it checks."""
+        """Each ghost vehicle sends at most one message per check."""
         return {MESSAGES_ADDED.name: (0, parameters["ghosts"] * (NS_PER_S // CHECK_INTERVAL_NS))}
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
@@ -89,7 +89,7 @@ class SybilGrid(GhostAttack):
                 self._companions.pop(attacker, None)
                 continue
             if attacker not in self._companions:
-                self._companions[attacker] = self._crowd(attacker)
+                self._companions[attacker] = self._create_companions(attacker)
             companions = self._companions[attacker]
             motions: dict[Key, GhostMotion] = {
                 (attacker, index): companion.motion(step, radio) for index, companion in enumerate(companions)
@@ -99,7 +99,7 @@ class SybilGrid(GhostAttack):
         self._ghost_vehicles.observe(step, edited)
         return edited
 
-    def _crowd(self, attacker: int) -> list[OffsetMotion]:
+    def _create_companions(self, attacker: int) -> list[OffsetMotion]:
         rng, cells = self.context.rng("grid", attacker), self._cells[attacker]
         jitters_m = rng.uniform(-self._jitter_m, self._jitter_m, (len(cells), 2)).tolist()
         return [
@@ -109,7 +109,7 @@ class SybilGrid(GhostAttack):
 
 
 def grid_cells(ghosts: int, spacing_m: float, lane_m: float, lanes: int) -> list[tuple[float, float]]:
-    """Metres ahead and to the left of each ghost's cell, the nearest ones first; never the middle itself."""
+    """The cells of ghost vehicles, in metres ahead and to the left, nearest first, without the centre."""
     sides = range(-(lanes // 2), lanes - lanes // 2)
     rows = range(-ghosts, ghosts + 1)
     cells = [(row * spacing_m, side * lane_m) for row in rows for side in sides if (row, side) != (0, 0)]
@@ -118,10 +118,10 @@ def grid_cells(ghosts: int, spacing_m: float, lane_m: float, lanes: int) -> list
 
 
 class CrawlingGhosts(GhostsAhead):
-    """Ghosts that brake from the target's speed and then crawl.
+    """Ghost vehicles that brake from the target's speed and then crawl.
 
-    jitter_m: each is up to so far from its place along the road. speed_spread: each crawls that share faster
-    or slower than jam_mps, at most.
+    jitter_m: the largest random offset of each along the road. speed_spread: the largest random deviation
+    from jam_mps, as a fraction.
     """
 
     def __init__(
@@ -150,7 +150,7 @@ class CrawlingGhosts(GhostsAhead):
         place_m: tuple[float, float],
         rng: np.random.Generator,
     ) -> BrakingMotion:
-        """The ghost whose place is so far ahead of a front, and to its left."""
+        """The ghost vehicle at a place ahead of a front and to its left."""
         jitter_m, spread = rng.uniform(-1, 1, 2).tolist()
         ahead_m = place_m[0] + jitter_m * self._jitter_m
         final_mps = self._jam_mps * (1 + spread * self._speed_spread)
@@ -161,7 +161,7 @@ class CrawlingGhosts(GhostsAhead):
 
 
 class SybilCongestion(CrawlingGhosts):
-    """A traffic jam ahead of the target: rows of ghosts that crawl, by the parameters of `CrawlingGhosts`.
+    """A traffic jam ahead of the target: rows of crawling ghost vehicles; see also `CrawlingGhosts`.
 
     The first row's rears are `margin_m + headway_s * speed` ahead; rows are spacing_m apart, lanes lane_m,
     the target's own in the middle.
@@ -210,7 +210,7 @@ _SILENCE_NS = 2_000_000_000
 
 @dataclass
 class _Track:
-    """A ghost that follows a station: its own id, the followed one, and the time of what it replayed last."""
+    """A ghost vehicle that follows a station: its id, the followed id, and the last replayed time."""
 
     id: int
     station: int
@@ -218,12 +218,12 @@ class _Track:
 
 
 class SybilReplay(V2xAttack):
-    """Ghosts that drive where others have driven: each tells, under an id of its own, all that one station
-    told `age_s` ago, with generation times that are as much later; beside the attacker's own CAMs. After
-    F2MD's replay Sybil, where the pseudonym changes with each one followed.
+    """Ghost vehicles on the tracks of other stations, besides the attacker's own CAMs.
 
-    ghosts: at once, of each attacker. range_m: within which others are heard. When a station has nothing
-    more to replay for two seconds, the ghost is gone, and another, of another station, comes.
+    Each replays, under its own station id, all CAMs that one station sent `age_s` ago, with generation times
+    moved by as much. After F2MD's replay Sybil, where the pseudonym changes with each followed station.
+    ghosts: at the same time, per attacker. range_m: within which others are overheard. When a station has
+    nothing to replay for two seconds, a ghost vehicle of another station replaces its own.
     """
 
     traits = V2xTraits(
@@ -249,23 +249,23 @@ class SybilReplay(V2xAttack):
         )
         self._tracks: dict[int, list[_Track]] = {attacker: [] for attacker in context.attackers}
         self._rngs = {attacker: context.rng("tracks", attacker) for attacker in context.attackers}
-        self._begun = 0
+        self._track_count = 0
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         edited = list(sent)
         if step.end_ns is not None:
             for attacker in self.context.attackers:
                 if self.context.radio(step, attacker) is not None:
-                    edited += self._tell(step.begin_ns, step.end_ns, attacker)
+                    edited += self._replay(step.begin_ns, step.end_ns, attacker)
         self._overheard.listen(step, sent)
         return edited
 
-    def _tell(self, begin_ns: int, end_ns: int, attacker: int) -> list[Sent]:
+    def _replay(self, begin_ns: int, end_ns: int, attacker: int) -> list[Sent]:
         cams, tracks = self.context.cams, self._tracks[attacker]
         tracks[:] = [track for track in tracks if begin_ns - self._age_ns - track.last_ns < _SILENCE_NS]
         if self.context.active(begin_ns):
-            self._begin_tracks(begin_ns - self._age_ns, end_ns - self._age_ns, attacker)
-        told: list[Sent] = []
+            self._add_tracks(begin_ns - self._age_ns, end_ns - self._age_ns, attacker)
+        replayed: list[Sent] = []
         for track in tracks:
             for old in self._overheard.between(
                 attacker, track.station, begin_ns - self._age_ns, end_ns - self._age_ns
@@ -277,11 +277,11 @@ class SybilReplay(V2xAttack):
                     tree = with_later_time(
                         with_fields(tree, station_id=track.id), self._age_ns + self._ahead_ns
                     )
-                    told.append(self.context.message(attacker, at_ns, cams.close(tree)))
-        return told
+                    replayed.append(self.context.message(attacker, at_ns, cams.close(tree)))
+        return replayed
 
-    def _begin_tracks(self, from_ns: int, until_ns: int, attacker: int) -> None:
-        """Fills up with stations that begin to be replayed in this step, and are not already."""
+    def _add_tracks(self, from_ns: int, until_ns: int, attacker: int) -> None:
+        """Fill up the tracks with stations to replay from this step on."""
         tracks, rng = self._tracks[attacker], self._rngs[attacker]
         missing = self._ghosts - len(tracks)
         if missing <= 0:
@@ -293,6 +293,6 @@ class SybilReplay(V2xAttack):
             if station not in taken and self._overheard.between(attacker, station, from_ns, until_ns)
         ]
         for index in rng.permutation(len(others))[:missing].tolist():
-            self._begun += 1
-            pseudonym = self.context.pseudonym("track", attacker, self._begun)
+            self._track_count += 1
+            pseudonym = self.context.pseudonym("track", attacker, self._track_count)
             tracks.append(_Track(pseudonym, others[index], from_ns))

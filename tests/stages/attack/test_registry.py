@@ -78,7 +78,7 @@ def test_a_class_that_does_not_declare_itself_is_not_registered():
     class Slower(SuddenStop):
         pass
 
-    abstract = "Falsification is no whole attack: it lacks lie, traits"
+    abstract = "Falsification is no whole attack: it lacks falsify, traits"
     for kind, line in ((Falsification, abstract), (Slower, "no traits")):
         registry = FamilyRegistry("v2x", lambda add, kind=kind: add("cam-mine", kind))
         with pytest.raises(AdvpipeError, match=line):

@@ -40,7 +40,7 @@ def test_what_is_retold_and_nothing_else():
         64,
     )
     assert field_of(tree, "speed_mps") == 10
-    with pytest.raises(ValueError, match="colour is none of station_id"):
+    with pytest.raises(ValueError, match="unknown CAM field colour; known: station_id"):
         with_fields(tree, colour=1)
     with pytest.raises(CamError, match="speed_mps"):
         with_fields(tree, speed_mps=-1.0)

@@ -160,7 +160,7 @@ def test_a_roadside_unit_is_on_the_air_and_in_the_stations(recorded, tmp_path):
     senders = [sent_of_message(reader.decode(m)).station_id for m in messages[V2X_SENT.name]]
     assert senders.count(last.station_id) >= 50
     assert {row["attacker"] for row in labels_of(change, tmp_path)} == {"roadside_unit_1"}
-    with pytest.raises(AdvpipeError, match="cam-speed-constant changes what a vehicle sends"):
+    with pytest.raises(AdvpipeError, match="cam-speed-constant changes the CAMs that a vehicle sends"):
         forge(reader, [spec("cam-speed-constant", attackers=unit)], 1)
 
 

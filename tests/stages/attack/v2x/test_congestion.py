@@ -23,7 +23,7 @@ def kept(congestion: Congestion, busy_ratio: float, steps: int) -> dict[int, lis
         for one in congestion.allowed(V2xStep(begin_ns, begin_ns + STEP_NS, radios, ()), sent):
             found[one.station_id].append(step)
         load = ChannelLoad(begin_ns + STEP_NS, np.array([1, 2]), np.full(2, busy_ratio))
-        congestion.hear([load])
+        congestion.observe([load])
     return found
 
 

@@ -34,7 +34,7 @@ def test_a_constant_speed_of_nextgen_is_zero(strike, monkeypatch):
 
 
 def test_no_attack(strike):
-    with pytest.raises(AdvpipeError, match="'cam-mix' is no attack to mix"):
+    with pytest.raises(AdvpipeError, match="'cam-mix' cannot be mixed"):
         strike("cam-mix", [honest(0)], attacks="cam-dimensions, cam-mix")
 
 
