@@ -1,4 +1,4 @@
-"""What a GPS attack is: from the fixes that a receiver would have had, the fixes that it is made to have."""
+"""The base of GPS attacks: they replace the true fixes of a receiver by false ones."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from advpipe.stages.attack.base import Attack, Traits
 
 
 class TrueFix(NamedTuple):
-    """A fix as the satellites alone would have given it: position_m (3,) in the map."""
+    """A fix from the genuine satellite signals: position_m (3,) in the map."""
 
     stamp_ns: int
     position_m: Float64
@@ -25,13 +25,13 @@ class TrueFix(NamedTuple):
 
 @dataclass(frozen=True)
 class SpoofingContext:
-    """One fix at the moment of the attack, and what a spoofer may know of its victim.
+    """One fix under attack, and what a spoofer may know about its victim.
 
-    true_fixes: all fixes until now, attacked or not, as they would have been; the last one is this fix.
-    elapsed_s: since the first attacked fix of this span, interval_s: since the attacked fix before; both 0 at
-    a span's first. heading_rad: of the victim, about the map's vertical from its x axis, as it knows it.
-    innovation: what the victim's filter would make of the genuine fix, with all that it has been told so
-    far; only a spoofer who knows the filter and its sensors can ask for it.
+    true_fixes: all true fixes until now, attacked or not; the last one is this fix.
+    elapsed_s: since the first attacked fix of this span, interval_s: since the previous attacked fix; both 0
+    at the first fix of a span. heading_rad: the victim's estimated heading, about the map's vertical from its
+    x axis. innovation: computes the innovation of the true fix in the victim's filter, given all earlier
+    reported fixes; only a spoofer that knows the filter and its sensors can use it.
     """
 
     true_fixes: Sequence[TrueFix]
@@ -42,33 +42,33 @@ class SpoofingContext:
 
     @property
     def position_m(self) -> Float64:
-        """The genuine fix (3,) in the map."""
+        """The true fix (3,) in the map."""
         return self.true_fixes[-1].position_m
 
     @property
     def is_first(self) -> bool:
-        """Whether a span of attacked fixes begins: a lie that grows starts anew."""
+        """Whether a span of attacked fixes begins: a growing offset restarts at zero."""
         return self.elapsed_s == 0
 
 
 Spoofer = Callable[[SpoofingContext], Float64 | None]
-"""Gives the false fix (3,) in the map, None for no fix at all; called for each attacked fix in order."""
+"""Returns the false fix (3,) in the map, or None for no fix; called for each attacked fix in order."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class GnssTraits(Traits):
-    """What is known of a GPS attack whatever its parameters.
+    """Properties of a GPS attack that do not depend on its parameters.
 
-    needs_filter: it asks for `SpoofingContext.innovation`, so that a station of which the bag holds CAMs
-    alone cannot be its victim.
+    needs_filter: whether it uses `SpoofingContext.innovation`; its victim must then be a vehicle with a
+    filter in the bag, not a station with CAMs alone.
     """
 
     needs_filter: bool = False
 
 
 class GnssAttack(Attack):
-    """A GPS attack with its parameters, which its constructor takes keyword-only, with defaults and units in
-    their names, and checks. It declares its `traits`:
+    """A GPS attack. Its constructor takes and checks keyword-only parameters, with defaults and units in
+    their names. The class declares its `traits`:
 
     >>> class North(GnssAttack):
     ...     traits = GnssTraits()
@@ -79,8 +79,8 @@ class GnssAttack(Attack):
     ...     def begin(self, rng):
     ...         return lambda context: context.position_m + [0.0, self.offset_m, 0.0]
 
-    What it keeps to in numbers are its `bounds`: a fix beyond them is refused, and `verify` measures them
-    again. Several on one vehicle cannot act at the same time: a receiver reports one place.
+    `bounds` are the limits that it keeps: a fix beyond them is refused, and `verify` measures them again. Two
+    attacks on one vehicle cannot be active at the same time, as a receiver reports one position.
     """
 
     family = "gnss"
@@ -93,18 +93,18 @@ class GnssAttack(Attack):
 
     @property
     def bounds(self) -> Mapping[str, tuple[float, float]]:
-        """Least and most of each quantity that the attack bounds, with its parameters, in every fix while it
-        is on; by names of `advpipe.pipeline.labels.fix_quantities`. Nothing where it bounds none."""
+        """Minimum and maximum of each quantity that the attack bounds, in every attacked fix, by names of
+        `advpipe.pipeline.labels.fix_quantities`; empty if it bounds none."""
         return {}
 
     @abstractmethod
     def begin(self, rng: np.random.Generator) -> Spoofer:
-        """The attack on one victim; all its draws come from `rng`."""
+        """Start the attack on one victim; all random draws come from `rng`."""
 
 
-def gnss_traits(kind: type[GnssAttack]) -> GnssTraits:
+def gnss_traits(attack_class: type[GnssAttack]) -> GnssTraits:
     """The traits of a class."""
-    found: GnssTraits = vars(kind)["traits"]
+    found: GnssTraits = vars(attack_class)["traits"]
     return found
 
 
@@ -114,5 +114,5 @@ def horizontal_unit(angle_rad: float) -> Float64:
 
 
 def random_direction(rng: np.random.Generator) -> Float64:
-    """A horizontal unit vector (3,), uniform in all directions."""
+    """A random horizontal unit vector (3,), uniform in direction."""
     return horizontal_unit(float(rng.uniform(0, math.tau)))

@@ -1,4 +1,4 @@
-"""Random Bias Attack (RBA): every fix is off by the same random vector."""
+"""Random Bias Attack (RBA): the same random vector is added to every fix."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class Bias(GnssAttack):
     section on communication attacks: "a random constant error").
 
     bound_m: Delta of each horizontal axis of the map, by default three standard deviations of a fix (1 m of
-    wandering, 0.3 m white), "the maximum plausible GPS error". bound_up_m: Delta of the height, by default
-    as much larger as heights err more. A fix holds no heading, so none is biased.
+    correlated error, 0.3 m white), "the maximum plausible GPS error". bound_up_m: Delta of the height, by
+    default larger by the factor of height errors. A fix has no heading, so none is biased.
     """
 
     traits = GnssTraits(also_known_as=("rba", "gnss-rba"))
@@ -38,7 +38,7 @@ class Bias(GnssAttack):
         return {FIX_DISPLACEMENT.name: (0, most_m), FIX_HEIGHT_CHANGE.name: (0, self.bound_up_m)}
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
-        """Draws the bias."""
+        """Draw the bias."""
         delta_m = rng.uniform(-1, 1, 3) * (self.bound_m, self.bound_m, self.bound_up_m)
 
         def spoof(context: SpoofingContext) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""GPS spoofing of a recorded drive: the fixes, and everything downstream of them."""
+"""GPS spoofing of a recorded drive: the fixes, and everything that depends on them."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ __all__ = ["GnssChange", "spoof"]
 
 
 class GnssChange:
-    """Fixes, odometry and /tf of the victims, as a `Change`; `editors` are for the CAMs that they send.
+    """A `Change` of the victims' fixes, odometry and /tf; `editors` change the CAMs that they send.
 
-    vehicles: victims with a receiver and a filter in the bag. others: attacks on stations of which the bag
-    holds CAMs only, which change no topic but those of V2X.
+    vehicles: victims with a receiver and a filter in the bag. others: attacks on stations with CAMs alone,
+    which change only V2X topics.
     """
 
     def __init__(
@@ -74,16 +74,16 @@ class GnssChange:
                 yield self._transforms(raw)
 
     def write_labels(self, folder: Path) -> None:
-        """gnss_labels.parquet; see `labels.write_labels`. Of CAMs, V2X's own labels tell."""
+        """Write gnss_labels.parquet; see `labels.write_labels`. The labels of V2X cover CAMs."""
         write_labels(self.vehicles, folder / fixes.FILE)
 
     def counts(self) -> Counter[str]:
-        """How many fixes the attacks made false, and how many they took away."""
+        """How many fixes the attacks spoofed, and how many they removed."""
         false = [record for one in self.vehicles for record in one.records if record.is_false]
         return Counter("fixes missing" if record.reported is None else "fixes spoofed" for record in false)
 
     def editors(self) -> tuple[MessageEditor, ...]:
-        """What puts the lies into the victims' CAMs, at the begin of a drive; none for a bag without CAMs."""
+        """The editors of the victims' CAMs, at the start of the drive; none for a bag without CAMs."""
         if V2X_STATIONS.name not in self._reader.topics:
             return ()
         drive, recorded = V2xDrive(self._reader), read_filter(self._reader)
@@ -102,7 +102,7 @@ class GnssChange:
         return replace(raw, cdr=serialise(replace(message, transforms=transforms), raw.topic.type))
 
     def _transform(self, transform: Any) -> Any:
-        """The newest estimate of a victim instead of the recorded one."""
+        """The transform of a victim from its new estimate instead of the recorded one."""
         estimates = self._estimates.get(transform.child_frame_id, {})
         estimate = estimates.get(build.stamp_ns(transform))
         if estimate is None or transform.header.frame_id != MAP_FRAME:
@@ -174,6 +174,6 @@ def _refuse_filterless(specs: Sequence[AttackSpec], victim: str) -> None:
     for spec in specs:
         if gnss_traits(GNSS_ATTACKS.find(spec.type)).needs_filter:
             raise UsageError(
-                f"{spec.type}: {victim} has no filter in the bag to be aware of; strike an instrumented "
-                "vehicle, or take an attack that needs none"
+                f"{spec.type}: {victim} has no filter in the bag, which this attack needs; attack an "
+                "instrumented vehicle, or choose an attack without a filter"
             )

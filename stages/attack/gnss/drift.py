@@ -1,4 +1,4 @@
-"""Fixes that slowly slide away."""
+"""Gradual drift: the offset of the fixes grows slowly."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, Spo
 
 @dataclass(frozen=True, kw_only=True)
 class Drift(GnssAttack):
-    """offset(t) = min(rate_mps * t, most_m) in one direction, t from the begin of a span.
+    """offset(t) = min(rate_mps * t, most_m) in one direction, with t from the start of a span.
 
     rate_mps: the 0.2 m/s of TDRobertson's GRADUAL_DRIFT for CARLA. angle_deg: the direction, anticlockwise
-    from where the victim heads at the begin of a span; 90 is to its left, out of its lane, which is what
-    Shen et al. aim for ("Drift with Devil", USENIX Security 2020).
+    from the victim's heading at the start of a span; 90 is to its left, out of its lane, as in Shen et al.
+    ("Drift with Devil", USENIX Security 2020).
     """
 
     traits = GnssTraits()
@@ -37,7 +37,7 @@ class Drift(GnssAttack):
         return {FIX_DISPLACEMENT.name: (0, self.most_m), FIX_HEIGHT_CHANGE.name: (0, 0)}
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
-        """Draws nothing."""
+        """No random draws."""
         direction = np.zeros(3)
 
         def spoof(context: SpoofingContext) -> np.ndarray:

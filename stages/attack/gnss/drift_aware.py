@@ -1,4 +1,4 @@
-"""Fixes that slide away as fast as the victim's own innovation test lets them."""
+"""Innovation-aware drift: as fast as the victim's innovation test permits."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class DriftAware(GnssAttack):
     """A drift, throttled so that no fix fails the test nis <= gate of the victim's filter.
 
     The offset grows by rate_mps, unless the normalised innovation squared would exceed share times the
-    chi-square quantile of 3 degrees of freedom at gate_probability: then it is the nearest offset that keeps
-    below it, or the one of least innovation where none does. It never changes sides, nor exceeds most_m.
-    TDRobertson's INNOVATION_AWARE_GRADUAL_DRIFT for CARLA throttles at 70 % of a threshold in metres;
-    share is that, on the test of `evaluate`. The spoofer knows the filter and all that it measures: the
-    worst case. angle_deg: as in `drift`.
+    chi-square quantile of 3 degrees of freedom at gate_probability: then it is the nearest offset below that
+    limit, or the one with the smallest innovation if there is none. It never changes sides, nor exceeds
+    most_m. TDRobertson's INNOVATION_AWARE_GRADUAL_DRIFT for CARLA throttles at 70 % of a threshold in metres;
+    share is this fraction for the test of `evaluate`. As a worst case, the spoofer knows the filter and all
+    its measurements. angle_deg: as in `drift`.
     """
 
     traits = GnssTraits(needs_filter=True)
@@ -43,7 +43,7 @@ class DriftAware(GnssAttack):
 
     @property
     def allowed_nis(self) -> float:
-        """No attacked fix is to have a larger normalised innovation squared."""
+        """The largest normalised innovation squared that attacked fixes may have."""
         from scipy.special import chdtri
 
         return self.share * float(chdtri(3, 1 - self.gate_probability))
@@ -53,7 +53,7 @@ class DriftAware(GnssAttack):
         return {FIX_DISPLACEMENT.name: (0, self.most_m), FIX_HEIGHT_CHANGE.name: (0, 0)}
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
-        """Draws nothing."""
+        """No random draws."""
         direction, offset_m, allowed = np.zeros(3), 0.0, self.allowed_nis
 
         def spoof(context: SpoofingContext) -> np.ndarray:
@@ -69,10 +69,10 @@ class DriftAware(GnssAttack):
 
 
 def undetected_range_m(innovation: Innovation, direction: Float64, allowed_nis: float) -> tuple[float, float]:
-    """From which to which offset along a unit vector (3,) the innovation of a fix passes the test.
+    """The smallest and largest offset along a unit vector (3,) with which a fix passes the innovation test.
 
-    With residual r and covariance S of the genuine fix, nis(a) = (r + a d)' S^-1 (r + a d) is a parabola:
-    these are the roots of nis(a) = allowed_nis. Where it has none, twice the a of its lowest point.
+    With residual r and covariance S of the true fix, nis(a) = (r + a d)' S^-1 (r + a d) is a parabola: these
+    are the roots of nis(a) = allowed_nis. Without roots, both are the a of its minimum.
     """
     weighted = np.linalg.solve(innovation.covariance_m2, direction)
     curvature = float(direction @ weighted)

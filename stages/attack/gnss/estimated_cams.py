@@ -1,4 +1,4 @@
-"""The CAMs of a spoofed vehicle that tells its estimate on board."""
+"""The CAMs of a spoofed vehicle, from its estimate on board."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from advpipe.stages.attack.gnss.victim import SpoofedVehicle
 
 
 class EstimatedCams:
-    """Fills a victim's CAMs anew from its spoofed estimate, as the simulator fills them; a `MessageEditor`.
+    """Rebuilds a victim's CAMs from its spoofed estimate, as the simulator does; a `MessageEditor`.
 
     Position, ellipse, altitude, heading, speed, accelerations, yaw rate, curvature, pedals and path history,
-    with their confidences, follow the estimate; without a lie they come out to the bit. When CAMs are sent,
-    and which carry the low-frequency container, stays as recorded, although a vehicle that believes to move
-    otherwise would trigger them at other times (EN 302 637-2, 6.1.3).
+    with their confidences, follow the estimate; without a false fix every bit is reproduced. The times of
+    CAMs, and which of them carry the low-frequency container, stay as recorded, although a vehicle with another
+    estimate would trigger them at other times (EN 302 637-2, 6.1.3).
 
     Calls of `edit` go through the drive's steps in order, once.
     """
@@ -44,7 +44,7 @@ class EstimatedCams:
         self._speed_before_mps: float | None = None
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
-        """The same messages; those of the victim from its first false fix on tell what it believes."""
+        """The messages with the victim's CAMs rebuilt from its estimate, from its first attacked fix on."""
         if self._drive_begin_ns is None:
             self._drive_begin_ns = step.begin_ns
         radio = next((radio for radio in step.radios if radio.vehicle == self._victim.vehicle), None)
@@ -92,7 +92,7 @@ class EstimatedCams:
     ) -> Sent:
         try:
             recorded_cam = decode_cam(one.payload)
-        except CamError:  # bytes that are no CAM tell no place
+        except CamError:  # not a CAM: no position to change
             return one
         length_m, width_m, _ = radio.size_m
         who = Identity(radio.station_id, recorded_cam.station_type, length_m, width_m, recorded_cam.trailer)

@@ -1,4 +1,4 @@
-"""Fixes that stand still."""
+"""Frozen fixes."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, Spo
 
 @dataclass(frozen=True, kw_only=True)
 class Freeze(GnssAttack):
-    """The genuine fix at the begin of a span, over and over (Simutack's "No Update" on its GNSS sensor)."""
+    """Repeats the true fix at the start of a span (Simutack's "No Update" on its GNSS sensor)."""
 
     traits = GnssTraits()
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
-        """Draws nothing."""
+        """No random draws."""
         frozen_m = np.zeros(3)
 
         def spoof(context: SpoofingContext) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""No fixes."""
+"""Jamming: no fixes."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, Spo
 
 @dataclass(frozen=True, kw_only=True)
 class Jam(GnssAttack):
-    """The receiver finds no satellites: STATUS_NO_FIX and no place (sensor_msgs/NavSatStatus)."""
+    """The receiver finds no satellites: STATUS_NO_FIX and no position (sensor_msgs/NavSatStatus)."""
 
     traits = GnssTraits()
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
-        """Draws nothing."""
+        """No random draws."""
 
         def spoof(context: SpoofingContext) -> None:
             return None

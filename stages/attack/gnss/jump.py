@@ -1,4 +1,4 @@
-"""Fixes that jump now and then."""
+"""Random jumps of the fixes."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ MODES = ("glitch", "step")
 
 @dataclass(frozen=True, kw_only=True)
 class Jump(GnssAttack):
-    """Each attacked fix jumps with a probability by distance_m, in a direction uniform in the plane.
+    """Each attacked fix jumps by distance_m with a probability, in a random horizontal direction.
 
-    mode `glitch`: this fix alone is off. mode `step`: it and all after it are, until a span ends; jumps add
-    up. The defaults are those of TDRobertson's SUDDEN_JUMP for CARLA: 5 m, probability 0.02 for each fix.
+    mode `glitch`: only this fix jumps. mode `step`: later fixes keep the offset until the span ends, and
+    jumps add up. The defaults are those of TDRobertson's SUDDEN_JUMP for CARLA: 5 m, probability 0.02 for each fix.
     """
 
     traits = GnssTraits()
@@ -34,7 +34,7 @@ class Jump(GnssAttack):
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
-        """Jumps of `step` add up without end."""
+        """No bound on the distance of `step`, whose jumps add up."""
         farthest = {FIX_DISPLACEMENT.name: (0, self.distance_m)} if self.mode == "glitch" else {}
         return {**farthest, FIX_HEIGHT_CHANGE.name: (0, 0)}
 

@@ -1,4 +1,4 @@
-"""What was done to which fix, as Parquet beside the bag."""
+"""The labels of attacked fixes, as Parquet beside the bag."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _rows(vehicles: Sequence[SpoofedVehicle]) -> Iterator[Row]:
 
 
 def label(record: FixRecord) -> Row:
-    """One row, without vehicle and number."""
+    """The row of a fix, without vehicle and number."""
     offset_m = _offset_m(record)
     is_lost = record.true_geographic is not None and record.reported is None
     row: Row = {
@@ -49,7 +49,7 @@ def label(record: FixRecord) -> Row:
 
 
 def _offset_m(record: FixRecord) -> Float64 | None:
-    """False minus true, along the map's axes, which are east, north and up."""
+    """The false minus the true position, along the map's axes: east, north and up."""
     if record.false_fix is None or record.reported is None:
         return None if record.reported is None else np.zeros(3)
     assert record.false_fix.position_m is not None

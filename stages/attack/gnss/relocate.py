@@ -1,4 +1,4 @@
-"""Position Altering Attack (PAA): the victim is somewhere else, far from where it is."""
+"""Position Altering Attack (PAA): fixes far away from the true position."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ MODES = ("offset", "place")
 class Relocate(GnssAttack):
     """The paper's PAA: "a fictitious location far from its true position", "beyond normal error bounds".
 
-    Both ways that it names: mode `offset` injects "a large bias", which moves along with the vehicle;
-    mode `place` reports "entirely fabricated coordinates", one place all along a span. The distance from the
-    genuine fix (at the span's begin for `place`) is uniform in [least_m, most_m], its direction uniform in
-    the plane; both are drawn once for a victim. The height stays. The paper gives no figures: the defaults
-    are ours, and least_m is at least 10 m, which no fix of the default receiver errs by.
+    It names two ways: mode `offset` injects "a large bias", which moves along with the vehicle; mode `place`
+    reports "entirely fabricated coordinates", the same place throughout a span. The distance from the true
+    fix (at the start of the span for `place`) is uniform in [least_m, most_m], the horizontal direction
+    uniform; both are drawn once for a victim. The height stays. The paper gives no values: the defaults are
+    ours, and least_m is at least 10 m, which exceeds every error of the default receiver.
     """
 
     traits = GnssTraits(also_known_as=("paa", "gnss-paa"))
@@ -40,13 +40,13 @@ class Relocate(GnssAttack):
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
-        """None of `place`, which the vehicle may leave behind."""
+        """No bounds for `place`, as the vehicle may drive away from it."""
         if self.mode == "place":
             return {}
         return {FIX_DISPLACEMENT.name: (self.least_m, self.most_m), FIX_HEIGHT_CHANGE.name: (0, 0)}
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
-        """Draws how far away, and where to."""
+        """Draw the distance and the direction."""
         away_m = rng.uniform(self.least_m, self.most_m) * random_direction(rng)
         place_m = np.zeros(3)
 

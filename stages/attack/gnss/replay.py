@@ -1,4 +1,4 @@
-"""Fixes of a moment ago: a repeater of recorded signals (meaconing)."""
+"""Replayed fixes: recorded signals are repeated (meaconing)."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ NS_PER_S = 1e9
 
 @dataclass(frozen=True, kw_only=True)
 class GnssReplay(GnssAttack):
-    """The place of the latest genuine fix that is at least delay_s old, or of the first one of all.
+    """The position of the latest true fix that is at least delay_s old, or of the first one.
 
-    delay_s: the 2 s of TDRobertson's REPLAY for CARLA. The message keeps its own stamp: the receiver does
-    not know.
+    delay_s: the 2 s of TDRobertson's REPLAY for CARLA. The message keeps its stamp, as the receiver does not
+    notice the delay.
     """
 
     traits = GnssTraits()
@@ -29,7 +29,7 @@ class GnssReplay(GnssAttack):
         checked_number("gnss-replay", "delay_s", self.delay_s, 0, 1e6)
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
-        """Draws nothing."""
+        """No random draws."""
 
         def spoof(context: SpoofingContext) -> np.ndarray:
             until_ns = context.true_fixes[-1].stamp_ns - round(self.delay_s * NS_PER_S)

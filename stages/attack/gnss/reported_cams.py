@@ -1,4 +1,4 @@
-"""The CAMs of a spoofed station of which the bag holds nothing else: no fixes, no filter."""
+"""The CAMs of a spoofed station without fixes and filter in the bag."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from advpipe.stages.attack.gnss.spoofing_schedule import FalseFix, SpoofingSched
 
 
 class ReportedCams:
-    """Moves the reported position of one station by the attack's false_fix; a `MessageEditor`.
+    """Replaces the reported position of one station by the false fix; a `MessageEditor`.
 
-    Each CAM counts as a fix, the reference point as the receiver's place. Heading, speed, accelerations,
-    confidences and times of sending stay as they were said: nothing in the bag tells how the station fuses
-    them. The path history, which is relative, moves along. Without a fix, position, altitude and ellipse are
+    Each CAM counts as a fix, and its reference point as the receiver's position. Heading, speed,
+    accelerations, confidences and times stay as recorded, as the bag does not show how the station fuses
+    them. The relative path history moves along. Without a fix, position, altitude and ellipse are
     unavailable. Attacks that need a filter (`GnssTraits`) are refused for such a station.
 
     Calls of `edit` go through the drive's steps in order, once.
@@ -35,7 +35,7 @@ class ReportedCams:
         self._geodesy = geodesy
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
-        """The same messages; those of the victim tell the false place."""
+        """The messages, with the false position in the victim's CAMs."""
         victim = self._schedule.victim
         ids = {radio.station_id for radio in step.radios if radio.vehicle == victim}
         return [self._with_false_position(one) if one.station_id in ids else one for one in sent]
@@ -43,7 +43,7 @@ class ReportedCams:
     def _with_false_position(self, one: Sent) -> Sent:
         try:
             cam = decode_cam(one.payload)
-        except CamError:  # bytes that are no CAM tell no place
+        except CamError:  # not a CAM: no position to change
             return one
         if cam.latitude_deg is None or cam.longitude_deg is None:
             return one

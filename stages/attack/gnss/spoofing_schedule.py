@@ -1,4 +1,4 @@
-"""The attacks on one victim, fix by fix, each when its schedule says so."""
+"""The GPS attacks on one victim, each applied to the fixes of its schedule."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from advpipe.stages.attack.recording import RecordedTimes
 
 
 class FalseFix(NamedTuple):
-    """What a victim is made to believe of one fix: position_m (3,) in the map, None for no fix."""
+    """The false fix that a victim receives: position_m (3,) in the map, None for no fix."""
 
     attack: str
     position_m: Float64 | None
@@ -30,7 +30,7 @@ class FalseFix(NamedTuple):
 
 @dataclass
 class _ScheduledAttack:
-    """One attack, and since when it has been on."""
+    """One attack, and the start of its current span of attacked fixes."""
 
     spec: AttackSpec
     bounds: Mapping[str, Range]
@@ -41,7 +41,7 @@ class _ScheduledAttack:
 
 
 class SpoofingSchedule:
-    """All attacks on one victim; `of` is asked for each of its fixes in order.
+    """All attacks on one victim; call `of` for each of its fixes in order.
 
     Raises AdvpipeError for a bad parameter, a schedule that begins after the recording, and for two attacks
     whose schedules overlap: a receiver reports one place.
@@ -61,8 +61,8 @@ class SpoofingSchedule:
         for spec in specs:
             recording.refuse_outside(spec)
             names = ("attack", spec.type, spec.seed_name, victim)
-            kind = GNSS_ATTACKS.find(spec.type)
-            attack = kind(**resolved_parameters(spec, kind))
+            attack_class = GNSS_ATTACKS.find(spec.type)
+            attack = attack_class(**resolved_parameters(spec, attack_class))
             spoofer = attack.begin(named_generator(seed, *names))
             acts = acting_on_fixes(spec, victim, recording.start_ns, seed)
             self._attacks.append(_ScheduledAttack(spec, attack.bounds, spoofer, acts))
@@ -70,9 +70,9 @@ class SpoofingSchedule:
     def of(
         self, time_ns: int, position_m: Float64, heading_rad: float, innovation: Callable[[], Innovation]
     ) -> FalseFix | None:
-        """The false_fix about a genuine fix (3,) in the map at a log time; None where it is left alone.
+        """The false fix for a true fix (3,) in the map at a log time; None if no attack is active.
 
-        Raises AdvpipeError for one that is beyond the bounds that its attack declares.
+        Raises AdvpipeError for a false fix beyond the bounds that its attack declares.
         """
         self._true_fixes.append(TrueFix(time_ns, position_m))
         false_fix = None

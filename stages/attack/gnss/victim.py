@@ -1,4 +1,4 @@
-"""One vehicle's localisation under attack: its fixes, and its own filter run again on them."""
+"""One vehicle's localisation under attack: its spoofed fixes, and its filter run again on them."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ class FixRecord:
 
     @property
     def is_false(self) -> bool:
-        """Whether it says something else than it would have: an attack that is on may leave it as it was."""
+        """Whether the fix was changed; an active attack may leave it as it was."""
         return self.reported is not self.true_geographic
 
 
 @dataclass(frozen=True)
 class SpoofedVehicle:
-    """What became of a victim. fixes: its messages. records: one for each. estimates: by log time."""
+    """A victim after the attack. fixes: its messages. records: one for each. estimates: by log time."""
 
     vehicle: str
     attack: str
@@ -91,14 +91,14 @@ def _spoof_vehicle(reader: BagReader, recorded: RecordedFilter, schedule: Spoofi
         estimate = estimator.step(measured)
         estimates[measured.stamp_ns] = estimate
         heading_rad = yaw_of(estimate.map_SE3_base)
-    while raw is not None:  # after the last estimate: nobody sees it any more
+    while raw is not None:  # after the last estimate: without any effect
         fixes.append(raw)
         raw = next(waiting, None)
     return SpoofedVehicle(schedule.victim, schedule.name, tuple(fixes), tuple(records), estimates)
 
 
 def _innovation_predictor(estimator: Estimator, measured: Measurements) -> Callable[[Float64], Innovation]:
-    """What the filter would make of a fix in this step; the filter itself stays as it is."""
+    """Computes the innovation of a fix in this step, without changing the filter."""
 
     def predict_innovation(fix: Float64) -> Innovation:
         innovation = deepcopy(estimator).step(replace(measured, fix=fix)).innovation
@@ -133,7 +133,7 @@ def _spoof_fix(
 
 
 def _with_position(message: Any, reported: Float64 | None) -> Any:
-    """The fix at another place, with the receiver's own claims of accuracy; or that it has none."""
+    """The fix at another position, with the receiver's stated accuracy; or without a fix for None."""
     if reported is None:
         return replace(
             message,

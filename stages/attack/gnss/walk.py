@@ -1,4 +1,4 @@
-"""Fixes whose error walks at random."""
+"""Random walk: the offset of the fixes is a Brownian motion."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, Spo
 
 @dataclass(frozen=True, kw_only=True)
 class RandomWalk(GnssAttack):
-    """The horizontal offset is a Brownian motion from zero at the begin of a span.
+    """The horizontal offset is a Brownian motion from zero at the start of a span.
 
     From one attacked fix to the next, t later, each axis moves by a normal draw of standard deviation
     stddev_m * sqrt(t / 1 s). Where it would leave the circle of most_m about zero, it goes to the circle's
@@ -35,7 +35,7 @@ class RandomWalk(GnssAttack):
         return {FIX_DISPLACEMENT.name: (0, self.most_m), FIX_HEIGHT_CHANGE.name: (0, 0)}
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
-        """Two draws for each attacked fix; those of a span's first count for nothing."""
+        """Two draws for each attacked fix; those of the first fix of a span have no effect."""
         offset_m = np.zeros(3)
 
         def spoof(context: SpoofingContext) -> np.ndarray:
