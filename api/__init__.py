@@ -1,13 +1,134 @@
-"""advpipe: adversarial attacks on autonomous vehicles; `advpipe --help` lists the commands.
+"""advpipe: adversarial attacks on autonomous vehicles; simulate a drive, attack it, measure the damage.
 
-Importing it loads nothing heavy.
+>>> import advpipe
+>>> drive = advpipe.simulate("smoke")
+>>> detached = advpipe.attack(drive, type="detach", ratio=0.01)
+>>> advpipe.evaluate(drive, detached).to_pandas()
+
+The functions are the commands of `advpipe --help`, with the same names, defaults and units. Beside them are
+the protocols and base classes for attacks, detectors, sensors and back ends of your own. Importing advpipe
+loads nothing heavy: a name is loaded when it is first used.
 """
 
 from __future__ import annotations
 
-__all__ = ["__version__"]
+TYPE_CHECKING = False  # as typing has it, which takes its time to load
 
-__version__: str
+if TYPE_CHECKING:
+    from advpipe.bag import Bag as Bag
+    from advpipe.bag import open_bag as open_bag
+    from advpipe.commands.attack import attack as attack
+    from advpipe.commands.evaluate import evaluate as evaluate
+    from advpipe.commands.simulate import simulate as simulate
+    from advpipe.commands.sweep import sweep as sweep
+    from advpipe.commands.train import train as train
+    from advpipe.commands.verify import verify as verify
+    from advpipe.pipeline.bag.frames import Frame as Frame
+    from advpipe.pipeline.campaigns.sweep.run import SweepReport as SweepReport
+    from advpipe.pipeline.core.errors import AdvpipeError as AdvpipeError
+    from advpipe.pipeline.core.errors import UsageError as UsageError
+    from advpipe.pipeline.core.seeding import named_generator as named_generator
+    from advpipe.pipeline.detector.protocol import Detections as Detections
+    from advpipe.pipeline.detector.protocol import Detector as Detector
+    from advpipe.pipeline.detector.protocol import Range as Range
+    from advpipe.pipeline.geometry.boxes import BOX_COLUMNS as BOX_COLUMNS
+    from advpipe.pipeline.geometry.boxes import CLASSES as CLASSES
+    from advpipe.pipeline.geometry.boxes import Boxes as Boxes
+    from advpipe.pipeline.labels.points import PointLabels as PointLabels
+    from advpipe.pipeline.messages.cloud import POINT_DTYPE as POINT_DTYPE
+    from advpipe.pipeline.replay.v2x_drive import V2xStep as V2xStep
+    from advpipe.pipeline.scenario.load import load_scenario as load_scenario
+    from advpipe.pipeline.scenario.models import Scenario as Scenario
+    from advpipe.pipeline.sensors.sensor import Drive as Drive
+    from advpipe.pipeline.sensors.sensor import Instant as Instant
+    from advpipe.pipeline.sensors.sensor import MountedSection as MountedSection
+    from advpipe.pipeline.sensors.sensor import MountedSensor as MountedSensor
+    from advpipe.pipeline.sensors.sensor import OnBoardSensor as OnBoardSensor
+    from advpipe.pipeline.sensors.sensor import Panel as Panel
+    from advpipe.pipeline.sensors.sensor import Reading as Reading
+    from advpipe.pipeline.sensors.sensor import Sensor as Sensor
+    from advpipe.pipeline.v2x.channel import Sent as Sent
+    from advpipe.stages.attack.gnss.base import GnssAttack as GnssAttack
+    from advpipe.stages.attack.gnss.base import GnssTraits as GnssTraits
+    from advpipe.stages.attack.gnss.base import Spoofer as Spoofer
+    from advpipe.stages.attack.gnss.base import SpoofingContext as SpoofingContext
+    from advpipe.stages.attack.lidar.base import Budget as Budget
+    from advpipe.stages.attack.lidar.base import LidarAttack as LidarAttack
+    from advpipe.stages.attack.lidar.base import LidarResult as LidarResult
+    from advpipe.stages.attack.lidar.base import LidarTraits as LidarTraits
+    from advpipe.stages.attack.lidar.base import PublishedFigure as PublishedFigure
+    from advpipe.stages.attack.lidar.base import unchanged as unchanged
+    from advpipe.stages.attack.lidar.targets import Targets as Targets
+    from advpipe.stages.attack.lidar.targets import detection_loss as detection_loss
+    from advpipe.stages.attack.lidar.targets import find_targets as find_targets
+    from advpipe.stages.attack.summary import AttackSummary as AttackSummary
+    from advpipe.stages.attack.v2x.base import AttackContext as AttackContext
+    from advpipe.stages.attack.v2x.base import V2xAttack as V2xAttack
+    from advpipe.stages.attack.v2x.base import V2xTraits as V2xTraits
+    from advpipe.stages.attack.v2x.cams import field_of as field_of
+    from advpipe.stages.attack.v2x.cams import with_fields as with_fields
+    from advpipe.stages.attack.v2x.falsification import Falsification as Falsification
+    from advpipe.stages.attack.v2x.falsification import Misplacement as Misplacement
+    from advpipe.stages.attack.v2x.falsification import OwnMessage as OwnMessage
+    from advpipe.stages.evaluate.report.report import Report as Report
+    from advpipe.stages.simulate.network.protocol import Exchange as Exchange
+    from advpipe.stages.simulate.network.protocol import Network as Network
+    from advpipe.stages.simulate.run import SimulationSummary as SimulationSummary
+    from advpipe.stages.simulate.traffic.protocol import TrafficSource as TrafficSource
+    from advpipe.stages.simulate.traffic.road_users import RoadUser as RoadUser
+    from advpipe.stages.simulate.world.protocol import World as World
+    from advpipe.stages.train.run import TrainSummary as TrainSummary
+    from advpipe.stages.verify.result import Verification as Verification
+
+    __version__: str
+
+_NAMES_OF = {
+    "bag": ("Bag", "open_bag"),
+    "commands.attack": ("attack",),
+    "commands.evaluate": ("evaluate",),
+    "commands.simulate": ("simulate",),
+    "commands.sweep": ("sweep",),
+    "commands.train": ("train",),
+    "commands.verify": ("verify",),
+    "pipeline.bag.frames": ("Frame",),
+    "pipeline.campaigns.sweep.run": ("SweepReport",),
+    "pipeline.core.errors": ("AdvpipeError", "UsageError"),
+    "pipeline.core.seeding": ("named_generator",),
+    "pipeline.detector.protocol": ("Detections", "Detector", "Range"),
+    "pipeline.geometry.boxes": ("BOX_COLUMNS", "CLASSES", "Boxes"),
+    "pipeline.labels.points": ("PointLabels",),
+    "pipeline.messages.cloud": ("POINT_DTYPE",),
+    "pipeline.replay.v2x_drive": ("V2xStep",),
+    "pipeline.scenario.load": ("load_scenario",),
+    "pipeline.scenario.models": ("Scenario",),
+    "pipeline.sensors.sensor": (
+        *("Drive", "Instant", "MountedSection", "MountedSensor", "OnBoardSensor", "Panel", "Reading"),
+        "Sensor",
+    ),
+    "pipeline.v2x.channel": ("Sent",),
+    "stages.attack.gnss.base": ("GnssAttack", "GnssTraits", "Spoofer", "SpoofingContext"),
+    "stages.attack.lidar.base": (
+        *("Budget", "LidarAttack", "LidarResult", "LidarTraits", "PublishedFigure", "unchanged"),
+    ),
+    "stages.attack.lidar.targets": ("Targets", "detection_loss", "find_targets"),
+    "stages.attack.summary": ("AttackSummary",),
+    "stages.attack.v2x.base": ("AttackContext", "V2xAttack", "V2xTraits"),
+    "stages.attack.v2x.cams": ("field_of", "with_fields"),
+    "stages.attack.v2x.falsification": ("Falsification", "Misplacement", "OwnMessage"),
+    "stages.evaluate.report.report": ("Report",),
+    "stages.simulate.network.protocol": ("Exchange", "Network"),
+    "stages.simulate.run": ("SimulationSummary",),
+    "stages.simulate.traffic.protocol": ("TrafficSource",),
+    "stages.simulate.traffic.road_users": ("RoadUser",),
+    "stages.simulate.world.protocol": ("World",),
+    "stages.train.run": ("TrainSummary",),
+    "stages.verify.result": ("Verification",),
+}
+"""Where the names are that are loaded when they are first used; type checkers read the imports above."""
+
+_MODULE_OF = {name: module for module, names in _NAMES_OF.items() for name in names}
+
+__all__ = ["__version__", *_MODULE_OF]
 
 
 def __getattr__(name: str) -> object:
@@ -15,4 +136,13 @@ def __getattr__(name: str) -> object:
         from advpipe.pipeline.core.versions import installed
 
         return installed("advpipe")
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    found = globals()[name] = getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 from scipy import ndimage
 
-from advpipe.pipeline.detector.protocol import Detections, Range
+from advpipe import Detections, Range
 
 
 class ClusterDetector:

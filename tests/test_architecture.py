@@ -15,6 +15,9 @@ ROOT = Path(__file__).parents[1]
 TOP = ("cli", "campaigns")
 """Packages of `pipeline/` that stand above the stages."""
 
+PUBLIC = ("bag", "commands")
+"""What lies in `api/`, above the campaigns; the command line stands on it."""
+
 LAYERS = (
     {"core"},
     {"process", "geometry", "mcap", "metrics"},
@@ -33,9 +36,11 @@ LAYERS = (
 def modules() -> dict[str, Path]:
     """All modules of the package by their dotted names without `advpipe`, those on top under `top`."""
     found = {}
-    for path in [*(ROOT / "pipeline").rglob("*.py"), *(ROOT / "stages").rglob("*.py")]:
-        parts = path.relative_to(ROOT).with_suffix("").parts
-        found[_placed(".".join(part for part in parts if part != "__init__"))] = path
+    for top in ("api", "pipeline", "stages"):
+        for path in (ROOT / top).rglob("*.py"):
+            parts = path.relative_to(ROOT).with_suffix("").parts
+            name = ".".join(part for part in parts if part != "__init__")
+            found[_placed(name.removeprefix("api."))] = path
     return found
 
 
@@ -43,7 +48,7 @@ def _placed(module: str) -> str:
     for name in TOP:
         if module == f"pipeline.{name}" or module.startswith(f"pipeline.{name}."):
             return module.replace("pipeline", "top", 1)
-    return module
+    return f"top.{module}" if module.split(".")[0] in PUBLIC else module
 
 
 def imports(path: Path, known: dict[str, Path]) -> Iterator[str]:
@@ -111,6 +116,18 @@ def test_stages_stand_on_the_pipeline_and_not_on_one_another() -> None:
             assert not other.startswith("stages.") or one.split(".")[1] == other.split(".")[1], (
                 f"{one} imports {other}"
             )
+
+
+def test_only_the_command_line_stands_on_the_public_functions() -> None:
+    """`import advpipe` is for users; what it is made of knows nothing of it."""
+    public = {"api", *(f"top.{name}" for name in PUBLIC)}
+
+    def is_public(module: str) -> bool:
+        return module in public or ".".join(module.split(".")[:2]) in public
+
+    on_them = {one for one, other in edges() if is_public(other) and not is_public(one)}
+    assert on_them
+    assert all(one.startswith("top.cli.") for one in on_them)
 
 
 def test_layers_of_the_pipeline() -> None:

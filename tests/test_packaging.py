@@ -152,9 +152,9 @@ def test_make_takes_the_cpu_build_of_torch_unless_told_otherwise(index: str, tmp
 
 
 def test_every_module_is_in_the_wheel(wheel: list[str]) -> None:
-    for top in ("pipeline", "stages"):
+    for top in ("api", "pipeline", "stages"):
         for module in (ROOT / top).rglob("*.py"):
-            assert f"advpipe/{module.relative_to(ROOT)}" in wheel
+            assert f"advpipe/{module.relative_to(ROOT)}".replace("/api/", "/") in wheel
 
 
 def test_the_top_level_package_is_in_the_wheel_and_typed(wheel: list[str]) -> None:
@@ -169,5 +169,6 @@ def test_type_checkers_see_the_whole_package() -> None:
     seen = {path.name: path.resolve() for path in (ROOT / "typings" / "advpipe").iterdir()}
     assert seen == {
         **{file.name: file for file in (ROOT / "api").glob("*.py")},
+        "commands": ROOT / "api" / "commands",
         **{top: ROOT / top for top in ("pipeline", "stages")},
     }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -75,54 +74,39 @@ def attack(
 
     A LiDAR attack knows the detector, the true boxes and the rule that matches detections to them.
     """
-    from advpipe.pipeline.bag.locate import newest_dataset, resolve_bag
-    from advpipe.pipeline.core.errors import writing, wrong_use
-    from advpipe.pipeline.core.verbosity import detail
-    from advpipe.pipeline.process.folder import here, refuse_undecodable
-    from advpipe.pipeline.scenario.attacks import attack_spec
-    from advpipe.stages.attack.registry import usual_budget
-    from advpipe.stages.attack.run import AttackRequest, attack_id
-    from advpipe.stages.attack.run import attack as run
+    from advpipe.commands.attack import attack as run
 
     options = {"ratio": ratio, "eps_cm": eps_cm, "points": points, "eps_m": eps_m, "goal": goal}
     given = {name: value for name, value in options.items() if value is not None}
     given |= {"along_ray": True} if along_ray else {}
-    with wrong_use():
-        clean = resolve_bag(bag or newest_dataset(here("datasets")))
-        spec = attack_spec(
-            {
-                "type": kind,
-                "recipe": recipe,
-                "parameters": {**usual_budget(kind), **_parameters(given, settings or [])},
-                "schedule": {"from_s": from_s, "to_s": to_s},
-                "attackers": _attackers(attacker or []),
-                "victim": victim,
-                "dcc_reacts": dcc_reacts,
-                "lidar": lidar,
-                "frames": frames,
-                "detector": detector,
-            }
-        )
-        request = AttackRequest((spec,), seed, device)
-        request.check()
-    target = out or clean.parent / attack_id(request)
-    refuse_undecodable(target)
-    detail(f"{attack_id(request)} of {clean}, seed {seed}, detector {detector} on {device}")
-    with writing(target):
-        summary = run(clean, target, request, overwrite=overwrite, workers=workers)
+    summary = run(
+        bag,
+        type=kind,
+        recipe=recipe,
+        attacker=attacker or (),
+        victim=victim,
+        dcc_reacts=dcc_reacts,
+        from_s=from_s,
+        to_s=to_s,
+        lidar=lidar,
+        frames=frames,
+        detector=detector,
+        device=device,
+        seed=seed,
+        workers=workers,
+        out=out,
+        overwrite=overwrite,
+        parameters=_parameters(given, settings or []),
+    )
     return attacked(summary)
 
 
 def attacked(summary: AttackSummary) -> Answer:
     """The bag, and what was done to it: of the losses their means."""
-    before, after = zip(*summary.losses, strict=True) if summary.losses else ((), ())
+    before, after = summary.mean_losses
     document = {key: value for key, value in vars(summary).items() if key != "losses"}
-    document |= {"mean_loss_before": _mean(before), "mean_loss_after": _mean(after)}
+    document |= {"mean_loss_before": before, "mean_loss_after": after}
     return Answer(document, line(summary))
-
-
-def _mean(values: Sequence[float]) -> float | None:
-    return sum(values) / len(values) if values else None
 
 
 def _parameters(options: dict[str, Any], settings: list[str]) -> dict[str, Any]:
@@ -146,26 +130,3 @@ def _parameters(options: dict[str, Any], settings: list[str]) -> dict[str, Any]:
         except DocumentError as error:
             raise UsageError(f"--set {shown(setting)}: the value cannot be read: {error}") from None
     return found
-
-
-def _attackers(words: list[str]) -> dict[str, Any] | None:
-    """The section `attackers` that these words stand for."""
-    from advpipe.pipeline.core.errors import UsageError
-
-    if not words:
-        return None
-    special = [word for word in words if word.endswith("%") or word.startswith("rsu:")]
-    if not special:
-        return {"vehicles": words}
-    if len(words) > 1:
-        raise UsageError(
-            f"--attacker {special[0]}: a share or a roadside unit stands alone; leave out the rest"
-        )
-    (word,) = words
-    try:
-        if word.endswith("%"):
-            return {"share": float(word[:-1]) / 100}
-        numbers = [float(part) for part in word.removeprefix("rsu:").split(",")]
-        return {"roadside_unit": dict(zip(("x_m", "y_m", "z_m")[: len(numbers)], numbers, strict=True))}
-    except ValueError:
-        raise UsageError(f"--attacker {word}: write a vehicle's id, 20%, or rsu:X,Y in metres") from None

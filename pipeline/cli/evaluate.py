@@ -43,55 +43,33 @@ def evaluate(
     overwrite: Overwrite = False,
 ) -> Answer:
     """Stage 3: run a detector on clean and adversarial bags; AP, mAP ratio, Chamfer distance, report."""
-    from advpipe.pipeline.bag.frames import FrameSlice
-    from advpipe.pipeline.bag.locate import adversarial_bags, newest_dataset, resolve_bag
-    from advpipe.pipeline.core.errors import wrong_use
-    from advpipe.pipeline.core.verbosity import detail
-    from advpipe.pipeline.detector.registry import detector_slug
-    from advpipe.pipeline.process.folder import here, refuse_undecodable
-    from advpipe.stages.evaluate.run import evaluate as run
+    from advpipe.commands.evaluate import evaluate as run
 
-    with wrong_use():
-        given = bags or [newest_dataset(here("datasets"))]
-        clean = resolve_bag(given[0])
-        adversarial = [resolve_bag(bag) for bag in given[1:]]
-        chosen = FrameSlice.parse(frames)
-    if len(given) == 1 and clean.name == "clean":
-        adversarial = adversarial_bags(clean.parent)
-    detectors = detector or ["small"]
-    target = out or clean.parent / "reports" / "+".join(detector_slug(name) for name in detectors)
-    refuse_undecodable(clean, *adversarial, target)
-    detail(
-        f"{', '.join(detectors)} on {device}, seed {seed}: {clean} and {len(adversarial)} adversarial bags"
-    )
     report = run(
-        clean,
-        adversarial,
-        target,
-        Options(
-            detectors=tuple(detectors),
-            seed=seed,
-            baseline=baseline,
-            baseline_tries=baseline_tries,
-            defences=tuple(defence or ()),
-            frames=chosen,
-            lidar_topic=lidar,
-            detections=write_detections or with_clouds,
-            with_clouds=with_clouds,
-            device=device,
-        ),
-        overwrite=overwrite,
+        *(bags or ()),
+        detector=detector or Options.detectors,
+        device=device,
+        frames=frames,
+        defence=defence or (),
+        seed=seed,
+        baseline=baseline,
+        baseline_tries=baseline_tries,
+        lidar=lidar,
+        write_detections=write_detections,
+        with_clouds=with_clouds,
         workers=workers,
+        out=out,
+        overwrite=overwrite,
     )
+    return evaluated(report)
 
-    return evaluated(report, target)
 
-
-def evaluated(report: Report, folder: Path) -> Answer:
+def evaluated(report: Report) -> Answer:
     """The tables of a report, and where its page is."""
     from advpipe.stages.evaluate.run import print_report
 
-    page = folder / "report.html"
+    assert report.folder is not None  # it has been written
+    page = report.folder / "report.html"
 
     def show() -> None:
         print_report(report)

@@ -44,17 +44,17 @@ def run(
         folder = out or here("datasets") / loaded.name
         campaign = Campaign.of(loaded, folder, detector, device, workers=workers, overwrite=overwrite)
     refuse_undecodable(folder)
-    drive, *attacks, scored = (show_part(_answer(part, folder)) for part in campaign.run())
+    drive, *attacks, scored = (show_part(_answer(part)) for part in campaign.run())
     document = {"data_set": folder, "drive": drive, "attacks": attacks, "evaluation": scored}
     return Answer(document, lambda: None)
 
 
-def _answer(part: Part, folder: Path) -> Answer:
+def _answer(part: Part) -> Answer:
     from advpipe.pipeline.campaigns.run import Evaluated, Kept
     from advpipe.stages.attack.run import AttackSummary
 
     if isinstance(part, Kept):
         return Answer({part.kind: part.path, "kept": True}, line(f"{part.path}: kept"))
     if isinstance(part, Evaluated):
-        return evaluated(part.report, part.folder)
-    return attacked(part) if isinstance(part, AttackSummary) else simulated(part, folder)
+        return evaluated(part.report)
+    return attacked(part) if isinstance(part, AttackSummary) else simulated(part)

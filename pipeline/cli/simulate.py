@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, Overwrite
+from advpipe.pipeline.cli.shared import Answer, Overwrite, line
 
 if TYPE_CHECKING:
     from advpipe.stages.simulate.run import SimulationSummary
@@ -24,29 +24,11 @@ def simulate(
     overwrite: Overwrite = False,
 ) -> Answer:
     """Stage 1: record a clean drive (LiDAR, ground truth, odometry, GNSS) to an MCAP bag."""
-    from advpipe.pipeline.core.errors import wrong_use
-    from advpipe.pipeline.core.verbosity import detail
-    from advpipe.pipeline.process.folder import here
-    from advpipe.pipeline.scenario import load_scenario
-    from advpipe.stages.simulate.run import simulate as run
+    from advpipe.commands.simulate import simulate as run
 
-    with wrong_use():
-        loaded = load_scenario(scenario, settings or ())
-    detail(f"scenario {loaded.name} of {scenario}, seed {loaded.simulation.seed}")
-    folder = out or here("datasets") / loaded.name
-    return simulated(run(loaded, folder, overwrite=overwrite), folder)
+    return simulated(run(scenario, settings=settings or (), out=out, overwrite=overwrite))
 
 
-def simulated(summary: SimulationSummary, folder: Path) -> Answer:
+def simulated(summary: SimulationSummary) -> Answer:
     """The bag of a drive, and what is in it."""
-
-    def show() -> None:
-        print(
-            f"{summary.bag}: {summary.frames} frames, "
-            f"{summary.clouds} clouds of {summary.points / max(summary.clouds, 1):,.0f} points, "
-            f"{summary.road_users} road users in range"
-        )
-        for name, value in summary.v2x.lines() if summary.v2x else ():
-            print(f"{name}: {value}")
-
-    return Answer({"data_set": folder, **vars(summary)}, show)
+    return Answer({"data_set": summary.data_set, **vars(summary)}, line(summary))

@@ -57,16 +57,12 @@ def sweep(
     Each finished cell is kept in cells/ of the output, and only those that are missing are run. Other
     recipes, with frames of their own, may be added to the same output later.
     """
-    from advpipe.pipeline.bag.locate import newest_dataset, resolve_bag
-    from advpipe.pipeline.campaigns.sweep.run import Sweep
+    from advpipe.commands.paths import bag_or_newest
+    from advpipe.commands.sweep import prepared
     from advpipe.pipeline.core.errors import wrong_use
-    from advpipe.pipeline.detector.registry import detector_slug
-    from advpipe.pipeline.process.folder import here, refuse_undecodable
 
     with wrong_use():
-        clean = resolve_bag(bag or newest_dataset(here("datasets")))
-    target = out or clean.parent / "reports" / f"sweep-{detector_slug(detector)}"
-    refuse_undecodable(clean, target)
+        clean = bag_or_newest(bag)
     options = SweepOptions(
         table=table,
         recipes=_words([recipes]) or ("best",),
@@ -80,11 +76,12 @@ def sweep(
         keep_bags=keep_bags,
         workers=workers,
     )
-    asked = Sweep.prepared(clean, target, options)
+    asked = prepared(clean, out, options)
     if check is not None:
         return Answer({"checked": asked.check(check)}, lambda: None)
     report = asked.run(overwrite)
-    page, document = target / "report.html", json.loads((target / "report.json").read_text(encoding="utf-8"))
+    page, figures = report.folder / "report.html", report.folder / "report.json"
+    document = json.loads(figures.read_text(encoding="utf-8"))
 
     def show() -> None:
         report.show()

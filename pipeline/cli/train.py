@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from advpipe.pipeline.cli.shared import Answer, Device, Overwrite, line, option
 from advpipe.stages.train.options import USUAL_STEPS, TrainOptions
-
-if TYPE_CHECKING:
-    from advpipe.stages.train.run import TrainSummary
 
 
 def train(
@@ -30,50 +27,26 @@ def train(
     overwrite: Overwrite = False,
 ) -> Answer:
     """Train a detector on clean bags; goes on where an interrupted run stopped."""
-    from advpipe.pipeline.bag.locate import resolve_bag
-    from advpipe.pipeline.core.errors import UsageError, writing, wrong_use
-    from advpipe.pipeline.core.verbosity import detail
-    from advpipe.pipeline.process.folder import refuse_undecodable
-    from advpipe.stages.train.config import TrainConfig
-    from advpipe.stages.train.run import train as run
+    from advpipe.commands.train import train as run
+    from advpipe.pipeline.core.errors import UsageError
 
     if not 0 < learning_rate < math.inf:
         raise UsageError(f"--learning-rate is {learning_rate:g}; it has to be finite and above 0")
-    with wrong_use():
-        learned, held_out = tuple(map(resolve_bag, bags)), resolve_bag(validate) if validate else None
-    if held_out and held_out.resolve() in {bag.resolve() for bag in learned}:
-        raise UsageError(f"--validate {validate} is a bag to learn from; name one that is held out")
-    refuse_undecodable(*learned, held_out, out)
-    with wrong_use():
-        config = TrainConfig(
-            bags=learned,
-            out=out,
-            family=family,
-            preset=preset,
-            start=start,
-            steps=steps,
-            learning_rate=learning_rate,
-            validation=held_out,
-            bf16=bf16,
-            device=device,
-            seed=seed,
-        )
-    detail(f"preset {preset}, {steps} steps on {len(learned)} bags, seed {seed}, on {device}")
-    with writing(out):
-        summary = run(config, overwrite=overwrite)
-    return Answer(vars(summary), line(_trained(summary)))
-
-
-def _trained(summary: TrainSummary) -> str:
-    """The checkpoint, what it learnt from, and the average precision of the classes validated."""
-    found = ", ".join(
-        f"{name} {precision.strict_percent:.1f} %"
-        for name, precision in summary.precision.items()
-        if precision.boxes
+    summary = run(
+        *bags,
+        out=out,
+        family=family,
+        preset=preset,
+        steps=steps,
+        start=start,
+        learning_rate=learning_rate,
+        validate=validate,
+        bf16=bf16,
+        device=device,
+        seed=seed,
+        overwrite=overwrite,
     )
-    return f"{summary.checkpoint}: {summary.steps} steps on {summary.frames} frames" + (
-        f"; 3D AP on the held-out bag: {found}" if found else ""
-    )
+    return Answer(vars(summary), line(summary))
 
 
 def import_weights(

@@ -21,8 +21,7 @@ def verify(
     ] = None,
 ) -> Answer:
     """Check everything that a data set or a bag claims; one line a finding, exit code 1 if there is any."""
-    from advpipe.pipeline.core.errors import one_line
-    from advpipe.stages.verify.run import verify as run
+    from advpipe.commands.verify import verify as run
 
     result = run(path, quick=quick, key=key)
 
@@ -31,8 +30,6 @@ def verify(
             print(finding)
         for gap in result.unchecked:
             print(f"not checked: {gap}")
-        faults = len(result.findings)
-        outcome = f"{faults} findings" if faults > 1 else "1 finding" if faults else "good"
-        print(f"{one_line(path)}: {outcome}")
+        print(result)
 
     return Answer(json.loads(result.to_json()), show, exit_code=0 if result.is_good else 1)

@@ -14,6 +14,21 @@ from advpipe.pipeline.core.shown import shown
 Build = TypeVar("Build", bound=Callable[..., Any])
 
 
+def own_object(word: str, refusal: str) -> Any:
+    """What a user's `module:Class` names; the module may lie in the working directory.
+
+    Raises UsageError, one line that begins with `refusal`, for what cannot be imported.
+    """
+    module, _, attribute = word.partition(":")
+    # A program that was installed does not look into the working directory, where the user's file lies.
+    if os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())
+    try:
+        return getattr(importlib.import_module(module), attribute)
+    except (Exception, SystemExit) as error:  # a user's module may do anything
+        raise UsageError(f"{refusal}: {type(error).__name__}: {error}") from None
+
+
 def find_implementation(key: str, name: str, known: Mapping[str, Build]) -> Build:
     """What makes the implementation `name` that the scenario's key names; a user's class is called alike.
 
@@ -21,18 +36,11 @@ def find_implementation(key: str, name: str, known: Mapping[str, Build]) -> Buil
     """
     if name in known:
         return known[name]
-    module, colon, attribute = name.partition(":")
-    if not colon:
+    if ":" not in name:
         raise UsageError(
             f"{key} {shown(name)} is not known; known: {', '.join(known)}, or module:Class of your own"
         )
-    # A program that was installed does not look into the working directory, where the user's file lies.
-    if os.getcwd() not in sys.path:
-        sys.path.insert(0, os.getcwd())
-    try:
-        found: Build = getattr(importlib.import_module(module), attribute)
-    except (Exception, SystemExit) as error:  # a user's module may do anything
-        raise UsageError(f"{key} {name} cannot be loaded: {type(error).__name__}: {error}") from None
+    found: Build = own_object(name, f"{key} {name} cannot be loaded")
     if not callable(found):
         raise UsageError(f"{key} {name} is no class")
     return found

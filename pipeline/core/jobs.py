@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import os
 import pickle
+import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from multiprocessing import get_context, parent_process, resource_tracker
 from multiprocessing.connection import Connection, wait
+from types import ModuleType
 from typing import Any, TypeVar
 
 from advpipe.pipeline.core import signals
@@ -96,7 +99,7 @@ def _in_processes(
             process = context.Process(
                 target=_serve, args=(theirs, pickle.dumps(prepare), list(jobs[index::count])), daemon=True
             )
-            with signals.blocked():  # until the worker says what becomes of them
+            with signals.blocked(), _without_main():  # until the worker says what becomes of signals
                 process.start()
             theirs.close()  # the worker's end is the worker's alone: its death closes the pipe
             processes.append(process)
@@ -107,6 +110,17 @@ def _in_processes(
             process.kill()  # at once and without a word, even while it still loads its libraries
         for process in processes:
             process.join()
+
+
+@contextmanager
+def _without_main() -> Iterator[None]:
+    """A worker that is started inside loads no `__main__`: a user's script would run again from its top."""
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 def _finished(pipes: list[Connection]) -> Iterator[tuple[int, Any]]:

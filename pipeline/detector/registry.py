@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
 import inspect
-import os
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.hashing import sha256_of
+from advpipe.pipeline.core.implementation import own_object
 from advpipe.pipeline.core.shown import shown
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.detector.device import CPU, open_device
@@ -39,9 +37,8 @@ def load_detector(name_or_path: str, device: str = CPU) -> Detector:
         return load_checkpoint(shipped[name_or_path], place).detector()
     if name_or_path.endswith(".safetensors"):
         return load_checkpoint(Path(name_or_path), place).detector()
-    module, colon, attribute = name_or_path.partition(":")
-    if colon:
-        return _load_class(module, attribute, place)
+    if ":" in name_or_path:
+        return _load_class(name_or_path, place)
     known = ", ".join(shipped)
     raise UsageError(
         f"unknown detector {shown(name_or_path)}; known: {known}, a path to FILE.safetensors, or module:Class"
@@ -67,43 +64,31 @@ def detector_slug(name_or_path: str) -> str:
 
 
 def _source_file(name: str) -> Path | None:
-    module, _, attribute = name.partition(":")
     try:
-        source = inspect.getsourcefile(_find_class(module, attribute))
+        source = inspect.getsourcefile(_find_class(name))
     except (TypeError, OSError):  # made by a program or in another language
         return None
     return Path(source) if source else None
 
 
-def _find_class(module: str, attribute: str) -> Callable[..., object]:
-    # A program that was installed does not look into the working directory, where the user's file lies.
-    if os.getcwd() not in sys.path:
-        sys.path.insert(0, os.getcwd())
-    try:
-        found: Callable[..., object] = getattr(importlib.import_module(module), attribute)
-    except (Exception, SystemExit) as error:  # a user's module may raise anything
-        raise _not_loaded(module, attribute, error) from None
+def _find_class(name: str) -> Callable[..., object]:
+    found: Callable[..., object] = own_object(name, f"cannot load detector {name}")
     return found
 
 
-def _load_class(module: str, attribute: str, device: torch.device) -> Detector:
-    found = _find_class(module, attribute)
+def _load_class(name: str, device: torch.device) -> Detector:
+    found = _find_class(name)
     try:
         made = found(device=device) if _takes_device(found) else found()
     except (Exception, SystemExit) as error:  # a user's class may raise anything
-        raise _not_loaded(module, attribute, error) from None
+        raise UsageError(f"cannot load detector {name}: {type(error).__name__}: {error}") from None
     if not isinstance(made, Detector):
-        raise UsageError(f"{module}:{attribute} is no detector: it needs classes, range_m, detect and loss")
+        raise UsageError(f"{name} is no detector: it needs classes, range_m, detect and loss")
     if not made.classes or not set(made.classes) <= set(CLASSES):
         raise UsageError(
-            f"{module}:{attribute} finds the classes {tuple(made.classes)}; each has to be one of "
-            f"{', '.join(CLASSES)}"
+            f"{name} finds the classes {tuple(made.classes)}; each has to be one of {', '.join(CLASSES)}"
         )
     return made
-
-
-def _not_loaded(module: str, attribute: str, error: BaseException) -> AdvpipeError:
-    return UsageError(f"cannot load detector {module}:{attribute}: {type(error).__name__}: {error}")
 
 
 def _takes_device(found: Callable[..., object]) -> bool:

@@ -19,8 +19,8 @@ MOST_PARTS = 10_000
 _MOST_BOUNDS = 100
 
 Bounds = Annotated[dict[Word, tuple[Number, Number]], Field(max_length=_MOST_BOUNDS)]
-"""Least and most, by the name of a quantity (`quantities.CLOUD_QUANTITIES`), of each cloud that is
-changed."""
+"""Least and most, by the name of a quantity of the attack's family (`quantity`), of each cloud, fix or
+message that is changed."""
 
 
 class Published(Document):
@@ -37,28 +37,32 @@ class Published(Document):
     catch_f1: Number | None = None
 
 
-class Part(Document):
-    """One of the attacks that attackers of a mix draw from; see `Declaration`."""
+class Terms(Document):
+    """What an attack keeps to with its parameters, or a part of a mix.
 
-    name: Word
-    every_message_matters: bool = False
-    published: Published = Published()
-
-
-class Declaration(Document):
-    """An attack with its parameters.
-
-    bounds: what it keeps to in each cloud that it changes. every_message_matters: whether all that its
-    attackers send by it are lies, whatever they say: of stations that do not exist, or are others, or one too
-    many. untrue: what it makes untrue in its attackers' own messages. parts: of a mix, what each attacker
-    draws one of, in the order of the draw.
+    bounds: what it keeps to in each cloud, fix or message that it changes. every_message_matters: whether all
+    that its attackers send by it are lies, whatever they say: of stations that do not exist, or are others,
+    or one too many. untrue: what it makes untrue in its attackers' own messages (`claims.Claim`); all other
+    fields of a message that it changes or delays stay as they are.
     """
 
-    family: Family
     bounds: Bounds = Field(default_factory=dict)
     every_message_matters: bool = False
     untrue: Annotated[tuple[Word, ...], Field(max_length=_MOST_BOUNDS)] = ()
     published: Published = Published()
+
+
+class Part(Terms):
+    """One of the attacks that attackers of a mix draw from."""
+
+    name: Word
+
+
+class Declaration(Terms):
+    """An attack with its parameters. parts: of a mix, what each attacker draws one of, in the order of the
+    draw."""
+
+    family: Family
     parts: Annotated[tuple[Part, ...], Field(max_length=MOST_PARTS)] = ()
 
     def part(self, name: str) -> Part | None:

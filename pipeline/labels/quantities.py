@@ -1,8 +1,8 @@
-"""What can be measured of a cloud that an attack changed: what attacks bound, and `verify` measures again."""
+"""What can be measured of a cloud that an attack changed."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,12 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.labels.points import ADDED, MOVED, REMOVED, PointLabels
+from advpipe.pipeline.labels.quantity import Quantity
 from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
 
 Float64 = npt.NDArray[np.float64]
-
-ROUNDING = 1e-6
-"""Beyond its bound, a quantity may be this much, and this share of it: machines add up in other orders."""
 
 
 @dataclass(frozen=True)
@@ -74,25 +72,6 @@ class CloudChange:
         return change
 
 
-@dataclass(frozen=True)
-class Quantity:
-    """A number that can be measured of any changed cloud. unit: "1" of counts and shares."""
-
-    name: str
-    unit: str
-    meaning: str
-    measure: Callable[[CloudChange], float]
-
-    def excess(self, change: CloudChange, least: float, most: float) -> str:
-        """How a change is beyond its bounds, in words; "" where it keeps to them."""
-        value = self.measure(change)
-        if least - ROUNDING * (1 + abs(least)) <= value <= most + ROUNDING * (1 + abs(most)):
-            return ""
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        bounds = f"{least:g} to {most:g}" if least < most else f"{most:g}"
-        return f"{self.meaning}: {value:.8g}{unit}, where {bounds}{unit} is declared ({self.name})"
-
-
 def _most(values: Float64) -> float:
     return float(values.max(initial=0.0))
 
@@ -107,52 +86,46 @@ def _share_removed(change: CloudChange) -> float:
     return 0.0 if removed <= 1 else (removed - 0.5) / max(change.finite, 1)
 
 
-MAX_DISPLACEMENT = Quantity(
+MAX_DISPLACEMENT = Quantity[CloudChange](
     "max_displacement_m", "m", "how far a point was moved", lambda change: _most(change.displacement_m)
 )
-MEAN_SQUARE_DISPLACEMENT = Quantity(
+MEAN_SQUARE_DISPLACEMENT = Quantity[CloudChange](
     "mean_square_displacement_m2",
     "m²",
     "mean square of how far the moved points were moved",
     lambda change: _mean(change.displacement_m**2),
 )
-ADDED_DISTANCE = Quantity(
+ADDED_DISTANCE = Quantity[CloudChange](
     "max_added_distance_m",
     "m",
     "how far an added point stands from the clean cloud",
     lambda change: _most(change.added_distance_m),
 )
-MAX_INTENSITY_CHANGE = Quantity(
+MAX_INTENSITY_CHANGE = Quantity[CloudChange](
     "max_intensity_change",
     "1",
     "by how much an intensity changed",
     lambda change: _most(change.intensity_change),
 )
-POINTS_MOVED = Quantity("points_moved", "1", "points moved", lambda change: change.count(MOVED))
-POINTS_ADDED = Quantity("points_added", "1", "points added", lambda change: change.count(ADDED))
-POINTS_REMOVED = Quantity("points_removed", "1", "points removed", lambda change: change.count(REMOVED))
-POINTS_TOUCHED = Quantity(
+POINTS_MOVED = Quantity[CloudChange]("points_moved", "1", "points moved", lambda change: change.count(MOVED))
+POINTS_ADDED = Quantity[CloudChange]("points_added", "1", "points added", lambda change: change.count(ADDED))
+POINTS_REMOVED = Quantity[CloudChange](
+    "points_removed", "1", "points removed", lambda change: change.count(REMOVED)
+)
+POINTS_TOUCHED = Quantity[CloudChange](
     "points_touched",
     "1",
     "points moved or removed",
     lambda change: change.count(MOVED) + change.count(REMOVED),
 )
-SHARE_REMOVED = Quantity(
+SHARE_REMOVED = Quantity[CloudChange](
     "share_removed", "1", "least share of the points that rounds to those removed", _share_removed
 )
 
-CLOUD_QUANTITIES: Mapping[str, Quantity] = {
+CLOUD_QUANTITIES: Mapping[str, Quantity[CloudChange]] = {
     quantity.name: quantity
     for quantity in (
         *(MAX_DISPLACEMENT, MEAN_SQUARE_DISPLACEMENT, ADDED_DISTANCE, MAX_INTENSITY_CHANGE),
         *(POINTS_MOVED, POINTS_ADDED, POINTS_REMOVED, POINTS_TOUCHED, SHARE_REMOVED),
     )
 }
-
-
-def excesses(change: CloudChange, bounds: Mapping[str, tuple[float, float]]) -> Iterator[str]:
-    """How a changed cloud is beyond the bounds that were declared, one line each. Raises KeyError for a
-    quantity that is none."""
-    for name, (least, most) in bounds.items():
-        if found := CLOUD_QUANTITIES[name].excess(change, least, most):
-            yield found

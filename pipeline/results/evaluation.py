@@ -5,14 +5,20 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.tabular import Rows, Tabular, data_frame
 from advpipe.pipeline.results.figures import Record
 from advpipe.pipeline.results.listed import Listed
 from advpipe.pipeline.results.origin import Origin
 from advpipe.pipeline.results.records import PrecisionRecord
 from advpipe.pipeline.results.row import ResultRow
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SCHEMA = "advpipe-report-1"
 """What `report.json` says that it is; its JSON Schema is `docs/schemas/report-1.json`."""
@@ -20,8 +26,8 @@ SCHEMA = "advpipe-report-1"
 SIGNIFICANT_DIGITS = 8
 
 
-@dataclass(frozen=True, kw_only=True)
-class Evaluation:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Evaluation(Tabular):
     """What a clean bag and adversarial ones showed.
 
     results: one an adversarial bag and detector, or one a detector for the clean bag alone.
@@ -41,6 +47,22 @@ class Evaluation:
     def rows(self) -> tuple[Record, ...]:
         """The results as `report.json` has them: one key a figure."""
         return tuple(result.record() for result in self.results)
+
+    def to_dicts(self, table: str = "rows") -> Rows:
+        """One of the tables of `report.json`, with the keys and units that it has there.
+
+        table: `rows`, one an adversarial bag and detector; `average_precision`; or a key of `records`, such
+        as `v2x`. None stands for what is undefined. Raises UsageError for a table that there is not.
+        """
+        listed = {"average_precision": self.average_precision, **self.records}
+        if table != "rows" and table not in listed:
+            raise UsageError(f"no table {table!r}; this report has {', '.join(['rows', *listed])}")
+        rows = self.rows if table == "rows" else [each.record() for each in listed[table]]
+        return [{key: plain(value) for key, value in row.items()} for row in rows]
+
+    def to_pandas(self, table: str = "rows") -> pd.DataFrame:
+        """The same table as a `pandas.DataFrame`. Raises UsageError where pandas is not installed."""
+        return data_frame(self.to_dicts(table))
 
     def to_json(self) -> str:
         """The same text for the same figures: sorted keys, rounded numbers, null for what is undefined.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import os
 import typing
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
@@ -31,18 +31,26 @@ def shipped_folder() -> Path:
     return Path(str(files("advpipe.scenarios")))
 
 
-def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> Scenario:
+def load_scenario(
+    name_or_path: str | os.PathLike[str], overrides: Sequence[str] | Mapping[str, object] = ()
+) -> Scenario:
     """A scenario from a file, or one of the shipped ones by name.
 
-    Overrides read `section.key=value`, the value as YAML. The map's path is made absolute: that of the
-    file is relative to its folder or names a shipped network, that of an override is relative to the
-    working directory.
+    overrides: keys to set, as a mapping from `section.key` to a value, or as texts `section.key=value` with
+    the value in YAML. The map's path is made absolute: that of the file is relative to its folder or names a
+    shipped network, that of an override is relative to the working directory.
+
+    Raises AdvpipeError, one line with the place in the file, for a scenario that is none.
+
+    >>> load_scenario("smoke", {"simulation.duration_s": 2}).simulation.duration_s
+    2.0
     """
-    path = _find(name_or_path)
+    path = _find(os.fspath(name_or_path))
     document = _read(path)
     tree: dict[str, Any] = document.tree
     _make_paths_absolute(tree, path.parent)
-    overridden = [_apply(tree, override) for override in overrides]
+    settings = overrides.items() if isinstance(overrides, Mapping) else map(_setting, overrides)
+    overridden = [_apply(tree, place, value) for place, value in settings]
     try:
         return Scenario.model_validate(tree)
     except ValidationError as error:
@@ -158,25 +166,35 @@ def _make_paths_absolute(tree: dict[str, Any], folder: Path) -> None:
             section[key] = str(path.absolute())
 
 
-def _apply(tree: dict[str, Any], override: str) -> tuple[str, ...]:
-    """Sets one key, and returns its place."""
+def _setting(override: str) -> tuple[str, object]:
+    """Place and value of an override that is a text."""
     place, equals, text = override.partition("=")
-    keys = place.strip().split(".")
-    if not equals or not all(keys) or len(keys) > MOST_KEYS:
+    if not equals or not _is_place(place):
         raise AdvpipeError(f"--set {shown(override)}: write section.key=value")
     try:
-        value = read_document(text).tree
+        return place, read_document(text).tree
     except DocumentError as error:
         raise AdvpipeError(f"--set {shown(override)}: the value cannot be read: {error}") from None
-    section = tree
+
+
+def _is_place(place: str) -> bool:
+    keys = place.strip().split(".")
+    return all(keys) and len(keys) <= MOST_KEYS
+
+
+def _apply(tree: dict[str, Any], place: str, value: object) -> tuple[str, ...]:
+    """Sets one key, and returns its place."""
+    if not _is_place(place):
+        raise AdvpipeError(f"{shown(place)} is no place in a scenario; write section.key")
+    keys, section = place.strip().split("."), tree
     for key in keys[:-1]:
         section = section.setdefault(key, {})
         if not isinstance(section, dict):
-            raise AdvpipeError(f"--set {shown(override)}: {cut(key)} is a value, not a section")
+            raise AdvpipeError(f"--set {shown(place)}: {cut(key)} is a value, not a section")
     if keys[:-1] == ["map"] and keys[-1] in MAP_SOURCES:
         for other in MAP_SOURCES:
             section.pop(other, None)
-    section[keys[-1]] = value
+    section[keys[-1]] = value = os.fspath(value) if isinstance(value, os.PathLike) else value
     if isinstance(value, str):
         for holder, key in _files(tree):
             if holder is section and key == keys[-1]:

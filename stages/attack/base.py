@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import inspect
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.labels.declaration import Family
+from advpipe.pipeline.labels.quantity import Quantity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,12 +28,13 @@ class Attack(ABC):
     `GnssAttack`. A class that lacks what its base asks for is refused when it is registered or loaded.
 
     family: by the base class. own_keys: of an attack in a scenario file, those that this family alone knows.
-    traits_type: what `traits` has to be.
+    traits_type: what `traits` has to be. quantities: what its bounds may be of, by name.
     """
 
     family: ClassVar[Family]
     own_keys: ClassVar[tuple[str, ...]] = ()
     traits_type: ClassVar[type[Traits]]
+    quantities: ClassVar[Mapping[str, Quantity[Any]]]
 
     @property
     @abstractmethod

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection
 from typing import Any
 
 from advpipe.pipeline.core.errors import UsageError
@@ -39,7 +39,7 @@ def span(attack: str, parameter: str, low: Any, high: Any, least: float, most: f
     return ends
 
 
-def one_of(attack: str, parameter: str, value: Any, known: Sequence[str]) -> str:
+def one_of(attack: str, parameter: str, value: Any, known: Collection[str]) -> str:
     """One of the known words."""
     if value not in known:
         raise UsageError(f"{attack}: {parameter} is {shown(value)}; known: {', '.join(known)}")

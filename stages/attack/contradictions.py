@@ -9,7 +9,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import AttackSpec
-from advpipe.stages.attack.v2x.base import v2x_traits
+from advpipe.stages.attack.parameters import resolved_parameters
 from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
 
 
@@ -37,4 +37,5 @@ def refuse_contradictions(reader: BagReader, attacks: Sequence[AttackSpec], seed
 
 def _untrue(spec: AttackSpec) -> frozenset[str]:
     """What it says otherwise in its attackers' own messages; the others only add, delay or drop some."""
-    return frozenset(v2x_traits(V2X_ATTACKS.find(spec.type)).untrue)
+    kind = V2X_ATTACKS.find(spec.type)
+    return frozenset(kind.untrue(resolved_parameters(spec, kind)))

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import importlib
 import inspect
-import os
-import sys
 from pathlib import Path
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.implementation import own_object
 from advpipe.stages.attack.base import Attack, refuse_undeclared
 
 BASES = "LidarAttack, V2xAttack or GnssAttack (stages/attack/lidar, v2x, gnss: base.py)"
@@ -18,15 +16,7 @@ BASES = "LidarAttack, V2xAttack or GnssAttack (stages/attack/lidar, v2x, gnss: b
 def own_attack(word: str) -> type[Attack]:
     """The class; raises AdvpipeError, one line, for a module that cannot be loaded, and for what is no attack
     of any family or does not declare what its base asks for."""
-    module, _, name = word.partition(":")
-    # A program that was installed does not look into the working directory, where the user's file lies.
-    if os.getcwd() not in sys.path:
-        sys.path.insert(0, os.getcwd())
-    try:
-        found = getattr(importlib.import_module(module), name)
-    except (Exception, SystemExit) as error:  # a user's module may do anything
-        kind = "" if isinstance(error, ImportError | AttributeError) else f"{type(error).__name__}: "
-        raise UsageError(f"cannot load attack {word}: {kind}{error}") from None
+    found: type[Attack] = own_object(word, f"cannot load attack {word}")
     if not inspect.isclass(found):
         raise UsageError(f"{word} is no class; an attack is a class that inherits from {BASES}")
     if not issubclass(found, Attack) or not hasattr(found, "family"):

@@ -12,12 +12,12 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core import plain_json
 from advpipe.pipeline.core.code import CLOUDS, code_sha256
 from advpipe.stages.attack.clouds import topic_of
-from advpipe.stages.attack.lidar.build import build_lidar_attack, looks_of
+from advpipe.stages.attack.lidar.build import build_lidar_attack, query_budget_of
 from advpipe.stages.attack.request import AttackRequest
 
 _WHEN = ("pipeline/scenario/attacks.py", "stages/attack/clouds.py", "stages/attack/recording.py")
 
-_LABELS = ("pipeline/labels/points.py", "pipeline/labels/quantities.py")
+_LABELS = tuple(f"pipeline/labels/{name}.py" for name in ("points", "quantities", "quantity"))
 
 LIDAR = (*CLOUDS, *_WHEN, *_LABELS, "stages/attack/lidar", "stages/attack/cloud_attack.py")
 """The code that decides what becomes of which clouds."""
@@ -50,7 +50,7 @@ def provenance_of(reader: BagReader, request: AttackRequest) -> dict[str, str]:
     if request.lidar:
         topics = sorted({topic_of(reader, spec) for spec in request.lidar})
         record["lidar_topics"] = json.dumps(topics)
-    looks = [looks_of(build_lidar_attack(spec)) for spec in request.lidar]
+    looks = [query_budget_of(build_lidar_attack(spec)) for spec in request.lidar]
     if known := [count for count in looks if count is not None]:
         record["looks"] = str(max(known))
     leading = next((one for one in attacks if "detector" in one), {})

@@ -8,16 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
+from advpipe.pipeline.core.tabular import Rows, Tabular
 from advpipe.stages.attack.lidar.base import LidarResult
 
 MOST_NOTES = 8
 """More lines nobody reads: some notes hold numbers that are others in every frame."""
 
 
-@dataclass
-class AttackSummary:
+@dataclass(repr=False)
+class AttackSummary(Tabular):
     """Counts over all frames; `unchanged` ones were left as they were.
 
+    bag: the adversarial bag, which is also what the summary stands for as a path.
     losses: the detector's loss before and after, for each frame with an object to take it for.
     notes: what the user must know, with the number of frames that it concerns.
     replaced: topics whose messages are new. counts: of what was done to messages, by what it is.
@@ -43,6 +45,31 @@ class AttackSummary:
             self.losses.append((result.loss_before, result.loss_after))
         if result.note:
             self.notes[result.note] += 1
+
+    @property
+    def mean_losses(self) -> tuple[float | None, float | None]:
+        """The mean of the losses before and after; None without any."""
+        if not self.losses:
+            return None, None
+        before, after = zip(*self.losses, strict=True)
+        return sum(before) / len(before), sum(after) / len(after)
+
+    def to_dicts(self) -> Rows:
+        """One row: the bag, what became of its clouds, the detector's mean loss, and a column for each kind
+        of change to messages, such as `changed`, with their number."""
+        before, after = self.mean_losses
+        counts = ("frames", "unchanged", "points_clean", "points_adversarial")
+        return [
+            {
+                "bag": str(self.bag),
+                **{name: getattr(self, name) for name in counts},
+                **{"mean_loss_before": before, "mean_loss_after": after},
+                **{what: count for what, count in sorted(self.counts.items()) if count},
+            }
+        ]
+
+    def __fspath__(self) -> str:
+        return str(self.bag)
 
     def __str__(self) -> str:
         parts = [self._clouds()] if self.frames else []

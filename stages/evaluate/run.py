@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from advpipe.pipeline.bag.frames import ALL_FRAMES, find_lidar_topic
@@ -96,7 +97,7 @@ def evaluate(
             [each.text for each in maps.values() if each.text],
         )
         write_report(report, summaries, clean, folder, options)
-    return report
+    return replace(report, folder=out)
 
 
 def _load(options: Options, at_most: int | None = None) -> dict[str, Detector]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.pipeline.scenario.traffic import UserBody
+from advpipe.pipeline.v2x.codec.codes import StationType, TrailerPresence
 from advpipe.stages.simulate.mesh_file import read_mesh_file
 
 
@@ -15,7 +16,8 @@ from advpipe.stages.simulate.mesh_file import read_mesh_file
 class Body:
     """A kind of road user; it fills a box of length x width x height that stands on the ground.
 
-    label: its class in the ground truth. Side mirrors stick out of the box.
+    label: its class in the ground truth. Side mirrors stick out of the box. station_type: what it is as an
+    ITS station; None for one that carries no radio. trailer: what it tells of one.
     """
 
     name: str
@@ -25,23 +27,28 @@ class Body:
     height_m: float
     max_speed_mps: float
     acceleration_mps2: float
+    station_type: StationType | None = None
+    trailer: TrailerPresence = TrailerPresence.NONE
 
 
 BODIES = {
     body.name: body
     for body in (
-        Body("sedan", "car", 4.75, 1.83, 1.45, 50.0, 2.6),
-        Body("hatchback", "car", 4.05, 1.76, 1.5, 50.0, 2.6),
-        Body("estate", "car", 4.75, 1.83, 1.48, 50.0, 2.6),
-        Body("suv", "car", 4.7, 1.92, 1.72, 50.0, 2.6),
-        Body("pickup", "car", 5.3, 1.98, 1.85, 50.0, 2.4),
-        Body("van", "truck", 5.4, 2.05, 2.3, 40.0, 2.0),
-        Body("minibus", "truck", 6.0, 2.02, 2.65, 36.0, 1.8),
-        Body("box_truck", "truck", 8.2, 2.5, 3.3, 28.0, 1.3),
-        Body("semi_trailer", "truck", 16.5, 2.55, 4.0, 25.0, 0.9),
-        Body("bus", "truck", 11.9, 2.55, 3.1, 25.0, 1.2),
-        Body("motorcycle", "cyclist", 2.15, 0.8, 1.6, 45.0, 3.5),
-        Body("scooter", "cyclist", 1.85, 0.7, 1.65, 22.0, 2.5),
+        Body("sedan", "car", 4.75, 1.83, 1.45, 50.0, 2.6, StationType.PASSENGER_CAR),
+        Body("hatchback", "car", 4.05, 1.76, 1.5, 50.0, 2.6, StationType.PASSENGER_CAR),
+        Body("estate", "car", 4.75, 1.83, 1.48, 50.0, 2.6, StationType.PASSENGER_CAR),
+        Body("suv", "car", 4.7, 1.92, 1.72, 50.0, 2.6, StationType.PASSENGER_CAR),
+        Body("pickup", "car", 5.3, 1.98, 1.85, 50.0, 2.4, StationType.PASSENGER_CAR),
+        Body("van", "truck", 5.4, 2.05, 2.3, 40.0, 2.0, StationType.LIGHT_TRUCK),
+        Body("minibus", "truck", 6.0, 2.02, 2.65, 36.0, 1.8, StationType.LIGHT_TRUCK),
+        Body("box_truck", "truck", 8.2, 2.5, 3.3, 28.0, 1.3, StationType.HEAVY_TRUCK),
+        Body(
+            *("semi_trailer", "truck", 16.5, 2.55, 4.0, 25.0, 0.9, StationType.HEAVY_TRUCK),
+            trailer=TrailerPresence.KNOWN_LENGTH,
+        ),
+        Body("bus", "truck", 11.9, 2.55, 3.1, 25.0, 1.2, StationType.BUS),
+        Body("motorcycle", "cyclist", 2.15, 0.8, 1.6, 45.0, 3.5, StationType.MOTORCYCLE),
+        Body("scooter", "cyclist", 1.85, 0.7, 1.65, 22.0, 2.5, StationType.MOPED),
         Body("bicycle", "cyclist", 1.8, 0.62, 1.75, 5.5, 1.2),
         Body("pedestrian", "pedestrian", 0.65, 0.6, 1.72, 1.5, 1.0),
         Body("pedestrian_backpack", "pedestrian", 0.72, 0.6, 1.75, 1.5, 1.0),
@@ -54,6 +61,9 @@ BODIES = {
 
 Sizes are those of common models: small cars of 4.05 m to the European limits of 16.5 x 2.55 x 4 m.
 """
+
+_STATION_TYPES = {"car": StationType.PASSENGER_CAR, "truck": StationType.HEAVY_TRUCK}
+"""Of a body of the user's, by the class that the scenario gives it; others carry no radio."""
 
 PAINTS = (
     "paint_black",
@@ -118,5 +128,14 @@ def _user_variant(name: str, given: UserBody) -> Variant:
     """As large as its mesh."""
     vertices_m, _ = read_mesh_file(given.mesh, f"bodies.{name}", given.scale)
     length_m, width_m, height_m = (float(side) for side in np.ptp(vertices_m, axis=0))
-    body = Body(name, given.label, length_m, width_m, height_m, given.max_speed_mps, given.acceleration_mps2)
+    body = Body(
+        name,
+        given.label,
+        length_m,
+        width_m,
+        height_m,
+        given.max_speed_mps,
+        given.acceleration_mps2,
+        _STATION_TYPES.get(given.label),
+    )
     return Variant(f"{name}.0", body, length_m, width_m, height_m, given.material)

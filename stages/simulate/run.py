@@ -15,6 +15,7 @@ from advpipe.pipeline.core.plugins import mistakes_reported, plugin_names
 from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.core.seeding import named_generator
+from advpipe.pipeline.core.tabular import Rows, Tabular
 from advpipe.pipeline.scenario import Scenario, dump_scenario
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.bodies import Variant, draw_variants
@@ -31,10 +32,11 @@ from advpipe.stages.simulate.world.registry import build_world
 DATA_SET = FolderKind("data set", ("scenario.yaml", "clean"), ("scenario.yaml", "clean/metadata.yaml"))
 
 
-@dataclass(frozen=True)
-class SimulationSummary:
+@dataclass(frozen=True, repr=False)
+class SimulationSummary(Tabular):
     """What was recorded; `road_users` counts every one that came into a sensor's range.
 
+    bag: the clean bag, which is also what the summary stands for as a path. points: of all clouds together.
     v2x: None where the scenario switches V2X off.
     """
 
@@ -44,6 +46,30 @@ class SimulationSummary:
     points: int
     road_users: int
     v2x: Statistics | None
+
+    @property
+    def data_set(self) -> Path:
+        """The folder with the clean bag, to which attacks add theirs."""
+        return self.bag.parent
+
+    def __fspath__(self) -> str:
+        return str(self.bag)
+
+    def __str__(self) -> str:
+        told = (
+            f"{self.bag}: {self.frames} frames, "
+            f"{self.clouds} clouds of {self.points / max(self.clouds, 1):,.0f} points, "
+            f"{self.road_users} road users in range"
+        )
+        return "\n".join(
+            [told, *(f"{name}: {value}" for name, value in (self.v2x.lines() if self.v2x else ()))]
+        )
+
+    def to_dicts(self) -> Rows:
+        """One row: the bag, and what is in it."""
+        counts = ("frames", "clouds", "points", "road_users")
+        of_v2x = {} if self.v2x is None else {"stations": self.v2x.stations, "cams": self.v2x.cams}
+        return [{"bag": str(self.bag), **{name: getattr(self, name) for name in counts}, **of_v2x}]
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.core import signals
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.progress import track
+from advpipe.pipeline.core.tabular import Rows, Tabular
 from advpipe.pipeline.detector.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from advpipe.pipeline.detector.common.network import Network
 from advpipe.pipeline.detector.device import device_record, open_device
@@ -40,8 +41,8 @@ SOME_FRAMES = 40
 """How many frames a validation in the middle of a run takes."""
 
 
-@dataclass(frozen=True)
-class TrainSummary:
+@dataclass(frozen=True, repr=False)
+class TrainSummary(Tabular):
     """What a run made: the checkpoint, the logs, and how good the detector is."""
 
     checkpoint: Path
@@ -51,6 +52,21 @@ class TrainSummary:
     frames: int
     precision: dict[str, ClassPrecision]
     """By class, on the validation bag; empty without one."""
+
+    def __str__(self) -> str:
+        """The checkpoint, what it learnt from, and the average precision of the classes validated."""
+        found = ", ".join(
+            f"{name} {precision.strict_percent:.1f} %"
+            for name, precision in self.precision.items()
+            if precision.boxes
+        )
+        return f"{self.checkpoint}: {self.steps} steps on {self.frames} frames" + (
+            f"; 3D AP on the held-out bag: {found}" if found else ""
+        )
+
+    def to_dicts(self) -> Rows:
+        """A row a class of the validation bag: its boxes, and 3D AP R40 in percent; none without one."""
+        return [{"class": name, **asdict(precision)} for name, precision in self.precision.items()]
 
 
 def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:

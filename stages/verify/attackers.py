@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.labels.declaration import Declaration, Family
+from advpipe.pipeline.labels.declaration import Declaration, Family, Terms
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.replay.recorded_filter import usual_victim, vehicles_with_filter
 from advpipe.pipeline.replay.v2x_attackers import AttackerSelection
@@ -68,13 +68,21 @@ class DeclaredAttackers:
     def named(self, name: str) -> list[DeclaredAttacker]:
         return [one for one in self._all if one.name == name]
 
-    def every_message_matters(self, name: str, sender: int, part: str) -> bool | None:
-        """Whether all that a sender sends by an attack, or a part of it, matters; None where the bag does not
-        tell."""
+    def declared(self, name: str, sender: int, part: str) -> list[Terms] | None:
+        """What the attacks of a name on a sender's messages declare, of a mix this part of it: any may have
+        touched a message. Nothing for a spoofed receiver; None where the bag does not tell."""
         attackers = [one for one in self.named(name) if sender in one.senders]
         if any(one.is_undeclared for one in attackers):
             return None
-        return any(_all_matter(one.declared, part) for one in attackers)
+        declared = [one.declared for one in attackers if one.declared is not None]
+        return [terms for one in declared if (terms := one.part(part) if part else one) is not None]
+
+    def only_at(self, place: int, sender: int) -> DeclaredAttacker | None:
+        """The one who touches a sender's messages at a `place`; None for nobody, and where several do under
+        one name, so that nobody can tell whose is what."""
+        name = self._all[place].name if place < len(self._all) else ""
+        found = [one for one in self.named(name) if sender in one.senders]
+        return found[0] if len(found) == 1 else None
 
     def place(self, name: str, sender: int) -> int:
         """Of the one who touches a sender's messages under this name; after all others if there is none."""
@@ -82,19 +90,12 @@ class DeclaredAttackers:
         return next(found, len(self._all))
 
 
-def _all_matter(declared: Declaration | None, part: str) -> bool:
-    if declared is None:  # a spoofed receiver: what it tells is judged
-        return False
-    found = declared.part(part) if part else declared
-    return found is not None and found.every_message_matters
-
-
-def victims(clean: BagReader, attacks: Sequence[MessageAttack]) -> dict[str, list[AttackSpec]]:
+def victims(clean: BagReader, attacks: Sequence[MessageAttack]) -> dict[str, list[MessageAttack]]:
     """The attacks on GPS by the vehicle that they strike, in the order in which it was named first."""
-    usual, found = usual_victim(vehicles_with_filter(clean)), dict[str, list[AttackSpec]]()
-    for spec, family, _ in attacks:
-        if family == "gnss":
-            found.setdefault(spec.victim or usual or "", []).append(spec)
+    usual, found = usual_victim(vehicles_with_filter(clean)), dict[str, list[MessageAttack]]()
+    for one in attacks:
+        if one.family == "gnss":
+            found.setdefault(one.spec.victim or usual or "", []).append(one)
     return found
 
 
@@ -118,7 +119,8 @@ def _spoofed(
     with_filter = vehicles_with_filter(clean)
     by_victim = sorted(victims(clean, attacks).items(), key=lambda item: item[0] not in with_filter)
     attackers = []
-    for victim, struck in by_victim:
+    for victim, on_it in by_victim:
+        struck = [one.spec for one in on_it]
         name = "+".join(dict.fromkeys(spec.type for spec in struck))
         senders = frozenset(number for number, vehicle in drive.stations.items() if vehicle == victim)
         attackers.append(

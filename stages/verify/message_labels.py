@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import NamedTuple
 
+from advpipe.pipeline.labels.claims import undeclared_fields
+from advpipe.pipeline.labels.declaration import Terms
+from advpipe.pipeline.labels.message_quantities import MessageChange
 from advpipe.pipeline.labels.messages import ACTIONS, ADDED, AXES, CHANGED, CORRUPT, DELAYED, DROPPED
+from advpipe.pipeline.scenario.attacks import NS_PER_S
 from advpipe.pipeline.v2x.facilities.cam_values import (
     FIELDS,
+    OTHER,
+    SEVERAL,
     Values,
     changed_fields,
     places_m,
@@ -18,6 +24,7 @@ from advpipe.pipeline.v2x.facilities.cam_values import (
 )
 from advpipe.pipeline.v2x.facilities.effect import matters
 from advpipe.stages.verify.attackers import DeclaredAttackers
+from advpipe.stages.verify.message_bounds import beyond_declared
 from advpipe.stages.verify.message_store import Message, MessageDiff, MessageStore, Row
 
 ROUNDING_M = 1e-6
@@ -40,7 +47,8 @@ class MessageLabels:
 
     All columns are compared: with the bags (`station_id`, `time_ns`, `sent_ns`, `action`, `true_...`,
     `false_...`), with the attacks that the bag names (`attack`, `attacker`, `sender`, `part`, and whether the
-    attack was on at that time), and with the rules by which they are made (`fields`, `mattered`). What
+    attack was on at that time), with the rules by which they are made (`fields`, `mattered`), and with what
+    the attacks declare: what is untrue, and bounds. What
     cannot be known is believed: which of two attacks of one name and sender touched a message; what it said
     before the last of several attacks; what it says where congestion control held it back; whether chance, or
     pauses, had a GPS attack on within its span.
@@ -84,7 +92,10 @@ class MessageLabels:
             elif after is None:
                 yield "is labelled again after it was dropped"
             yield from self._places(row)
-            yield from self._judged(row, before)
+            declared = self.attackers.declared(row["attack"], row["station_id"], row.get("part", ""))
+            yield from self._judged(row, before, declared)
+            yield from _undeclared(row, before, declared or ())
+            yield from self._beyond(row, before, after, declared or ())
             before = after
 
     def _who(self, row: Row, before: _State | None) -> Iterator[str]:
@@ -137,6 +148,17 @@ class MessageLabels:
             yield f"is labelled {row['action']}, which it is not"
         yield from _values(row, "false", values_of_payload(forged.payload))
 
+    def _beyond(
+        self, row: Row, before: _State | None, after: _State | None, declared: Sequence[Terms]
+    ) -> Iterator[str]:
+        """Beyond the bounds of all attacks that could have changed or delayed it."""
+        if row["action"] not in (CHANGED, DELAYED) or before is None or after is None:
+            return
+        delay_s = (after.request_ns - before.request_ns) / NS_PER_S
+        change = MessageChange(self.attackers.geodesy, before.values, after.values, delay_s)
+        if what := beyond_declared(change, declared):
+            yield f"is beyond the bounds of {row.get('part') or row['attack']}: {what}"
+
     def _places(self, row: Row) -> Iterator[str]:
         """x and y, which follow from latitude and longitude."""
         expected_m = places_m(self.attackers.geodesy, [_told(row, "true"), _told(row, "false")])
@@ -146,7 +168,7 @@ class MessageLabels:
                 if math.isnan(told_m) != math.isnan(value_m) or abs(told_m - value_m) > ROUNDING_M:
                     yield f"is not where {kind}_{axis} tells"
 
-    def _judged(self, row: Row, before: _State | None) -> Iterator[str]:
+    def _judged(self, row: Row, before: _State | None, declared: Sequence[Terms] | None) -> Iterator[str]:
         """`fields` and `mattered`, which follow from the other columns."""
         true, false = _told(row, "true"), _told(row, "false")
         fields, said = "", None if before is None else before.values
@@ -154,15 +176,30 @@ class MessageLabels:
             fields = changed_fields(said, false)
         if row.get("fields", fields) != fields:
             yield f"has its {fields or 'nothing'} changed, not {row['fields'] or 'nothing'}"
-        always = self.attackers.every_message_matters(row["attack"], row["station_id"], row.get("part", ""))
-        mattered = row["action"] == DROPPED or bool(always)
+        always = any(one.every_message_matters for one in declared or ())
+        mattered = row["action"] == DROPPED or always
         if not mattered:
             moved_m = math.hypot(*(_number(row[f"true_{a}"]) - _number(row[f"false_{a}"]) for a in AXES))
             mattered = matters(true, false, moved_m, self.attackers.expiry_s)
-        if always is None and not mattered:
+        if declared is None and not mattered:
             return
         if row["mattered"] is not (mattered and row["action"] != CORRUPT):
             yield f"mattered: {row['mattered']} is told, the rule says {not row['mattered']}"
+
+
+def _undeclared(row: Row, before: _State | None, declared: Sequence[Terms]) -> Iterator[str]:
+    """The fields of a message that were changed, and that no attack that could have done it makes untrue."""
+    if row["action"] not in (CHANGED, DELAYED) or before is None or not declared:
+        return
+    said, says = before.values, _told(row, "false")
+    if row["action"] == DELAYED and said == says:
+        return
+    changed = OTHER if said is None or says is None else changed_fields(said, says)
+    found = [undeclared_fields(changed, frozenset(one.untrue)) for one in declared]
+    if all(found):
+        what = f"only the {', '.join(declared[0].untrue)}" if declared[0].untrue else "nothing"
+        name = row.get("part") or row["attack"]
+        yield f"has its {SEVERAL.join(found[0])} changed; {name} declares {what} untrue"
 
 
 def _action(row: Row, before: _State | None, forged: Message | None) -> Iterator[str]:

@@ -10,6 +10,7 @@ from itertools import groupby
 from operator import itemgetter
 from typing import Any, Literal, NamedTuple
 
+from advpipe.pipeline.scenario.attacks import NS_PER_S
 from advpipe.pipeline.v2x.channel import Sent
 
 Row = dict[str, Any]
@@ -32,6 +33,17 @@ class MessageDiff(NamedTuple):
     labels: list[Row]
 
 
+class Added(NamedTuple):
+    """A message that an attack added. place: the attack's; in_a_second: how many it has added to the same
+    radio's in the second that ends with this one."""
+
+    place: int
+    station_id: int
+    sent_ns: int
+    number: int
+    in_a_second: int
+
+
 class MessageStore:
     """Lies in a file of SQLite's own, where temporary files go: memory holds a few pages of it.
 
@@ -51,6 +63,8 @@ class MessageStore:
             "CREATE INDEX of_station ON clean (station_id, request_ns)",
             "CREATE TABLE labels (number INTEGER, place INTEGER, line INTEGER, row TEXT, "
             "PRIMARY KEY (number, place, line)) WITHOUT ROWID",
+            "CREATE TABLE added (place INTEGER, station_id INTEGER, sent_ns INTEGER, number INTEGER, "
+            "PRIMARY KEY (place, station_id, sent_ns, number)) WITHOUT ROWID",
             "BEGIN",
         ):
             self._database.execute(line)
@@ -69,6 +83,22 @@ class MessageStore:
         self._lines += 1
         values = row["number"], place, self._lines, json.dumps(row)
         self._database.execute("INSERT INTO labels VALUES (?, ?, ?, ?)", values)
+
+    def add_added(self, place: int, row: Row) -> None:
+        """The label of an added message, to be counted: see `added`."""
+        values = place, row["station_id"], row["sent_ns"], row["number"]
+        self._database.execute("INSERT OR IGNORE INTO added VALUES (?, ?, ?, ?)", values)
+
+    def added(self) -> Iterator[Added]:
+        """The added messages by place, station and time, and how many of each were added within a second."""
+        yield from (
+            Added(*found)
+            for found in self._database.execute(
+                "SELECT place, station_id, sent_ns, number, COUNT(*) OVER (PARTITION BY place, station_id "
+                f"ORDER BY sent_ns RANGE BETWEEN {NS_PER_S - 1} PRECEDING AND CURRENT ROW) FROM added "
+                "ORDER BY place, station_id, sent_ns, number"
+            )
+        )
 
     def last_of(self, station_id: int, until_ns: int) -> bytes | None:
         """What a station last said in the clean bag by then."""

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, field
 from typing import NamedTuple
 
 from advpipe.pipeline.core.errors import one_line
+from advpipe.pipeline.core.tabular import Rows, Tabular
 
 FAULTS_A_PLACE = 5
 """Of faults of one check at one place, so many are told one by one; the others are counted."""
@@ -45,8 +46,8 @@ class Finding:
         return one_line(f"{self.where}: {self.what} [{self.check}]")
 
 
-@dataclass
-class Verification:
+@dataclass(repr=False)
+class Verification(Tabular):
     """findings: what is wrong. unchecked: what could not be told. checks: those that ran.
 
     scratch: where an archive lies unpacked; findings leave it out.
@@ -64,6 +65,16 @@ class Verification:
     @property
     def is_good(self) -> bool:
         return not self.findings
+
+    def __str__(self) -> str:
+        faults = len(self.findings)
+        outcome = f"{faults} findings" if faults > 1 else "1 finding" if faults else "good"
+        return f"{one_line(self.path)}: {outcome}"
+
+    def to_dicts(self) -> Rows:
+        """A row for each finding, and then for each thing that could not be checked."""
+        both = ((True, self.findings), (False, self.unchecked))
+        return [{"is_fault": is_fault, **asdict(found)} for is_fault, kept in both for found in kept]
 
     def add(self, check: str, results: Iterable[Result]) -> None:
         """Keep what a check found."""

@@ -72,9 +72,9 @@ def replay(bag: Path, out: Path) -> None:
     """The drive's V2X sent again, and the filters of its vehicles fed again."""
     reader = BagReader(bag)
     drive = V2xDrive(reader)
-    air = drive.air()
+    channel = drive.channel()
     for step in drive.steps():
-        drive.send(air, step, step.sent)
+        drive.send(channel, step, step.sent)
     recorded = read_filter(reader)
     for vehicle in vehicles_with_filter(reader):
         topics = VehicleTopics(vehicle)

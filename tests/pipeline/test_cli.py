@@ -160,15 +160,12 @@ def assert_quiet_when_nobody_reads(bag: Path) -> None:
 
 
 def test_training_is_summed_up_in_one_line(tmp_path: Path) -> None:
-    from advpipe.pipeline.cli.train import _trained
     from advpipe.stages.train.run import TrainSummary
     from advpipe.stages.train.validate import ClassPrecision
 
     precision = {"car": ClassPrecision(9, 61.25, 70.0), "truck": ClassPrecision(0, math.nan, math.nan)}
     summary = TrainSummary(Path("run/a.safetensors"), Path("l"), Path("p"), 3, 40, precision)
-    assert _trained(summary) == (
-        "run/a.safetensors: 3 steps on 40 frames; 3D AP on the held-out bag: car 61.2 %"
-    )
+    assert str(summary) == ("run/a.safetensors: 3 steps on 40 frames; 3D AP on the held-out bag: car 61.2 %")
 
 
 def test_the_schema_is_printed_and_written(tmp_path: Path) -> None:

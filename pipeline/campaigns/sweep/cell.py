@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from advpipe.pipeline.core import plain_json
 from advpipe.pipeline.detector.device import CPU
-from advpipe.stages.evaluate.detection.figures import Row
+from advpipe.pipeline.results.evaluation import plain
+from advpipe.pipeline.results.figures import CloudFigures
+from advpipe.pipeline.results.row import ResultRow
+from advpipe.pipeline.results.stored import stored_row
 
 LIMIT_BYTES = 1 << 24
 """The longest cell that is read: one of 100 frames has 40 kB."""
@@ -53,13 +55,25 @@ class Cell:
     budget: str
     recipe: str
     settings: Settings
-    row: Row
+    row: ResultRow
     bag_sha256: str
     frames: tuple[int, ...]
     found_objects: tuple[int, ...]
     lost_objects: tuple[int, ...]
     map_ratio_draws: tuple[float | None, ...]
     commit: str | None = None
+
+    @property
+    def attacked(self) -> CloudFigures:
+        """The attack's figures: every cell has one."""
+        assert self.row.attacked is not None
+        return self.row.attacked
+
+    @property
+    def strongest_random(self) -> CloudFigures | None:
+        """Those of the strongest plain random baseline; None without one."""
+        word = self.row.strongest_baseline
+        return None if word is None else self.row.figures_of(word)
 
     @property
     def name(self) -> str:
@@ -69,10 +83,14 @@ class Cell:
     def figures(self) -> dict[str, Any]:
         """All of it that comes out alike when the cell is computed again: without the commit, as most of them
         leave its code alone."""
-        return {key: value for key, value in asdict(self).items() if key != "commit"}
+        return {key: value for key, value in self._record().items() if key != "commit"}
 
     def to_json(self) -> str:
-        return json.dumps(asdict(self), indent=1, sort_keys=True, allow_nan=False) + "\n"
+        return json.dumps(self._record(), indent=1, sort_keys=True, allow_nan=False) + "\n"
+
+    def _record(self) -> dict[str, Any]:
+        record = {each.name: getattr(self, each.name) for each in fields(self)}
+        return record | {"settings": asdict(self.settings), "row": plain(self.row.record())}
 
     @staticmethod
     def from_json(text: str) -> Cell:
@@ -83,7 +101,10 @@ class Cell:
             stored[key] = tuple(stored[key])
         for key in ("attack_s", "evaluate_s"):  # they stood here before there was a times.json
             stored.pop(key, None)
-        return Cell(settings=settings, row=with_intervals(stored.pop("row")), **stored)
+        row = stored_row(stored.pop("row"))
+        if row.attacked is None:
+            raise ValueError("a cell without an attack")
+        return Cell(settings=settings, row=row, **stored)
 
 
 @dataclass(frozen=True)
@@ -92,11 +113,3 @@ class Times:
 
     attack_s: float
     evaluate_s: float
-
-
-def with_intervals(stored: Mapping[str, object]) -> Row:
-    """The row with its intervals as tuples, as reports have them; JSON knows lists only."""
-    return {
-        key: tuple(value) if key.endswith("_ci95") and isinstance(value, list) else value
-        for key, value in stored.items()
-    }

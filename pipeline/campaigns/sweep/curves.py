@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import cycle
+from math import isnan
 
 from matplotlib.axes import Axes
 
 from advpipe.pipeline.campaigns.sweep.budgets import AXES, TABLES
 from advpipe.pipeline.campaigns.sweep.cell import Cell
-from advpipe.pipeline.campaigns.sweep.stored_row import strongest_baseline
 from advpipe.pipeline.campaigns.sweep.variants import by_steps, steps_factor
 from advpipe.pipeline.core.figure import Figure
 from advpipe.stages.evaluate.report.style import BASELINE, INK, LINE, PREDICTION, SOFT, TRUTH, plain_axes
@@ -104,15 +104,10 @@ def draw_convergence(cells: Sequence[Cell]) -> Figure | None:
 
 
 def _point(cell: Cell, printed: float, is_random: bool) -> Point | None:
-    word = strongest_baseline(cell.row) if is_random else ""
-    if word is None:
+    figures = cell.strongest_random if is_random else cell.attacked
+    if figures is None or isnan(figures.chamfer_distance_m2) or isnan(figures.map_ratio_percent):
         return None
-    prefix = f"{word}_" if word else ""
-    distance, ratio = cell.row[f"{prefix}chamfer_distance_m2"], cell.row[f"{prefix}map_ratio_percent"]
-    bounds = cell.row[f"{prefix}map_ratio_ci95"]
-    if not isinstance(distance, float | int) or not isinstance(ratio, float):
-        return None
-    return Point((printed, float(distance)), ratio, bounds if isinstance(bounds, tuple) else None)
+    return Point((printed, figures.chamfer_distance_m2), figures.map_ratio_percent, figures.map_ratio_ci95)
 
 
 def _draw_line(axes: Axes, points: Sequence[Point], place: int, title: str, colour: str, style: str) -> None:

@@ -67,9 +67,8 @@ def load_scenes(
     classes = known_classes(load_detector(detector, device))
     scenes = []
     for comparison, cell in zip(looking.comparisons(1), cells, strict=True):
-        score = cell.row["working_score"]
-        assert isinstance(score, float | int)
-        summary = replace(summarise(comparison, classes, 1, settings.seed), min_score=float(score))
+        score = cell.row.counts.working_score
+        summary = replace(summarise(comparison, classes, 1, settings.seed), min_score=score)
         scenes.append(load_scene(clean, summary, comparison.frames[0], settings.lidar_topic))
     return scenes
 

@@ -27,7 +27,7 @@ def remarks(cells: Sequence[Cell]) -> list[str]:
     """Sentences for the page, the terminal and report.json."""
     return [
         SAME_DATA,
-        *([RANDOM_BEST] if any(cell.row.get("baselines") for cell in cells) else []),
+        *([RANDOM_BEST] if any(cell.row.baselines for cell in cells) else []),
         *_random_best_measured(cells),
         *_lost(cells),
         *_held_still(cells),
@@ -55,7 +55,7 @@ def _random_best_measured(cells: Sequence[Cell]) -> list[str]:
 
 
 def _lost(cells: Sequence[Cell]) -> list[str]:
-    scores = sorted({number(cell.row["working_score"], 2) for cell in cells if "working_score" in cell.row})
+    scores = sorted({number(cell.row.counts.working_score, 2) for cell in cells})
     if not scores:
         return []
     return [
@@ -70,9 +70,9 @@ def _held_still(cells: Sequence[Cell]) -> list[str]:
     """How much of its budget recipe `paper` uses where it moves points."""
     told = []
     for cell in cells:
-        weight, moved_m = _parameter(cell, "weight"), cell.row.get("rms_displacement_m")
+        weight, moved_m = _parameter(cell, "weight"), cell.attacked.rms_displacement_m
         allowed_cm = _parameter(cell, "eps_cm")
-        if _recipe(cell) == "paper" and weight and isinstance(moved_m, float) and allowed_cm is not None:
+        if _recipe(cell) == "paper" and weight and allowed_cm is not None:
             told.append(
                 f"{cell.name}: the weight λ = {weight:g} of the Chamfer distance, beside steps of equal "
                 f"length for each point, holds the points to {1000 * moved_m:.1f} mm (RMS) of the "
@@ -87,6 +87,5 @@ def _recipe(cell: Cell) -> str:
 
 
 def _parameter(cell: Cell, name: str) -> float | None:
-    parameters = cell.row.get("parameters")
-    value = parameters.get(name) if isinstance(parameters, dict) else None
+    value = cell.row.attack.parameters.get(name)
     return float(value) if isinstance(value, int | float) else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,11 +16,13 @@ from advpipe.pipeline.campaigns.sweep.options import SweepOptions
 from advpipe.pipeline.campaigns.sweep.panel_pictures import panel_pictures
 from advpipe.pipeline.campaigns.sweep.settings import sweep_settings
 from advpipe.pipeline.campaigns.sweep.store import Store
-from advpipe.pipeline.campaigns.sweep.tables import recipes_of
+from advpipe.pipeline.campaigns.sweep.tables import paper_tables, recipes_of, records
 from advpipe.pipeline.campaigns.sweep.variants import steps_factor
 from advpipe.pipeline.core.errors import wrong_use
+from advpipe.pipeline.core.tabular import Rows, Tabular, html_paragraph, html_table
 from advpipe.pipeline.core.verbosity import detail, say
 from advpipe.pipeline.detector.registry import load_detector
+from advpipe.pipeline.results.evaluation import plain
 from advpipe.stages.evaluate.report.numbers import number
 from advpipe.stages.evaluate.training_map import map_status
 
@@ -88,14 +90,35 @@ class Sweep:
         return True
 
 
-@dataclass(frozen=True)
-class SweepReport:
-    """What a sweep's folder holds now."""
+@dataclass(frozen=True, repr=False)
+class SweepReport(Tabular):
+    """What a sweep's folder holds now: report.html, report.json, and the finished cells."""
 
     folder: Path
     cells: Sequence[Cell]
     recipes: Sequence[str]
     banners: Sequence[str]
+
+    def __str__(self) -> str:
+        names = ", ".join(cell.name for cell in self.cells)
+        return f"{self.folder}: {names or 'no finished cell'}"
+
+    def to_dicts(self) -> Rows:
+        """A row a finished cell: recipe, attack and budget, the paper's figures, and those of report.json."""
+        rows = []
+        for record in records(self.cells, self.recipes):
+            figures = record.get("row")
+            if isinstance(figures, Mapping):
+                about = {key: value for key, value in record.items() if key != "row"}
+                rows.append({key: plain(value) for key, value in {**figures, **about}.items()})
+        return rows
+
+    def _repr_html_(self) -> str:
+        """The tables of report.html that compare with the paper."""
+        tables = paper_tables(self.cells, self.recipes)
+        return html_paragraph(self) + "".join(
+            html_table(each.heads, each.lines, each.title) for each in tables
+        )
 
     def show(self) -> None:
         """The tables on the terminal."""
@@ -104,7 +127,7 @@ class SweepReport:
 
 def _line(cell: Cell, budget: Budget, times: Times) -> str:
     return (
-        f"{cell.name}: mAP ratio {number(cell.row['map_ratio_percent'], 2)} % (the paper: "
+        f"{cell.name}: mAP ratio {number(cell.attacked.map_ratio_percent, 2)} % (the paper: "
         f"{budget.paper_map_ratio_percent:.2f} %), {len(cell.frames)} frames, "
         f"attack {times.attack_s:.0f} s, evaluation {times.evaluate_s:.0f} s"
     )

@@ -10,13 +10,12 @@ import numpy as np
 from advpipe.pipeline.bag.frames import FrameSlice
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.campaigns.sweep.cell import Cell, Settings, with_intervals
+from advpipe.pipeline.campaigns.sweep.cell import Cell, Settings
 from advpipe.pipeline.core.code import source_commit
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
-from advpipe.pipeline.results.evaluation import plain
 from advpipe.stages.evaluate.detection.arm import Arm
 from advpipe.stages.evaluate.detection.comparison import FrameResult
 from advpipe.stages.evaluate.detection.detection_run import DetectionRun
@@ -53,17 +52,15 @@ def scored_cell(
     (comparison,) = looking.comparisons(workers)
     classes = known_classes(load_detector(detector, device))
     summary = summarise(comparison, classes, DRAWS, settings.seed)
-    row = plain(summary.result.record())
-    assert isinstance(row, dict)
     return Cell(
         budget,
         recipe,
         settings,
-        with_intervals(row),
+        summary.result,
         parent_sha256(bag),
         frames=tuple(frame.index for frame in comparison.frames),
-        found_objects=tuple(int(each["found_objects_clean"] or 0) for each in summary.per_frame),
-        lost_objects=tuple(int(each["lost_objects_adv"] or 0) for each in summary.per_frame),
+        found_objects=tuple(each.clouds["clean"].found_objects for each in summary.per_frame),
+        lost_objects=tuple(each.clouds["adv"].lost_objects for each in summary.per_frame),
         map_ratio_draws=_draws(
             comparison.frames, classes, summary.result.counts.classes_in_map, settings.seed
         ),

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import cast
+from math import isnan
 
 import numpy as np
 
 from advpipe.pipeline.campaigns.sweep.budgets import AXES, TABLE_ONE, TABLES, Budget
 from advpipe.pipeline.campaigns.sweep.cell import Cell
-from advpipe.pipeline.campaigns.sweep.stored_row import changed_points, strongest_baseline
 from advpipe.pipeline.campaigns.sweep.variants import by_steps, split_recipe, steps_factor
 from advpipe.pipeline.metrics.bootstrap import percentile_interval
+from advpipe.pipeline.results.evaluation import plain
+from advpipe.pipeline.results.figures import CloudFigures
 from advpipe.stages.evaluate.detection.baseline import BEST, baseline_title
-from advpipe.stages.evaluate.detection.figures import Row
 from advpipe.stages.evaluate.report.numbers import NOTHING, interval, number, short_name, with_interval
 from advpipe.stages.evaluate.report.section import Table
+from advpipe.stages.evaluate.report.table import changed_percent
 from advpipe.stages.evaluate.report.wording import PLAIN_RANDOM
 
 NOT_RUN = "not run"
@@ -68,18 +69,14 @@ def table_one(cells: Sequence[Cell], recipes: Sequence[str]) -> Table:
                 lines[-2] += [NOT_RUN, NOT_RUN]
                 lines[-1] += [NOTHING, NOTHING]
                 continue
-            for line, prefix in ((lines[-2], ""), (lines[-1], _strongest_prefix(cell))):
-                line += [
-                    number(cell.row.get(f"{prefix}chamfer_distance_m2"), 5)
-                    if prefix is not None
-                    else NOTHING,
-                    with_interval(
-                        cell.row.get(f"{prefix}map_ratio_percent"), cell.row.get(f"{prefix}map_ratio_ci95"), 2
-                    )
-                    if prefix is not None
-                    else NOTHING,
-                ]
+            lines[-2] += _distance_and_ratio(cell.attacked)
+            lines[-1] += _distance_and_ratio(cell.strongest_random)
     return Table("Table I", tuple(heads), tuple(tuple(line) for line in lines))
+
+
+def paper_tables(cells: Sequence[Cell], recipes: Sequence[str]) -> list[Table]:
+    """The tables that stand beside the paper's: I, and II by attack."""
+    return [table_one(cells, recipes), *(table_two(cells, recipes, attack) for attack in AXES)]
 
 
 def table_two(cells: Sequence[Cell], recipes: Sequence[str], attack: str) -> Table:
@@ -107,21 +104,27 @@ def line(budget: Budget, recipe: str, cell: Cell | None) -> tuple[str, ...]:
     )
     if cell is None:
         return (*known, NOT_RUN, *[NOTHING] * (len(HEADS) - len(known) - 1))
-    row, word = cell.row, strongest_baseline(cell.row)
+    attacked, word = cell.attacked, cell.row.strongest_baseline
+    random = cell.row.baselines[word] if word else None
     return (
         *known,
-        number(row["map_ratio_percent"], 2),
-        interval(row["map_ratio_ci95"]),
-        number(row["chamfer_distance_m2"], 5),
+        number(attacked.map_ratio_percent, 2),
+        interval(attacked.map_ratio_ci95),
+        number(attacked.chamfer_distance_m2, 5),
         ANSWER[below_paper(budget, cell)],
-        number(row[f"{word}_map_ratio_percent"], 2) if word else NOTHING,
-        number(row[f"map_ratio_minus_{word}"], 2) if word else NOTHING,
-        interval(row[f"map_ratio_minus_{word}_ci95"]) if word else NOTHING,
-        ANSWER[cast("bool | None", row["beats_random"])],
-        _farthest(row),
-        number(row["rms_displacement_m"] or None, 4),
-        changed_points(row),
-        number(row["frames"], 0),
+        number(random.figures.map_ratio_percent, 2) if random else NOTHING,
+        number(random.map_ratio_minus, 2) if random else NOTHING,
+        interval(random.map_ratio_minus_ci95) if random else NOTHING,
+        ANSWER[cell.row.beats_random],
+        number(max(attacked.max_displacement_m, attacked.max_added_m), 4),
+        number(attacked.rms_displacement_m or None, 4),
+        changed_percent(
+            attacked.points_removed,
+            attacked.points_added,
+            attacked.points_moved,
+            cell.row.counts.points_clean,
+        ),
+        number(cell.row.counts.frames, 0),
     )
 
 
@@ -143,8 +146,8 @@ def convergence_table(cells: Sequence[Cell]) -> Table:
                 is_large = bounds[0] > SMALL_CHANGE_POINTS or bounds[1] < -SMALL_CHANGE_POINTS
             lines.append(
                 (
-                    *(name, f"x {factor:g}", number(cell.row["map_ratio_percent"], 2)),
-                    interval(cell.row["map_ratio_ci95"]),
+                    *(name, f"x {factor:g}", number(cell.attacked.map_ratio_percent, 2)),
+                    interval(cell.attacked.map_ratio_ci95),
                     *(number(points, 2), interval(bounds), ANSWER[is_small], ANSWER[is_large]),
                 )
             )
@@ -169,12 +172,12 @@ def loose_table(cells: Sequence[Cell]) -> Table:
     lines = [
         (
             cell.name,
-            number(cell.row["map_ratio_percent"], 2),
-            number(cell.row.get("map_loose_ratio_percent"), 2),
-            number(cell.row.get(f"{_strongest_prefix(cell)}map_loose_ratio_percent"), 2),
+            number(cell.attacked.map_ratio_percent, 2),
+            number(cell.attacked.map_loose_ratio_percent, 2),
+            number(random.map_loose_ratio_percent, 2) if (random := cell.strongest_random) else NOTHING,
             number(sum(cell.lost_objects), 0),
             number(sum(cell.found_objects), 0),
-            number(cell.row.get("working_score"), 2),
+            number(cell.row.counts.working_score, 2),
         )
         for cell in cells
     ]
@@ -191,16 +194,16 @@ def baselines_table(cells: Sequence[Cell]) -> Table:
         (
             cell.name,
             baseline_title(word),
-            number(cell.row["baseline_tries"] if word.endswith(BEST) else 1, 0),
-            number(cell.row["looks"], 0),
-            number(cell.row[f"{word}_map_ratio_percent"], 2),
-            interval(cell.row[f"{word}_map_ratio_ci95"]),
-            number(cell.row[f"map_ratio_minus_{word}"], 2),
-            interval(cell.row[f"map_ratio_minus_{word}_ci95"]),
-            ANSWER[cast("bool | None", cell.row[f"beats_{word}"])],
+            number(cell.row.attack.baseline_tries if word.endswith(BEST) else 1, 0),
+            number(cell.row.attack.looks, 0),
+            number(baseline.figures.map_ratio_percent, 2),
+            interval(baseline.figures.map_ratio_ci95),
+            number(baseline.map_ratio_minus, 2),
+            interval(baseline.map_ratio_minus_ci95),
+            ANSWER[baseline.is_beaten],
         )
         for cell in cells
-        for word in cast("list[str]", cell.row["baselines"])
+        for word, baseline in cell.row.baselines.items()
     ]
     return Table("Against the same budget spent plainly at random", heads, tuple(lines))
 
@@ -226,8 +229,8 @@ def step(before: Cell, after: Cell) -> tuple[float | None, tuple[float, float] |
 
     Only cells of the same frames and seed were drawn together.
     """
-    low, high = before.row["map_ratio_percent"], after.row["map_ratio_percent"]
-    points = high - low if isinstance(low, float) and isinstance(high, float) else None
+    change = after.attacked.map_ratio_percent - before.attacked.map_ratio_percent
+    points = None if isnan(change) else change
     paired = (before.frames, before.settings.seed) == (after.frames, after.settings.seed)
     if not paired or not before.map_ratio_draws or not after.map_ratio_draws:
         return points, None
@@ -237,8 +240,8 @@ def step(before: Cell, after: Cell) -> tuple[float | None, tuple[float, float] |
 
 def below_paper(budget: Budget, cell: Cell) -> bool | None:
     """Whether the mAP ratio is below the paper's, and the Chamfer distance not above; None if undefined."""
-    ratio, distance = cell.row["map_ratio_percent"], cell.row["chamfer_distance_m2"]
-    if not isinstance(ratio, float) or not isinstance(distance, float | int):
+    ratio, distance = cell.attacked.map_ratio_percent, cell.attacked.chamfer_distance_m2
+    if isnan(ratio) or isnan(distance):
         return None
     return ratio < budget.paper_map_ratio_percent and distance <= budget.paper_chamfer_distance_m2
 
@@ -268,21 +271,17 @@ def records(cells: Sequence[Cell], recipes: Sequence[str]) -> list[Mapping[str, 
                 about |= {
                     "status": "done",
                     "is_below_paper": below_paper(budget, cell),
-                    "strongest_baseline": strongest_baseline(cell.row),
+                    "strongest_baseline": cell.row.strongest_baseline,
                     "bag_sha256": cell.bag_sha256,
                     "frames": cell.settings.frames,
-                    "row": cell.row,
+                    "row": plain(cell.row.record()),
                 }
             listed.append(about)
     return listed
 
 
-def _strongest_prefix(cell: Cell) -> str | None:
-    word = strongest_baseline(cell.row)
-    return f"{word}_" if word else None
-
-
-def _farthest(row: Row) -> str:
-    """How far a point moved, or stands from the nearest clean one, at most."""
-    ways = [row["max_displacement_m"], row["max_added_m"]]
-    return number(max((way for way in ways if isinstance(way, float | int)), default=None), 4)
+def _distance_and_ratio(figures: CloudFigures | None) -> list[str]:
+    if figures is None:
+        return [NOTHING, NOTHING]
+    ratio = with_interval(figures.map_ratio_percent, figures.map_ratio_ci95, 2)
+    return [number(figures.chamfer_distance_m2, 5), ratio]

@@ -6,7 +6,12 @@ import math
 from typing import NamedTuple
 
 from advpipe.pipeline.localisation.estimate import Estimate
-from advpipe.pipeline.v2x.codec.codes import AccelerationControl, DriveDirection, TrailerPresence
+from advpipe.pipeline.v2x.codec.codes import (
+    AccelerationControl,
+    DriveDirection,
+    ExteriorLights,
+    TrailerPresence,
+)
 from advpipe.pipeline.v2x.facilities.reference_point import ReferencePoint
 from advpipe.pipeline.v2x.facilities.station_state import StationState
 
@@ -53,8 +58,9 @@ def own_state(
     speed_mps: float,
     acceleration_mps2: float,
     yaw_rate_radps: float,
+    lights: ExteriorLights = ExteriorLights.DAYTIME_RUNNING,
 ) -> StationState:
-    """The state that a CAM is made of; a speed below zero is backwards."""
+    """The state that a CAM is made of; a speed below zero is backwards. lights: those that are on."""
     return StationState(
         station_id=who.station_id,
         station_type=who.station_type,
@@ -78,6 +84,7 @@ def own_state(
         speed_std_mps=accuracy.speed_mps,
         yaw_rate_std_radps=accuracy.yaw_rate_radps,
         acceleration_control=_pedals(acceleration_mps2),
+        exterior_lights=lights,
     )
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.labels.fix_quantities import FIX_QUANTITIES
 from advpipe.pipeline.localisation.estimate import Innovation
 from advpipe.stages.attack.base import Attack, Traits
 
@@ -78,15 +79,23 @@ class GnssAttack(Attack):
     ...     def begin(self, rng):
     ...         return lambda context: context.position_m + [0.0, self.offset_m, 0.0]
 
-    Several on one vehicle cannot act at the same time: a receiver reports one place.
+    What it keeps to in numbers are its `bounds`: a fix beyond them is refused, and `verify` measures them
+    again. Several on one vehicle cannot act at the same time: a receiver reports one place.
     """
 
     family = "gnss"
     traits_type = GnssTraits
+    quantities = FIX_QUANTITIES
 
     @property
     @abstractmethod
     def traits(self) -> GnssTraits: ...
+
+    @property
+    def bounds(self) -> Mapping[str, tuple[float, float]]:
+        """Least and most of each quantity that the attack bounds, with its parameters, in every fix while it
+        is on; by names of `advpipe.pipeline.labels.fix_quantities`. Nothing where it bounds none."""
+        return {}
 
     @abstractmethod
     def begin(self, rng: np.random.Generator) -> Spoofer:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from advpipe.pipeline.labels.fix_quantities import FIX_DISPLACEMENT, FIX_HEIGHT_CHANGE
 from advpipe.pipeline.localisation.gnss import HEIGHT_FACTOR
 from advpipe.stages.attack.bounds import number
 from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext
@@ -29,6 +31,11 @@ class Bias(GnssAttack):
     def __post_init__(self) -> None:
         number("gnss-bias", "bound_m", self.bound_m, 0, 1e6)
         number("gnss-bias", "bound_up_m", self.bound_up_m, 0, 1e4)
+
+    @property
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        most_m = math.hypot(self.bound_m, self.bound_m, self.bound_up_m)
+        return {FIX_DISPLACEMENT.name: (0, most_m), FIX_HEIGHT_CHANGE.name: (0, self.bound_up_m)}
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
         """Draws the bias."""

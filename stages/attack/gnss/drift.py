@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from advpipe.pipeline.labels.fix_quantities import FIX_DISPLACEMENT, FIX_HEIGHT_CHANGE
 from advpipe.stages.attack.bounds import number
 from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext, level
 
@@ -30,6 +31,10 @@ class Drift(GnssAttack):
         number("gnss-drift", "rate_mps", self.rate_mps, 0, 1e4)
         number("gnss-drift", "angle_deg", self.angle_deg, -360.0, 360.0)
         number("gnss-drift", "most_m", self.most_m, 0, 1e6)
+
+    @property
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        return {FIX_DISPLACEMENT.name: (0, self.most_m), FIX_HEIGHT_CHANGE.name: (0, 0)}
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
         """Draws nothing."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.labels.fix_quantities import FIX_DISPLACEMENT, FIX_HEIGHT_CHANGE
 from advpipe.pipeline.localisation.estimate import Innovation
 from advpipe.stages.attack.bounds import number
 from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext, level
@@ -46,6 +47,10 @@ class DriftAware(GnssAttack):
         from scipy.special import chdtri
 
         return self.share * float(chdtri(3, 1 - self.gate_probability))
+
+    @property
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        return {FIX_DISPLACEMENT.name: (0, self.most_m), FIX_HEIGHT_CHANGE.name: (0, 0)}
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
         """Draws nothing."""

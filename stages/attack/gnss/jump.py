@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from advpipe.pipeline.labels.fix_quantities import FIX_DISPLACEMENT, FIX_HEIGHT_CHANGE
 from advpipe.stages.attack.bounds import number, one_of
 from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext, any_direction
 
@@ -30,6 +31,12 @@ class Jump(GnssAttack):
         one_of("gnss-jump", "mode", self.mode, MODES)
         number("gnss-jump", "distance_m", self.distance_m, 0, 1e6)
         number("gnss-jump", "probability", self.probability, 0, 1.0)
+
+    @property
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """Jumps of `step` add up without end."""
+        farthest = {FIX_DISPLACEMENT.name: (0, self.distance_m)} if self.mode == "glitch" else {}
+        return {**farthest, FIX_HEIGHT_CHANGE.name: (0, 0)}
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
         """Two draws for each attacked fix."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.labels.fix_quantities import FIX_DISPLACEMENT, FIX_HEIGHT_CHANGE
 from advpipe.stages.attack.bounds import number, one_of
 from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext, any_direction
 
@@ -36,6 +37,13 @@ class Relocate(GnssAttack):
         number("gnss-relocate", "most_m", self.most_m, 10.0, 1e6)
         if self.least_m > self.most_m:
             raise UsageError(f"gnss-relocate: least_m {self.least_m:g} is above most_m {self.most_m:g}")
+
+    @property
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """None of `place`, which the vehicle may leave behind."""
+        if self.mode == "place":
+            return {}
+        return {FIX_DISPLACEMENT.name: (self.least_m, self.most_m), FIX_HEIGHT_CHANGE.name: (0, 0)}
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
         """Draws how far away, and where to."""

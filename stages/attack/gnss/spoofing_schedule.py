@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
 
-from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.labels.fix_quantities import FIX_QUANTITIES, FixChange
+from advpipe.pipeline.labels.quantity import Range, excesses
 from advpipe.pipeline.localisation.estimate import Innovation
 from advpipe.pipeline.scenario.acting import Acting, acting_on_fixes
 from advpipe.pipeline.scenario.attacks import AttackSpec
@@ -31,6 +33,7 @@ class _Strike:
     """One attack, and since when it has been on."""
 
     spec: AttackSpec
+    bounds: Mapping[str, Range]
     spoofer: Spoofer
     acts: Acting
     begin_ns: int | None = None
@@ -59,15 +62,18 @@ class SpoofingSchedule:
             recording.refuse_outside(spec)
             names = ("attack", spec.type, spec.seed_name, victim)
             kind = GNSS_ATTACKS.find(spec.type)
-            spoofer = kind(**resolved_parameters(spec, kind)).begin(named_generator(seed, *names))
-            self._strikes.append(
-                _Strike(spec, spoofer, acting_on_fixes(spec, victim, recording.start_ns, seed))
-            )
+            attack = kind(**resolved_parameters(spec, kind))
+            spoofer = attack.begin(named_generator(seed, *names))
+            acts = acting_on_fixes(spec, victim, recording.start_ns, seed)
+            self._strikes.append(_Strike(spec, attack.bounds, spoofer, acts))
 
     def of(
         self, time_ns: int, position_m: Float64, heading_rad: float, innovation: Callable[[], Innovation]
     ) -> Lie | None:
-        """The lie about a genuine fix (3,) in the map at a log time; None where it is left alone."""
+        """The lie about a genuine fix (3,) in the map at a log time; None where it is left alone.
+
+        Raises AdvpipeError for one that is beyond the bounds that its attack declares.
+        """
         self._genuine.append(TrueFix(time_ns, position_m))
         lie = None
         for strike in self._strikes:
@@ -80,4 +86,12 @@ class SpoofingSchedule:
             context = SpoofingContext(self._genuine, since_s, interval_s, heading_rad, innovation)
             strike.last_ns = time_ns
             lie = Lie(strike.spec.type, strike.spoofer(context))
+            _refuse_beyond(strike, lie, position_m)
         return lie
+
+
+def _refuse_beyond(strike: _Strike, lie: Lie, position_m: Float64) -> None:
+    if lie.position_m is not None:
+        change = FixChange(lie.position_m - position_m)
+        for excess in excesses(change, strike.bounds, FIX_QUANTITIES):
+            raise AdvpipeError(f"{lie.attack} went beyond its bounds: {excess}")

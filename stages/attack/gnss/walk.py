@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from advpipe.pipeline.labels.fix_quantities import FIX_DISPLACEMENT, FIX_HEIGHT_CHANGE
 from advpipe.stages.attack.bounds import number
 from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext
 
@@ -28,6 +29,10 @@ class RandomWalk(GnssAttack):
     def __post_init__(self) -> None:
         number("gnss-walk", "stddev_m", self.stddev_m, 0, 1e6)
         number("gnss-walk", "most_m", self.most_m, 0, 1e6)
+
+    @property
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        return {FIX_DISPLACEMENT.name: (0, self.most_m), FIX_HEIGHT_CHANGE.name: (0, 0)}
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
         """Two draws for each attacked fix; those of a span's first count for nothing."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,12 +15,15 @@ from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.labels.points import ADDED, PointLabels
 from advpipe.pipeline.labels.quantities import ADDED_DISTANCE, POINTS_ADDED, POINTS_MOVED, POINTS_REMOVED
 from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
+from advpipe.stages.attack.bounds import number, one_of, whole
 from advpipe.stages.attack.lidar.attach_game import AttachGame
 from advpipe.stages.attack.lidar.attach_paper import salient_copies
 from advpipe.stages.attack.lidar.attach_places import Places, ball_places, joined, voxel_places
 from advpipe.stages.attack.lidar.attack_objective import AttackObjective
 from advpipe.stages.attack.lidar.base import (
+    MAX_ROUNDS,
     NO_GRADIENT,
+    QUERYING,
     Budget,
     LidarAttack,
     LidarResult,
@@ -32,7 +34,7 @@ from advpipe.stages.attack.lidar.base import (
 )
 from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
 from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners
-from advpipe.stages.attack.lidar.gradient import gradient_of
+from advpipe.stages.attack.lidar.gradient import gradients_of
 from advpipe.stages.attack.lidar.greedy_allocation import greedy_allocation, queries
 from advpipe.stages.attack.lidar.selection import NoGradientError
 from advpipe.stages.attack.lidar.targets import detection_loss
@@ -42,9 +44,6 @@ Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 
 RECIPES = ("best", "robust", "paper", "random", "random-near", "random-best")
-
-QUERYING = ("best", "robust", "random-best")
-"""Those that look at what the detector finds, and keep the best."""
 
 MAX_EPS_M = 5.0
 
@@ -132,18 +131,12 @@ class Attach(LidarAttack):
     def __post_init__(self) -> None:
         if not 0 < self.eps_m <= MAX_EPS_M:
             raise UsageError(f"attach: eps_m is {self.eps_m}, but must lie above 0 and up to {MAX_EPS_M:g}")
-        for name, number in (("points", self.points), ("rounds", self.rounds)):
-            if not (number >= 1 and float(number).is_integer()):
-                raise UsageError(f"attach: {name} is {number}, but must be a whole number from 1 up")
-        if self.points > MAX_POINTS:
-            raise UsageError(f"attach: points is {self.points}, but must be {MAX_POINTS} at most")
-        if self.recipe not in RECIPES:
-            raise UsageError(f"attach: unknown recipe {self.recipe!r}; known: {', '.join(RECIPES)}")
-        if not (math.isfinite(self.weight) and self.weight >= 0):
-            raise UsageError(f"attach: weight is {self.weight}, but must be a number from 0 up")
         if not self.decay_m > 0:
             raise UsageError(f"attach: decay_m is {self.decay_m}, but must be above 0")
-        self.points, self.rounds = int(self.points), int(self.rounds)
+        one_of("attach", "recipe", self.recipe, RECIPES)
+        number("attach", "weight", self.weight, 0)
+        self.points = whole("attach", "points", self.points, 1, MAX_POINTS)
+        self.rounds = whole("attach", "rounds", self.rounds, 1, MAX_ROUNDS)
         self.constraints = Constraints.among(vars(self))
 
     @property
@@ -156,8 +149,7 @@ class Attach(LidarAttack):
         }
 
     @property
-    def queries(self) -> int:
-        """How many tries the detector judges, for the best to be kept."""
+    def query_budget(self) -> int:
         return queries(self.rounds) if self.recipe in QUERYING else 1
 
     def __call__(
@@ -170,9 +162,9 @@ class Attach(LidarAttack):
         goal = goal_of(self.constraints, detector, scene, boxes)
         loss_before = detection_loss(detector, scene, goal.loss_targets)
         focused = self.recipe != "random" or self.constraints.objects or self.constraints.ghost
-        if not len(goal) and focused:
+        if not len(goal.targets) and focused:
             return unchanged(cloud, goal.note)
-        rules = self.constraints.on(xyz(scene), boxes)
+        rules = Rules(self.constraints, xyz(scene), boxes)
         try:
             places, note = self._places(xyzi(scene), goal, detector, rules, rng)
         except NoGradientError:
@@ -184,7 +176,7 @@ class Attach(LidarAttack):
             added[name] = places.points[:, column]
         adversarial = np.concatenate([cloud, added])
         loss_after = detection_loss(detector, np.concatenate([scene, added]), goal.loss_targets)
-        note = join_notes(goal.note if len(goal) else "", note)
+        note = join_notes(goal.note if len(goal.targets) else "", note)
         return LidarResult(adversarial, _labels(scene, added), loss_before, loss_after, note)
 
     def _places(
@@ -256,7 +248,8 @@ def _with_intensity(
         return goal.sign * detector.loss(points, goal.loss_targets.boxes, goal.loss_targets.labels), points
 
     loss, points = loss_of(places.points)
-    slope = gradient_of(loss, points)[len(clean) :, 3].cpu().numpy()
+    (gradient,) = gradients_of(loss, points)
+    slope = gradient[len(clean) :, 3].cpu().numpy()
     changed = places.points.copy()
     changed[:, 3] = np.where(slope > 0, 1.0, np.where(slope < 0, 0.0, changed[:, 3]))
     before, after = (

@@ -12,7 +12,7 @@ from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
 from advpipe.stages.attack.lidar.attach_places import Places
 from advpipe.stages.attack.lidar.attack_objective import AttackObjective
 from advpipe.stages.attack.lidar.goal import Goal
-from advpipe.stages.attack.lidar.gradient import gradient_of
+from advpipe.stages.attack.lidar.gradient import gradients_of
 from advpipe.stages.attack.lidar.selection import NoGradientError
 
 Float32 = npt.NDArray[np.float32]
@@ -53,7 +53,7 @@ class AttachGame:
     @property
     def most(self) -> Int64:
         owner = self.places.owner
-        available = np.bincount(owner[owner >= 0], minlength=len(self.goal))
+        available = np.bincount(owner[owner >= 0], minlength=len(self.goal.targets))
         return available if self.goal.kind == "create" else np.minimum(available, MOST)
 
     def propose(self, taken: Int64, wanted: Int64, room: Int64) -> list[Int64]:
@@ -102,7 +102,7 @@ class AttachGame:
         loss, occupancy, row = detector.occupancy_loss(
             points, loss_targets.boxes, loss_targets.labels, ghosts
         )
-        gradient = gradient_of(loss, occupancy)
+        (gradient,) = gradients_of(loss, occupancy)
         of_row = np.nan_to_num(self.goal.sign * gradient.double().cpu().numpy(), posinf=0.0, neginf=0.0)
         mine = row.cpu().numpy()[len(points) :]
         return np.where(mine >= 0, of_row[mine], 0.0)
@@ -110,7 +110,7 @@ class AttachGame:
     def _of_copies(self, points: torch.Tensor, pool: Int64) -> Float64:
         """By the loss alone: a copy of the place's clean point, moved there, to first order."""
         leaf, loss_targets = points.requires_grad_(), self.goal.loss_targets
-        gradient = gradient_of(self.detector.loss(leaf, loss_targets.boxes, loss_targets.labels), leaf)
+        (gradient,) = gradients_of(self.detector.loss(leaf, loss_targets.boxes, loss_targets.labels), leaf)
         slope = np.nan_to_num(gradient[:, :3].double().cpu().numpy(), posinf=0.0, neginf=0.0)
         source = self.places.source[pool]
         way_m = self.places.points[pool, :3].astype(np.float64) - self.clean[source, :3]

@@ -13,7 +13,7 @@ from advpipe.pipeline.detector.protocol import Detector
 from advpipe.stages.attack.lidar.attach_places import HAIR, Places
 from advpipe.stages.attack.lidar.constraints import Rules, along_rays
 from advpipe.stages.attack.lidar.goal import Goal
-from advpipe.stages.attack.lidar.gradient import gradient_of
+from advpipe.stages.attack.lidar.gradient import gradients_of
 from advpipe.stages.attack.lidar.selection import NoGradientError, choose_salient_points
 
 Float32 = npt.NDArray[np.float32]
@@ -70,7 +70,7 @@ def _gradient(clean: Float32, added: Float32, goal: Goal, detector: Detector) ->
     leaf: Tensor = torch.from_numpy(added).requires_grad_()
     points = torch.cat([torch.from_numpy(clean), leaf])
     loss = detector.loss(points, goal.loss_targets.boxes, goal.loss_targets.labels)
-    gradient = gradient_of(loss, leaf)
+    (gradient,) = gradients_of(loss, leaf)
     slope: Float64 = np.nan_to_num(gradient[:, :3].double().cpu().numpy(), posinf=0.0, neginf=0.0)
     if not slope.any():
         raise NoGradientError

@@ -11,11 +11,18 @@ import numpy as np
 from advpipe.pipeline.detector.protocol import Detector
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.labels.points import PointLabels
+from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES
 from advpipe.pipeline.messages.cloud import Cloud
 from advpipe.stages.attack.base import Attack, Traits
 
 NO_GRADIENT = "no gradient: the detector's loss depends on no point"
 """The note on a frame where there is nothing to follow."""
+
+QUERYING = ("best", "robust", "random-best")
+"""The recipes that look at what the detector finds, and keep the best."""
+
+MAX_ROUNDS = 1_000_000
+"""More steps or rounds for each cloud would take days."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +106,7 @@ class LidarAttack(Attack):
     family = "lidar"
     own_keys = ("recipe", "lidar", "frames", "detector")
     traits_type = LidarTraits
+    quantities = CLOUD_QUANTITIES
 
     @property
     @abstractmethod
@@ -111,9 +119,9 @@ class LidarAttack(Attack):
         changes; by names of `advpipe.pipeline.labels.quantities`."""
 
     @property
-    def looks(self) -> int | None:
-        """To how many tries it looks at what the detector finds in them, to keep the best: the random
-        baselines then get as many. None where it does not say."""
+    def query_budget(self) -> int | None:
+        """Of how many attempts the detector judges to keep the best one: the random baselines then get as
+        many. None where it does not say."""
         return None
 
     @abstractmethod

@@ -24,12 +24,13 @@ def build_lidar_attack(spec: AttackSpec) -> LidarAttack:
         return kind(**keywords)
 
 
-def looks_of(attack: LidarAttack) -> int | None:
-    """To how many tries the attack looks to keep the best, as its `looks` says; None if it does not say."""
-    looks = attack.looks
-    if looks is not None and not (isinstance(looks, int) and looks >= 1):
-        raise UsageError(f"{type(attack).__name__}: looks is {looks!r}, but must be a whole number from 1 up")
-    return looks
+def query_budget_of(attack: LidarAttack) -> int | None:
+    """The attack's `query_budget`; raises AdvpipeError where a user's attack gives no count."""
+    queries = attack.query_budget
+    if queries is not None and not (isinstance(queries, int) and queries >= 1):
+        name = type(attack).__name__
+        raise UsageError(f"{name}: query_budget is {queries!r}, but must be a whole number from 1 up")
+    return queries
 
 
 def _refuse_idle(

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.geometry.boxes import Boxes, points_in_boxes
+from advpipe.pipeline.labels.quantities import POINTS_TOUCHED
 from advpipe.stages.attack.lidar.ghost import Ghost
 
 Float32 = npt.NDArray[np.float32]
@@ -91,6 +92,11 @@ class Constraints:
         known = {option.name for option in fields(Constraints)}
         return Constraints.of({name: value for name, value in parameters.items() if name in known})
 
+    @property
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """What they bound in numbers, as `LidarAttack.bounds` has it."""
+        return {} if self.max_points is None else {POINTS_TOUCHED.name: (0, self.max_points)}
+
     def attacked(self, boxes: Boxes, points: Float32) -> Boxes:
         """The boxes that the attack is about: all, those of `objects`, or the ghost in the cloud (N, 3).
 
@@ -106,29 +112,14 @@ class Constraints:
         """Those of the chosen objects that are not among these boxes."""
         return [name for name in self.objects if name not in _names(boxes)]
 
-    def on(self, points: Float32, boxes: Boxes) -> Rules:
-        """What they mean for one clean cloud, its points (N, 3) all finite, with its ground truth."""
-        return Rules(self, points, self.attacked(boxes, points).geometry)
-
 
 @dataclass(frozen=True)
 class Rules:
-    """Constraints on one clean cloud.
-
-    points: (N, 3) float32. boxes: (M, 7) float64, those that the attack is about.
-    """
+    """What constraints mean for one clean cloud: points (N, 3) float32, all finite, with its ground truth."""
 
     constraints: Constraints
     points: Float32
-    boxes: Float64
-
-    @property
-    def margin_m(self) -> float | None:
-        """How far from the boxes points may be touched; None: anywhere."""
-        near_m = self.constraints.near_objects_m
-        if near_m is None and (self.constraints.objects or self.constraints.ghost):
-            return OBJECT_MARGIN_M
-        return near_m
+    boxes: Boxes
 
     @cached_property
     def allowed(self) -> Bool:
@@ -190,10 +181,14 @@ class Rules:
         return cKDTree(points / np.maximum(range_m, 1e-9)[:, None]), range_m
 
     def _near(self, places: npt.NDArray[np.floating[Any]]) -> Bool:
-        if self.margin_m is None:
+        """Which places (K, 3) lie near enough to the boxes that the attack is about."""
+        constraints = self.constraints
+        margin_m = constraints.near_objects_m
+        if margin_m is None and not (constraints.objects or constraints.ghost):
             return np.ones(len(places), bool)
         near = np.zeros(len(places), bool)
-        for inside in points_in_boxes(places, self.boxes, self.margin_m):
+        about = constraints.attacked(self.boxes, self.points).geometry
+        for inside in points_in_boxes(places, about, OBJECT_MARGIN_M if margin_m is None else margin_m):
             near[inside] = True
         return near
 

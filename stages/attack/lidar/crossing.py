@@ -17,9 +17,9 @@ import torch
 from advpipe.pipeline.baselines import move_within
 from advpipe.pipeline.detector.protocol import VoxelDetector
 from advpipe.stages.attack.lidar.constraints import Rules
-from advpipe.stages.attack.lidar.crossings import Crossings, find_crossings
+from advpipe.stages.attack.lidar.crossings import find_crossings
 from advpipe.stages.attack.lidar.goal import Goal
-from advpipe.stages.attack.lidar.gradient import gradient_of, gradients_of
+from advpipe.stages.attack.lidar.gradient import gradients_of
 from advpipe.stages.attack.lidar.per_object_best import jittered
 from advpipe.stages.attack.lidar.selection import NoGradientError
 
@@ -27,7 +27,6 @@ Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
-
 
 INTENSITY_STEP = 0.2
 """Of the cloud's range of intensities, a step where they are attacked."""
@@ -90,7 +89,8 @@ class Crossing:
             rules.hidden if constraints.keep_occlusion_order else None,
         )
         fixed = np.delete(keys, self.movable)
-        self.fixed_count = _counts(fixed, self.options.keys)
+        at = np.searchsorted(self.options.keys, fixed[np.isin(fixed, self.options.keys)])
+        self.fixed_count = np.bincount(at, minlength=len(self.options.keys))
         self.intensity = points[self.movable, 3].copy()
         self.gain = np.zeros(len(self.options.keys))
         self.asked = np.zeros(len(self.options.keys), bool)
@@ -109,9 +109,11 @@ class Crossing:
             phase = number % cycle
             if phase == 0:
                 self.choice = self.kept.copy()
-            self._ask(self.choice, lie=tactics.lie and self.goal.sign > 0 and number % 2 == 1)
-            share = phase / max(1, cycle - 1)
-            self.choice = self._cross(self.choice, tactics.eager + (tactics.calm - tactics.eager) * share)
+            standing = np.bincount(self.options.cell[self.choice], minlength=len(self.gain))
+            count = self.fixed_count + standing  # points in each voxel
+            self._ask(self.choice, count, lie=tactics.lie and self.goal.sign > 0 and number % 2 == 1)
+            probability = tactics.eager + (tactics.calm - tactics.eager) * phase / max(1, cycle - 1)
+            self.choice = self._cross(self.choice, count, probability)
             yield self.placed(self.choice)
 
     def keep(self, better: Bool) -> None:
@@ -126,10 +128,10 @@ class Crossing:
         moved[self.movable, 3] = self.intensity
         return moved
 
-    def _ask(self, choice: Int64, lie: bool) -> None:
+    def _ask(self, choice: Int64, count: Int64, lie: bool) -> None:
         """Bring the gain of each voxel in reach up to date, by one backward pass."""
         points = jittered(self.placed(choice), self.tactics.jitter_m, self.rng)
-        empty = np.flatnonzero(self._count(choice) == 0)
+        empty = np.flatnonzero(count == 0)
         visitor = self.visitor[empty]
         ghosts = self.points[self.movable[self.options.point[visitor]]]
         ghosts[:, :3] = move_within(ghosts[:, :3], self.options.offset_m[visitor])
@@ -142,7 +144,7 @@ class Crossing:
             gradient, to_points = gradients_of(loss, occupancy, leaf)
             self._shine(sign * to_points[self.movable, 3].cpu().double().numpy())
         else:
-            gradient = gradient_of(loss, occupancy)
+            (gradient,) = gradients_of(loss, occupancy)
         worth = np.nan_to_num(gradient.cpu().numpy().astype(np.float64), posinf=0.0, neginf=0.0)
         if not worth.any() and (lie or self.asked.any()):
             return  # the loss says nothing of what should not be there, or nothing more: what was kept stays
@@ -153,10 +155,8 @@ class Crossing:
         read = row >= 0
         key = self.grid.keys(self.grid.cells(np.concatenate([points, ghosts])[read]))
         key, first = np.unique(key, return_index=True)
-        at = np.searchsorted(self.options.keys, key)
-        here = at < len(self.options.keys)
-        here[here] = self.options.keys[at[here]] == key[here]
-        cell, new = at[here], worth[row[read][first[here]]]
+        here = np.isin(key, self.options.keys)
+        cell, new = np.searchsorted(self.options.keys, key[here]), worth[row[read][first[here]]]
         memory = np.where(self.asked[cell], self.tactics.momentum, 0.0)
         self.gain[cell] = memory * self.gain[cell] + (1 - memory) * new
         self.asked[cell] = True
@@ -168,24 +168,26 @@ class Crossing:
         if self.rules.constraints.max_points is None:
             self.intensity = np.clip(self.intensity + step, low, high).astype(np.float32)
 
-    def _count(self, choice: Int64) -> Int64:
-        return self.fixed_count + np.bincount(self.options.cell[choice], minlength=len(self.gain))
-
-    def _cross(self, choice: Int64, probability: float) -> Int64:
-        """The next choice (P,): what gains is made with some probability."""
+    def _cross(self, choice: Int64, count: Int64, probability: float) -> Int64:
+        """The next choice (P,): what gains is made with some probability. count: (C,) points in a voxel."""
         options, gain = self.options, self.gain
-        count = self._count(choice)
         here = options.cell[choice]
         is_move = options.cell != here[options.point]
         enter = np.where(count == 0, gain, 0.0)  # of a voxel
         leave = np.where(count == 1, -gain, 0.0)
         worth = np.where(is_move, enter[options.cell], -np.inf)
-        # Short ways first where all else is equal.
+        # The most worthy option of each point, a shorter way first where all else is equal.
         worth = worth - 1e-12 * options.length_m
-        best = _best_option(worth, options, len(choice))
+        order = np.lexsort((-worth, options.point))
+        best = order[np.searchsorted(options.point[order], np.arange(len(choice)))]
         single = np.where(np.isfinite(worth[best]), worth[best], -np.inf) + leave[here]
         taken = (single > 0) & (self.rng.random(len(choice)) < probability)
-        taken &= ~_second_to_arrive(taken, options.cell[best], count, single)
+        # Of several points that would enter one empty voxel, the worthiest alone goes.
+        into = options.cell[best]
+        arriving = np.flatnonzero(taken & (count[into] == 0))
+        arriving = arriving[np.lexsort((-single[arriving], into[arriving]))]
+        _, first = np.unique(into[arriving], return_index=True)
+        taken[np.delete(arriving, first)] = False
         if self.tactics.groups:
             taken |= self._groups(choice, best, worth, count, taken, probability)
         after = np.where(taken, best, choice)
@@ -222,29 +224,3 @@ class Crossing:
         leaving = np.zeros(len(choice), bool)
         leaving[members] = goes[here[members]]
         return leaving
-
-
-def _best_option(worth: Float64, options: Crossings, points: int) -> Int64:
-    """The most worthy option (P,) of each point, the first of equals."""
-    order = np.lexsort((-worth, options.point))
-    first = np.searchsorted(options.point[order], np.arange(points))
-    return order[first]
-
-
-def _second_to_arrive(taken: Bool, cell: Int64, count: Int64, worth: Float64) -> Bool:
-    """Which of the taken moves (P,) into an empty voxel come after a worthier one."""
-    arriving = np.flatnonzero(taken & (count[cell] == 0))
-    order = arriving[np.lexsort((-worth[arriving], cell[arriving]))]
-    _, first = np.unique(cell[order], return_index=True)
-    late = np.zeros(len(taken), bool)
-    late[order] = True
-    late[order[first]] = False
-    return late
-
-
-def _counts(keys: Int64, wanted: Int64) -> Int64:
-    """How many of the keys equal each of the wanted ones, which ascend."""
-    at = np.searchsorted(wanted, keys)
-    inside = at < len(wanted)
-    inside[inside] = wanted[at[inside]] == keys[inside]
-    return np.bincount(at[inside], minlength=len(wanted))

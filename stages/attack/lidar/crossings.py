@@ -30,21 +30,16 @@ class Crossings:
     """The L options of P points: each is a cell that a point can stand in, and the shortest way into it.
 
     point: (L,) which point, ascending. cell: (L,) index into `keys`. offset_m: (L, 3) float64 from where
-    the point stands in the clean cloud; zero for staying. home: (P,) the option of staying.
+    the point stands in the clean cloud; zero for staying. length_m: (L,). home: (P,) the option of staying.
     keys: (C,) the cells in reach of any point, as `VoxelGrid.keys`.
     """
 
     point: Int64
     cell: Int64
     offset_m: Float64
+    length_m: Float64
     home: Int64
     keys: Int64
-
-    @property
-    def length_m(self) -> Float64:
-        """How far each option leads (L,)."""
-        length_m: Float64 = np.linalg.norm(self.offset_m, axis=1)
-        return length_m
 
 
 def find_crossings(
@@ -72,7 +67,11 @@ def find_crossings(
         else:
             first = low + (cells + step) * size + inset - place  # to the shrunken cell's faces
             last = first + size - 2 * inset
-            here, way = _along_rays(place, first, last) if along_ray else _straight(first, last)
+            here, way = (
+                _along_rays(place, first, last)
+                if along_ray
+                else (np.arange(len(start)), np.clip(0.0, first, last))
+            )
         fits = np.linalg.norm(way, axis=1) <= reach_m * (1 - HAIR)
         point.append(here[fits])
         offset.append(way[fits] * (1 - HAIR))
@@ -88,16 +87,19 @@ def find_crossings(
     order = np.flatnonzero(valid)[np.lexsort((~stays[valid], points[valid]))]
     keys, cell = np.unique(grid.keys(targets[order]), return_inverse=True)
     home = np.searchsorted(points[order], np.arange(len(start)))  # staying comes first
-    return Crossings(points[order], cell.astype(np.int64), offsets[order], home.astype(np.int64), keys)
-
-
-def _straight(first: Float64, last: Float64) -> tuple[Int64, Float64]:
-    """The shortest way of each point into a box, from `first` to `last` relative to it."""
-    return np.arange(len(first)), np.clip(0.0, first, last)
+    return Crossings(
+        point=points[order],
+        cell=cell.astype(np.int64),
+        offset_m=offsets[order],
+        length_m=np.linalg.norm(offsets[order], axis=1),
+        home=home.astype(np.int64),
+        keys=keys,
+    )
 
 
 def _along_rays(place: Float64, first: Float64, last: Float64) -> tuple[Int64, Float64]:
-    """The same for the points whose ray meets the box, on the ray (the slab method)."""
+    """Which points' rays meet a box, from `first` to `last` relative to them, and the shortest way into it on
+    the ray (the slab method)."""
     ray = place / np.maximum(np.linalg.norm(place, axis=1, keepdims=True), 1e-9)
     ray = np.where(np.abs(ray) < 1e-12, 1e-12, ray)
     a, b = first / ray, last / ray

@@ -12,11 +12,14 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.labels.points import PointLabels
-from advpipe.pipeline.labels.quantities import POINTS_ADDED, POINTS_MOVED, POINTS_TOUCHED, SHARE_REMOVED
+from advpipe.pipeline.labels.quantities import POINTS_ADDED, POINTS_MOVED, SHARE_REMOVED
 from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
+from advpipe.stages.attack.bounds import one_of, whole
 from advpipe.stages.attack.lidar.attack_objective import AttackObjective
 from advpipe.stages.attack.lidar.base import (
+    MAX_ROUNDS,
     NO_GRADIENT,
+    QUERYING,
     Budget,
     LidarAttack,
     LidarResult,
@@ -25,7 +28,7 @@ from advpipe.stages.attack.lidar.base import (
     join_notes,
     unchanged,
 )
-from advpipe.stages.attack.lidar.constraints import GOALS, Constraints
+from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
 from advpipe.stages.attack.lidar.detach_game import DetachGame
 from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners
 from advpipe.stages.attack.lidar.greedy_allocation import greedy_allocation, queries
@@ -33,9 +36,6 @@ from advpipe.stages.attack.lidar.selection import Indices, NoGradientError, choo
 from advpipe.stages.attack.lidar.targets import Targets, detection_loss
 
 RECIPES = ("best", "robust", "paper", "random", "random-near", "random-best")
-
-QUERYING = ("best", "robust", "random-best")
-"""Those that look at what the detector finds, and keep the best."""
 
 MARGIN_M = 0.5
 """Points this near to an object count as its own: a detector looks at what is about it, too."""
@@ -94,26 +94,21 @@ class Detach(LidarAttack):
         if not 0 < self.ratio < 1:
             share = "must lie between 0 and 1, such as 0.01 for 1 %"
             raise UsageError(f"detach: ratio is {self.ratio}, but {share}")
-        if self.recipe not in RECIPES:
-            raise UsageError(f"detach: unknown recipe {self.recipe!r}; known: {', '.join(RECIPES)}")
-        if not (self.rounds >= 1 and float(self.rounds).is_integer()):
-            raise UsageError(f"detach: rounds is {self.rounds}, but must be a whole number from 1 up")
-        self.rounds = int(self.rounds)
+        one_of("detach", "recipe", self.recipe, RECIPES)
+        self.rounds = whole("detach", "rounds", self.rounds, 1, MAX_ROUNDS)
         self.constraints = Constraints.among(vars(self))
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
-        most = self.constraints.max_points
         return {
             SHARE_REMOVED.name: (0.0, self.ratio),
             POINTS_MOVED.name: (0, 0),
             POINTS_ADDED.name: (0, 0),
-            **({POINTS_TOUCHED.name: (0, most)} if most is not None else {}),
+            **self.constraints.bounds,
         }
 
     @property
-    def queries(self) -> int:
-        """How many tries the detector judges, for the best to be kept."""
+    def query_budget(self) -> int:
         return queries(self.rounds) if self.recipe in QUERYING else 1
 
     def budget(self, points: int) -> int:
@@ -131,9 +126,9 @@ class Detach(LidarAttack):
         scene = cloud[finite]
         goal = goal_of(self.constraints, detector, scene, boxes)
         loss_before = detection_loss(detector, scene, goal.loss_targets)
-        if not len(goal) and (self.recipe != "random" or self.constraints.objects):
+        if not len(goal.targets) and (self.recipe != "random" or self.constraints.objects):
             return unchanged(cloud, goal.note)
-        allowed = np.flatnonzero(self.constraints.on(xyz(scene), boxes).allowed)
+        allowed = np.flatnonzero(Rules(self.constraints, xyz(scene), boxes).allowed)
         budget = min(self.budget(len(scene)), len(allowed))
         if not budget:
             return unchanged(cloud, join_notes(goal.note, "no point that may be removed"), loss_before)
@@ -144,7 +139,7 @@ class Detach(LidarAttack):
             return unchanged(cloud, join_notes(goal.note, NO_GRADIENT), loss_before)
         removed = finite[chosen]
         loss_after = detection_loss(detector, np.delete(scene, chosen), goal.loss_targets)
-        note = join_notes(goal.note if len(goal) else "", note, shortage)
+        note = join_notes(goal.note if len(goal.targets) else "", note, shortage)
         return LidarResult(
             np.delete(cloud, removed), PointLabels.removed(removed), loss_before, loss_after, note
         )

@@ -11,7 +11,7 @@ import torch
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
 from advpipe.stages.attack.lidar.attack_objective import AttackObjective
 from advpipe.stages.attack.lidar.goal import Goal
-from advpipe.stages.attack.lidar.gradient import gradient_of
+from advpipe.stages.attack.lidar.gradient import gradients_of
 from advpipe.stages.attack.lidar.selection import NoGradientError
 
 Float32 = npt.NDArray[np.float32]
@@ -43,7 +43,7 @@ class DetachGame:
 
     @property
     def most(self) -> Int64:
-        of_object = np.bincount(self.owner[self.owner >= 0], minlength=len(self.goal))
+        of_object = np.bincount(self.owner[self.owner >= 0], minlength=len(self.goal.targets))
         most: Int64 = np.ceil(MOST * of_object).astype(np.int64)
         return most
 
@@ -71,7 +71,7 @@ class DetachGame:
         if not isinstance(self.detector, VoxelDetector):
             return self._gains_of_points(points, self.owner[left]), np.arange(len(left))
         loss, occupancy, voxel = self.detector.occupancy_loss(points, loss_targets.boxes, loss_targets.labels)
-        gradient = gradient_of(loss, occupancy)
+        (gradient,) = gradients_of(loss, occupancy)
         of_voxel = np.nan_to_num(-self.goal.sign * gradient.double().cpu().numpy(), posinf=0.0, neginf=0.0)
         row = voxel.cpu().numpy()
         count = np.bincount(row[row >= 0], minlength=len(of_voxel))
@@ -85,7 +85,7 @@ class DetachGame:
         nothing, to first order (Zheng et al. 2019, "PointCloud Saliency Maps", section 3.2)."""
         leaf, loss_targets = points.requires_grad_(), self.goal.loss_targets
         loss = self.detector.loss(leaf, loss_targets.boxes, loss_targets.labels)
-        gradient = gradient_of(loss, leaf)
+        (gradient,) = gradients_of(loss, leaf)
         slope = np.nan_to_num(gradient[:, :3].double().cpu().numpy(), posinf=0.0, neginf=0.0)
         if not slope.any():
             raise NoGradientError

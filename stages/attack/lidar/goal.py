@@ -28,6 +28,8 @@ Int64 = npt.NDArray[np.int64]
 FALSE_WEIGHT = 0.3
 """What a false detection near an object is worth beside the object's own: it costs precision, not recall."""
 
+NOBODY = "no object to hide that the detector could find"
+
 
 @dataclass(frozen=True)
 class Goal:
@@ -54,9 +56,6 @@ class Goal:
         regions: Float64 = torch.cat([self.targets.boxes, self.decoys.boxes]).double().numpy()
         return regions
 
-    def __len__(self) -> int:
-        return len(self.targets)
-
     def success(self, found: Detections) -> Float64:
         """How well the attack did on each object and decoy (M + D,) by these detections: higher is better.
 
@@ -75,23 +74,20 @@ class Goal:
             loose = np.array([LOOSE_IOU[self.classes[label]] for label in labels.tolist()])
             on_objects = -np.asarray(((overlap >= loose) * here.scores[:, None]).max(axis=0, initial=0.0))
         else:
-            on_objects = self._broken(here, overlap, truth, labels)
+            kept, false = np.zeros(len(truth)), np.zeros(len(truth))
+            for label in np.unique(np.concatenate([labels, here.labels])).tolist():
+                mine, theirs = np.flatnonzero(labels == label), np.flatnonzero(here.labels == label)
+                least = STRICT_IOU[self.classes[label]]
+                everyone = np.ones(len(mine), bool)
+                matches = match_overlaps(overlap[np.ix_(theirs, mine)], everyone, here.scores[theirs], least)
+                hit = matches.found_by >= 0
+                kept[mine[hit]] = matches.scores[matches.found_by[hit]]
+                wrong = theirs[matches.is_false_positive()]
+                if len(wrong) and len(truth):  # it counts for the nearest object
+                    away_m = np.linalg.norm(here.boxes[wrong, None, :2] - truth[None, :, :2], axis=2)
+                    np.maximum.at(false, away_m.argmin(axis=1), here.scores[wrong])
+            on_objects = FALSE_WEIGHT * false - kept
         return np.concatenate([on_objects, seen_decoys])
-
-    def _broken(self, found: Detections, overlap: Float64, truth: Float64, labels: Int64) -> Float64:
-        kept, false = np.zeros(len(truth)), np.zeros(len(truth))
-        for label in np.unique(np.concatenate([labels, found.labels])).tolist():
-            mine, theirs = np.flatnonzero(labels == label), np.flatnonzero(found.labels == label)
-            least = STRICT_IOU[self.classes[label]]
-            everyone = np.ones(len(mine), bool)
-            matches = match_overlaps(overlap[np.ix_(theirs, mine)], everyone, found.scores[theirs], least)
-            hit = matches.found_by >= 0
-            kept[mine[hit]] = matches.scores[matches.found_by[hit]]
-            wrong = theirs[matches.is_false_positive()]
-            if len(wrong) and len(truth):
-                away = np.linalg.norm(found.boxes[wrong, None, :2] - truth[None, :, :2], axis=2)
-                np.maximum.at(false, away.argmin(axis=1), found.scores[wrong])
-        return FALSE_WEIGHT * false - kept
 
 
 def goal_of(constraints: Constraints, detector: Detector, cloud: Cloud, boxes: Boxes) -> Goal:
@@ -107,13 +103,15 @@ def goal_of(constraints: Constraints, detector: Detector, cloud: Cloud, boxes: B
         ghost = _known(constraints.attacked(boxes, xyz(cloud)), detector)
         note = "" if len(ghost) else "no ground for the ghost to stand on"
         return Goal(ghost, _joined(everyone, ghost), -1.0, "create", classes, note)
-    chosen = find_targets(detector, cloud, constraints.attacked(boxes, xyz(cloud)))
-    absent = constraints.absent(boxes)
-    note = f"not in the ground truth: {', '.join(absent)}" if absent else ""
-    if not len(chosen):
-        note = join_notes(note, "no object to hide that the detector could find")
     if constraints.objects:
+        chosen = find_targets(detector, cloud, constraints.attacked(boxes, xyz(cloud)))
+        absent = constraints.absent(boxes)
+        note = join_notes(
+            f"not in the ground truth: {', '.join(absent)}" if absent else "",
+            "" if len(chosen) else NOBODY,
+        )
         return Goal(chosen, _without(everyone, chosen), -1.0, "hide", classes, note)
+    note = "" if len(everyone) else NOBODY
     return Goal(everyone, everyone, 1.0, constraints.goal, classes, note)
 
 

@@ -6,11 +6,6 @@ import torch
 from torch import Tensor
 
 
-def gradient_of(loss: Tensor, leaf: Tensor) -> Tensor:
-    """dL/dleaf, of the leaf's shape; zero where the loss does not depend on it."""
-    return gradients_of(loss, leaf)[0]
-
-
 def gradients_of(loss: Tensor, *leaves: Tensor) -> list[Tensor]:
     """dL/dleaf for each of the leaves, in one backward pass; zero where the loss does not depend on it."""
     if not loss.requires_grad:

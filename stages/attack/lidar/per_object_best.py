@@ -10,7 +10,6 @@ from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud
 from advpipe.stages.attack.lidar.goal import Goal
 
 Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 
@@ -31,18 +30,21 @@ class PerObjectBest:
         jitter_m: float,
         rng: np.random.Generator,
     ) -> None:
-        self._goal, self._detector, self.owner = goal, detector, owner
+        self._goal, self._detector, self._owner = goal, detector, owner
         self._jitter_m, self._rng = jitter_m, rng
-        self._together = clean.copy()
+        self._together, self._success = clean.copy(), np.array(-np.inf)  # of each object
         self._whole, self._whole_success = clean, -np.inf
-        self.success = self._judge(clean)
+        self.show(clean)
 
     def show(self, attempt: Float32) -> Bool:
         """Judge an attempt (N, 4); for which points (N,) it is now the one that is kept."""
-        success = self._judge(attempt)
-        better = success > self.success + 1e-9
-        self.success = np.where(better, success, self.success)
-        taken: Bool = (self.owner >= 0) & np.append(better, False)[self.owner]
+        seen = jittered(attempt, self._jitter_m, self._rng)
+        success = self._goal.success(self._detector.detect(cloud_of(seen)))
+        if success.sum() > self._whole_success + 1e-9:
+            self._whole, self._whole_success = attempt.copy(), float(success.sum())
+        better = success > self._success + 1e-9
+        self._success = np.where(better, success, self._success)
+        taken: Bool = (self._owner >= 0) & np.append(better, False)[self._owner]
         self._together[taken] = attempt[taken]
         return taken
 
@@ -51,15 +53,8 @@ class PerObjectBest:
 
         Looked at once more, for neighbours that were kept from different attempts change each other.
         """
-        self.success = self._judge(self._together)
+        self.show(self._together)
         return self._whole.copy()
-
-    def _judge(self, points: Float32) -> Float64:
-        seen = jittered(points, self._jitter_m, self._rng)
-        success = self._goal.success(self._detector.detect(cloud_of(seen)))
-        if success.sum() > self._whole_success + 1e-9:
-            self._whole, self._whole_success = points.copy(), float(success.sum())
-        return success
 
 
 def jittered(points: Float32, jitter_m: float, rng: np.random.Generator) -> Float32:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,10 +10,13 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.labels.points import MOVED, PointLabels
-from advpipe.pipeline.labels.quantities import MAX_DISPLACEMENT, POINTS_ADDED, POINTS_REMOVED, POINTS_TOUCHED
+from advpipe.pipeline.labels.quantities import MAX_DISPLACEMENT, POINTS_ADDED, POINTS_REMOVED
 from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
+from advpipe.stages.attack.bounds import number, one_of, whole
 from advpipe.stages.attack.lidar.base import (
+    MAX_ROUNDS,
     NO_GRADIENT,
+    QUERYING,
     Budget,
     LidarAttack,
     LidarResult,
@@ -24,7 +26,7 @@ from advpipe.stages.attack.lidar.base import (
     unchanged,
 )
 from advpipe.stages.attack.lidar.chance import Chance
-from advpipe.stages.attack.lidar.constraints import GOALS, Constraints
+from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
 from advpipe.stages.attack.lidar.crossing import Crossing, Tactics
 from advpipe.stages.attack.lidar.goal import goal_of, owners, with_decoys
 from advpipe.stages.attack.lidar.per_object_best import PerObjectBest
@@ -43,9 +45,6 @@ RECIPES = {"best": 24, "robust": 24, "paper": 40, "random": 1, "random-near": 1,
 """How many steps each takes where none are given: gradients, or random tries."""
 
 BY_CHANCE = ("random", "random-near", "random-best")
-
-QUERYING = ("best", "robust", "random-best")
-"""Those that look at what the detector finds, and keep the best."""
 
 TACTICS = {
     "best": Tactics(),
@@ -117,30 +116,24 @@ class Perturb(LidarAttack):
             raise UsageError(
                 f"perturb: eps_cm is {self.eps_cm}, but must lie above 0 and up to {MAX_EPS_CM:g}"
             )
-        if self.recipe not in RECIPES:
-            raise UsageError(f"perturb: unknown recipe {self.recipe!r}; known: {', '.join(RECIPES)}")
-        if not (self.steps >= 0 and float(self.steps).is_integer()):
-            raise UsageError(f"perturb: steps is {self.steps}, but must be a whole number from 0 up")
-        if not (math.isfinite(self.weight) and self.weight >= 0):
-            raise UsageError(f"perturb: weight is {self.weight}, but must be a number from 0 up")
+        one_of("perturb", "recipe", self.recipe, RECIPES)
+        number("perturb", "weight", self.weight, 0)
         self.eps_m = float(self.eps_cm) / 100
-        self.steps = int(self.steps) or RECIPES[self.recipe]
+        self.steps = whole("perturb", "steps", self.steps, 0, MAX_ROUNDS) or RECIPES[self.recipe]
         self.tactics = TACTICS.get(self.recipe, TACTICS["best"])
         self.constraints = Constraints.among(vars(self))
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
-        most = self.constraints.max_points
         return {
             MAX_DISPLACEMENT.name: (0.0, self.eps_m),
             POINTS_REMOVED.name: (0, 0),
             POINTS_ADDED.name: (0, 0),
-            **({POINTS_TOUCHED.name: (0, most)} if most is not None else {}),
+            **self.constraints.bounds,
         }
 
     @property
-    def looks(self) -> int:
-        """How many tries the detector judges, for the best to be kept."""
+    def query_budget(self) -> int:
         return self.steps if self.recipe in QUERYING else 1
 
     def __call__(
@@ -155,12 +148,12 @@ class Perturb(LidarAttack):
         points = xyzi(scene)
         goal = goal_of(self.constraints, detector, scene, boxes)
         loss_before = detection_loss(detector, scene, goal.loss_targets)
-        if not len(goal) and self.recipe != "random":
+        if not len(goal.targets) and self.recipe != "random":
             return unchanged(cloud, goal.note)
-        looks = self.recipe in QUERYING
-        if looks and self.tactics.decoys:
+        is_querying = self.recipe in QUERYING
+        if is_querying and self.tactics.decoys:
             goal = with_decoys(goal, detector, scene, boxes)
-        rules = self.constraints.on(xyz(scene), boxes)
+        rules = Rules(self.constraints, xyz(scene), boxes)
         owner = owners(points[:, :3], goal.regions, self.tactics.margin_m)
         everywhere, near, note, jitter_m = np.ones(len(points), bool), owner >= 0, "", 0.0
 
@@ -178,7 +171,7 @@ class Perturb(LidarAttack):
             note = join_notes(NO_OCCUPANCY.format(self.recipe), INTENSITY_STAYS if self.intensity else "")
         judge = (
             PerObjectBest(goal, detector, points, owner, jitter_m, rng)
-            if looks and self.tactics.keep
+            if is_querying and self.tactics.keep
             else None
         )
 
@@ -201,5 +194,5 @@ class Perturb(LidarAttack):
         way_m = moved[changed, :3].astype(np.float64) - points[changed, :3]
         displacement_m = np.linalg.norm(way_m, axis=1)
         labels = PointLabels(finite[changed], np.full(len(changed), MOVED), displacement_m)
-        note = join_notes(goal.note if len(goal) else "", note, "" if len(changed) else NOTHING_MOVED)
+        note = join_notes(goal.note if len(goal.targets) else "", note, "" if len(changed) else NOTHING_MOVED)
         return LidarResult(adversarial, labels, loss_before, loss_after, note)

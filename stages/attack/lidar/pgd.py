@@ -16,7 +16,7 @@ from advpipe.pipeline.detector.protocol import Detector
 from advpipe.stages.attack.lidar.constraints import Constraints, Rules
 from advpipe.stages.attack.lidar.crossings import HAIR
 from advpipe.stages.attack.lidar.goal import Goal
-from advpipe.stages.attack.lidar.gradient import gradient_of
+from advpipe.stages.attack.lidar.gradient import gradients_of
 from advpipe.stages.attack.lidar.selection import NoGradientError
 
 Float32 = npt.NDArray[np.float32]
@@ -80,7 +80,7 @@ def loss_gradient(start: Tensor, offset: Tensor, goal: Goal, detector: Detector)
     leaf[:, :3] += offset
     leaf.requires_grad_()
     loss = detector.loss(leaf, goal.loss_targets.boxes, goal.loss_targets.labels)
-    gradient = gradient_of(loss, leaf)
+    (gradient,) = gradients_of(loss, leaf)
     rises = torch.nan_to_num(gradient[:, :3], posinf=0.0, neginf=0.0)
     if not rises.any():
         raise NoGradientError

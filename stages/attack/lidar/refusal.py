@@ -9,7 +9,8 @@ import numpy as np
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.labels.points import ACTIONS, ADDED, MOVED, REMOVED, PointLabels
-from advpipe.pipeline.labels.quantities import CloudChange, excesses
+from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES, CloudChange
+from advpipe.pipeline.labels.quantity import excesses
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud
 from advpipe.stages.attack.lidar.base import LidarResult
 
@@ -50,7 +51,8 @@ def refuse_beyond(
 ) -> None:
     """Raises AdvpipeError where an attack went beyond the bounds that it declares."""
     if len(result.labels):
-        for excess in excesses(CloudChange(clean, result.cloud, result.labels), bounds):
+        change = CloudChange(clean, result.cloud, result.labels)
+        for excess in excesses(change, bounds, CLOUD_QUANTITIES):
             raise AdvpipeError(f"{attack} went beyond its bounds: {excess}")
 
 

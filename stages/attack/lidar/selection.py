@@ -7,7 +7,7 @@ import numpy.typing as npt
 import torch
 
 from advpipe.pipeline.detector.protocol import Detector
-from advpipe.stages.attack.lidar.gradient import gradient_of
+from advpipe.stages.attack.lidar.gradient import gradients_of
 from advpipe.stages.attack.lidar.targets import Targets
 
 Points = npt.NDArray[np.float32]
@@ -30,7 +30,7 @@ def choose_salient_points(
     x, y, z (the paper's Eq. 3), the largest first, ties by chance. Raises `NoGradientError` without any."""
     leaf = torch.from_numpy(points).requires_grad_()
     loss = detector.loss(leaf, targets.boxes, targets.labels)
-    gradient = gradient_of(loss, leaf)
+    (gradient,) = gradients_of(loss, leaf)
     saliency = np.nan_to_num(gradient[:, :3].norm(dim=1).cpu().numpy(), posinf=0.0)
     if not saliency.any():
         raise NoGradientError

@@ -37,14 +37,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import count
-from typing import Any, Literal, Protocol, get_args
+from typing import Any, Protocol
 
 import numpy as np
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.labels.claims import ALL_CLAIMS, Claim
 from advpipe.pipeline.labels.declaration import Part, Published
+from advpipe.pipeline.labels.message_quantities import MESSAGE_QUANTITIES
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.v2x_drive import V2xStep
@@ -134,17 +136,13 @@ class AttackContext:
         return station_id
 
 
-Claim = Literal["position", "speed", "heading", "acceleration", "dimensions", "station id"]
-ALL_CLAIMS: tuple[Claim, ...] = get_args(Claim)
-"""What a CAM claims of its sender."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class V2xTraits(Traits):
     """What is known of an attack on messages whatever its parameters.
 
-    untrue: what it makes untrue in its attackers' own messages; two that share any of it cannot act on the
-    same messages at the same time. One that only adds, delays or drops messages makes nothing untrue.
+    untrue: what it makes untrue in its attackers' own messages, at most (see `V2xAttack.untrue`); two that
+    share any of it cannot act on the same messages at the same time, and `verify` finds a message changed in
+    anything else. One that only adds, delays or drops messages makes nothing untrue.
     every_message_matters: whatever they say, all that its attackers send by it are lies: of stations that do
     not exist, or are others, or one too many; else each is judged by what it says
     (`pipeline/v2x/facilities/effect.py`). needs_traffic: it changes what its attackers send anyway, so that a
@@ -175,6 +173,7 @@ class V2xAttack(Attack):
     family = "v2x"
     own_keys = ("attackers", "dcc_reacts")
     traits_type = V2xTraits
+    quantities = MESSAGE_QUANTITIES
 
     def __init__(self, context: AttackContext) -> None:
         self.context = context
@@ -192,6 +191,18 @@ class V2xAttack(Attack):
         """The attacks that attackers of a mix of this name draw from, by `acting.drawn_parts`; none of
         others. Raises AdvpipeError for what is no attack to mix."""
         return ()
+
+    @classmethod
+    def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
+        """Least and most of each quantity that the attack bounds, with all its parameters, in every message
+        that it changes, delays or adds; by names of `advpipe.pipeline.labels.message_quantities`. A message
+        beyond them is refused, and `verify` measures them again. Nothing where it bounds none."""
+        return {}
+
+    @classmethod
+    def untrue(cls, parameters: Mapping[str, Any]) -> tuple[Claim, ...]:
+        """What of its traits' `untrue` it makes untrue with all its parameters: all, if not overridden."""
+        return v2x_traits(cls).untrue
 
     def part(self, attacker: int) -> V2xAttack:
         """The attack that this attacker carries out: itself, but for a mix of attacks."""

@@ -27,6 +27,7 @@ from advpipe.pipeline.replay.v2x_drive import V2xDrive, V2xStep
 from advpipe.pipeline.scenario.acting import acting_on_messages
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.pipeline.v2x.channel import Channel, Sent
+from advpipe.stages.attack.declared import declaration_of
 from advpipe.stages.attack.parameters import resolved_parameters
 from advpipe.stages.attack.recording import recording_of
 from advpipe.stages.attack.v2x.base import AttackContext, MessageEditor, Numbers, V2xAttack
@@ -84,7 +85,8 @@ def forge(
         )
         made.append(_build(spec, context))
     numbers.station_ids |= set(selection.names)
-    labels = Labels(cams, geodesy, selection.names, drive.v2x.ldm.expiry_s)
+    declared = {place: declaration_of(spec) for place, spec in enumerate(attacks, len(editors))}
+    labels = Labels(cams, geodesy, selection.names, drive.v2x.ldm.expiry_s, declared)
     attackers = frozenset(number for attack in made for number in attack.context.attackers)
     congestion = Congestion(drive.v2x.cam, attackers) if dcc_reacts else None
     return V2xChange(reader, drive, selection, (*editors, *made), labels, congestion)

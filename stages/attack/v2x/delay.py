@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
+from advpipe.pipeline.labels.claims import ALL_CLAIMS, Claim
 from advpipe.pipeline.labels.declaration import Published
+from advpipe.pipeline.labels.message_quantities import DELAY
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.stages.attack.bounds import number, span, whole
-from advpipe.stages.attack.v2x.base import ALL_CLAIMS, AttackContext, V2xAttack, V2xTraits
+from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import field_of, with_fields
-from advpipe.stages.attack.v2x.overheard_messages import later
+from advpipe.stages.attack.v2x.overheard_messages import is_time_untrue, later
 
 
 class Delay(V2xAttack):
@@ -23,7 +26,7 @@ class Delay(V2xAttack):
     leaves the road meanwhile, or of the drive's end, is never sent.
     """
 
-    traits = V2xTraits(published=Published(nextgen=11, catch_f1=0.062))
+    traits = V2xTraits(untrue=("generation time",), published=Published(nextgen=11, catch_f1=0.062))
 
     def __init__(
         self,
@@ -41,6 +44,14 @@ class Delay(V2xAttack):
             for attacker in context.attackers
         }
         self._held: list[Sent] = []
+
+    @classmethod
+    def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
+        return {DELAY.name: (parameters["delay_min_s"], parameters["delay_max_s"])}
+
+    @classmethod
+    def untrue(cls, parameters: Mapping[str, Any]) -> tuple[Claim, ...]:
+        return super().untrue(parameters) if parameters["restamp"] else ()
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         kept = []
@@ -84,6 +95,14 @@ class Stale(V2xAttack):
         self._restamp = bool(restamp)
         self._ahead_ns = round(number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
         self._said: dict[int, deque[CamTree]] = {}
+
+    @classmethod
+    def untrue(cls, parameters: Mapping[str, Any]) -> tuple[Claim, ...]:
+        return tuple(
+            claim
+            for claim in super().untrue(parameters)
+            if claim != "generation time" or is_time_untrue(parameters)
+        )
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         in_order = sorted(sent, key=lambda one: (one.request_ns, one.number))

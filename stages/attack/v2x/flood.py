@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from advpipe.pipeline.labels.declaration import Published
+from advpipe.pipeline.labels.message_quantities import MESSAGES_ADDED
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
@@ -27,7 +28,7 @@ from advpipe.stages.attack.v2x.overheard_messages import HEARING_M, OverheardMes
 
 RATE_HZ = 40.0
 """Four times what the standard allows, as F2MD's four times the usual."""
-MAX_RATE_HZ = 10_000.0
+MIN_RATE_HZ, MAX_RATE_HZ = 0.001, 10_000.0
 _LATITUDE_DEG = 1e-4
 
 
@@ -44,7 +45,7 @@ class Flood(V2xAttack):
         self, context: AttackContext, *, rate_hz: float = RATE_HZ, ahead_s: float = 0.0, dcc: bool = False
     ) -> None:
         super().__init__(context)
-        self._interval_ns = round(1e9 / number(context.name, "rate_hz", rate_hz, 0.001, MAX_RATE_HZ))
+        self._interval_ns = _interval_ns(number(context.name, "rate_hz", rate_hz, MIN_RATE_HZ, MAX_RATE_HZ))
         self._ahead_ns = round(number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
         self._gate = Gate(context.v2x, context.attackers) if dcc else None
         self._rngs = {attacker: context.rng("flood", attacker) for attacker in context.attackers}
@@ -53,6 +54,11 @@ class Flood(V2xAttack):
             for attacker, rng in self._rngs.items()
         }
         self._disguises = 0
+
+    @classmethod
+    def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
+        rate_hz = min(max(parameters["rate_hz"], MIN_RATE_HZ), MAX_RATE_HZ)  # others are refused
+        return {MESSAGES_ADDED.name: (0, math.ceil(1e9 / _interval_ns(rate_hz)))}
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         edited = list(sent)
@@ -230,6 +236,10 @@ class DosDisruptiveSybil(DosDisruptive):
     )
 
     sybil = True
+
+
+def _interval_ns(rate_hz: float) -> int:
+    return round(1e9 / rate_hz)
 
 
 def _moved_on(tree: CamTree, by_ns: int) -> CamTree:

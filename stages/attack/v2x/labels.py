@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from advpipe.pipeline.labels.columns import schema
+from advpipe.pipeline.labels.declaration import Declaration
 from advpipe.pipeline.labels.messages import (
     ADDED,
     AXES,
@@ -26,6 +27,7 @@ from advpipe.pipeline.v2x.facilities.cam_values import FIELDS, Values, changed_f
 from advpipe.pipeline.v2x.facilities.effect import matters
 from advpipe.stages.attack.v2x.base import MessageEditor, V2xAttack
 from advpipe.stages.attack.v2x.cams import Cams, field_of
+from advpipe.stages.attack.v2x.refusal import Refusal
 
 _BLOCK = 1000
 
@@ -54,10 +56,18 @@ class Labels:
 
     touching: places, among all editors, of those that touched any message. counts: of the messages by
     action, and "made invalid": of those, how many were CAMs and no longer are.
-    Those held back count as dropped once the file is written.
+    Those held back count as dropped once the file is written. declared: what attacks declare, by their places
+    among all editors.
     """
 
-    def __init__(self, cams: Cams, geodesy: Geodesy, names: dict[int, str], expiry_s: float) -> None:
+    def __init__(
+        self,
+        cams: Cams,
+        geodesy: Geodesy,
+        names: dict[int, str],
+        expiry_s: float,
+        declared: Mapping[int, Declaration],
+    ) -> None:
         self.cams, self._geodesy, self._names, self._expiry_s = cams, geodesy, names, expiry_s
         self._rows: list[_Row] = []
         self._tables: list[Any] = []
@@ -66,6 +76,7 @@ class Labels:
         self._newest: dict[int, bytes] = {}
         self._step: dict[int, Sent] = {}
         self._by_station: dict[int, list[Sent]] = {}
+        self._refusal = Refusal(geodesy, declared)
         self.touching: set[int] = set()
         self.counts: Counter[str] = Counter()
 
@@ -81,7 +92,8 @@ class Labels:
     def compare(
         self, place: int, editor: MessageEditor, before: Sequence[Sent], after: Sequence[Sent]
     ) -> None:
-        """What the editor, at this place among all, did in the step."""
+        """What the editor, at this place among all, did in the step. Raises AdvpipeError where that is beyond
+        the bounds that it declares."""
         while len(self._editors) <= place:
             self._editors.append(editor)
         olds = {one.number: one for one in before}
@@ -91,12 +103,12 @@ class Labels:
                 self._arrived(place, one)
             elif one is old or one == old:
                 if isinstance(editor, V2xAttack) and self._is_corrupt(editor, one):
-                    self._add(place, CORRUPT, one, one.request_ns, one.payload, one.payload)
+                    self._add(place, CORRUPT, one, one, one.request_ns, one.payload)
             elif one.payload == old.payload and one.request_ns != old.request_ns:
-                self._add(place, DELAYED, one, old.request_ns, old.payload, self._honest(one))
+                self._add(place, DELAYED, one, old, old.request_ns, self._honest(one))
             else:
                 original = self._step.get(one.number, old)
-                self._add(place, CHANGED, one, original.request_ns, old.payload, original.payload)
+                self._add(place, CHANGED, one, old, original.request_ns, original.payload)
         for number, one in olds.items():
             self._held[place, number] = one
         if len(self._rows) >= _BLOCK:
@@ -108,7 +120,7 @@ class Labels:
         import pyarrow.parquet as pq
 
         for (place, _), one in self._held.items():
-            self._add(place, DROPPED, one, one.request_ns, one.payload, one.payload, False)
+            self._add(place, DROPPED, one, one, one.request_ns, one.payload)
             if len(self._rows) >= _BLOCK:
                 self._close_block()
                 self.cams.forget()
@@ -122,9 +134,9 @@ class Labels:
         held = self._held.pop((place, one.number), None)
         honest = self._honest(one)
         if held is None:
-            self._add(place, ADDED, one, one.request_ns, None, honest)
+            self._add(place, ADDED, one, None, one.request_ns, honest)
         else:
-            self._add(place, DELAYED, one, held.request_ns, held.payload, honest)
+            self._add(place, DELAYED, one, held, held.request_ns, honest)
 
     def _is_corrupt(self, attack: V2xAttack, one: Sent) -> bool:
         return attack.context.acts(one) and self.cams.open(one.payload) is None
@@ -146,11 +158,12 @@ class Labels:
         place: int,
         action: str,
         one: Sent,
+        old: Sent | None,
         time_ns: int,
-        before: bytes | None,
         true: bytes | None,
-        is_sent: bool = True,
     ) -> None:
+        """old: the message as the editor got it. time_ns: when it was handed to the radio, as recorded."""
+        is_sent, before = action != DROPPED, None if old is None else old.payload
         sender, editor = self._names.get(one.station_id, ""), self._editors[place]
         self.touching.add(place)
         part = editor.part(one.station_id) if isinstance(editor, V2xAttack) else None
@@ -167,6 +180,8 @@ class Labels:
             said if true is before else self._values(true),
             self._values(one.payload if is_sent else None),
         )
+        if is_sent:
+            self._refusal.refuse_beyond(place, row.attack, row.part, one, old, (row.before, row.false))
         self._rows.append(row)
         self.counts[action] += 1
         self.counts["made invalid"] += is_sent and row.before is not None and row.false is None

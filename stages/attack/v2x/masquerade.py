@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.labels.claims import Claim
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.stages.attack.bounds import number, one_of
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import with_fields
-from advpipe.stages.attack.v2x.overheard_messages import HEARING_M, later
+from advpipe.stages.attack.v2x.overheard_messages import HEARING_M, is_time_untrue, later
 
 IDENTITIES = ("nearest", "random", "each", "victim")
 
@@ -27,7 +29,7 @@ class Masquerade(V2xAttack):
     newest CAM prefer it to the true ones.
     """
 
-    traits = V2xTraits(untrue=("station id",), every_message_matters=True)
+    traits = V2xTraits(untrue=("station id", "generation time"), every_message_matters=True)
 
     def __init__(
         self,
@@ -45,6 +47,14 @@ class Masquerade(V2xAttack):
         self._ahead_ns = round(number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
         self._masks: dict[int, int] = {}
         self._rngs = {attacker: context.rng("masquerade", attacker) for attacker in context.attackers}
+
+    @classmethod
+    def untrue(cls, parameters: Mapping[str, Any]) -> tuple[Claim, ...]:
+        return tuple(
+            claim
+            for claim in super().untrue(parameters)
+            if claim != "generation time" or is_time_untrue(parameters)
+        )
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         in_order = sorted(sent, key=lambda one: (one.request_ns, one.number))

@@ -7,11 +7,13 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.labels.claims import ALL_CLAIMS, Claim
 from advpipe.pipeline.labels.declaration import Part, Published
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.scenario.acting import drawn_parts
 from advpipe.pipeline.v2x.channel import Sent
-from advpipe.stages.attack.v2x.base import ALL_CLAIMS, AttackContext, V2xAttack, V2xTraits, v2x_traits
+from advpipe.stages.attack.parameters import known_parameters
+from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits, v2x_traits
 from advpipe.stages.attack.v2x.position import PositionOffset
 from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
 from advpipe.stages.attack.v2x.speed import SpeedRandomOffset
@@ -50,15 +52,13 @@ class Mix(V2xAttack):
 
     @classmethod
     def parts(cls, name: str, parameters: Mapping[str, Any]) -> tuple[Part, ...]:
-        return tuple(
-            Part(
-                name=one.name,
-                every_message_matters=traits.every_message_matters,
-                published=traits.published_with({}),
-            )
-            for one in _mixed(name, parameters["attacks"])
-            for traits in (v2x_traits(V2X_ATTACKS[one.name]),)
-        )
+        return tuple(_part(one) for one in _mixed(name, parameters["attacks"]))
+
+    @classmethod
+    def untrue(cls, parameters: Mapping[str, Any]) -> tuple[Claim, ...]:
+        """What any of its parts makes untrue."""
+        told = {claim for part in cls.parts("cam-mix", parameters) for claim in part.untrue}
+        return tuple(claim for claim in ALL_CLAIMS if claim in told)
 
     def part(self, attacker: int) -> V2xAttack:
         return self._parts[attacker]
@@ -67,6 +67,19 @@ class Mix(V2xAttack):
         for attack in self._attacks:
             sent = attack.edit(step, sorted(sent, key=lambda one: (one.request_ns, one.number)))
         return sent
+
+
+def _part(mixed: Mixed) -> Part:
+    """What it declares with its parameters."""
+    kind = V2X_ATTACKS[mixed.name]
+    traits, parameters = v2x_traits(kind), {**known_parameters(kind), **mixed.parameters}
+    return Part(
+        name=mixed.name,
+        every_message_matters=traits.every_message_matters,
+        bounds=dict(kind.bounds(parameters)),
+        untrue=kind.untrue(parameters),
+        published=traits.published_with({}),
+    )
 
 
 def three() -> list[Mixed]:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from advpipe.pipeline.labels.claims import ALL_CLAIMS
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.pipeline.v2x.facilities.cam_values import HIGH
 from advpipe.stages.attack.bounds import one_of
-from advpipe.stages.attack.v2x.base import ALL_CLAIMS, AttackContext, V2xAttack, V2xTraits
+from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import with_code
 
 _BASIC = ("cam", "camParameters", "basicContainer")
@@ -42,7 +43,9 @@ class OutOfRange(V2xAttack):
     others is its own affair.
     """
 
-    traits = V2xTraits(untrue=ALL_CLAIMS)
+    traits = V2xTraits(
+        untrue=tuple(one for one in ALL_CLAIMS if one not in ("station id", "generation time"))
+    )
 
     def __init__(self, context: AttackContext, *, field: str = ALL) -> None:
         super().__init__(context)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -75,6 +76,12 @@ def later(tree: CamTree, by_ns: int) -> CamTree:
     """The same CAM, generated that much later; it counts whole milliseconds, in a cycle of 65.536 s."""
     delta_ms = field_of(tree, "generation_delta_time_ms") + round(by_ns / NS_PER_MS)
     return with_fields(tree, generation_delta_time_ms=delta_ms % GENERATION_DELTA_TIME_CYCLE_MS)
+
+
+def is_time_untrue(parameters: Mapping[str, Any]) -> bool:
+    """Whether messages of an attack with these parameters tell another time than those that they replace: by
+    `ahead_s`, or without `restamp`."""
+    return bool(parameters["ahead_s"]) or not parameters.get("restamp", True)
 
 
 def _time(one: Sent) -> int:

@@ -10,6 +10,7 @@ import numpy as np
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.labels.declaration import Published
+from advpipe.pipeline.labels.message_quantities import POSITION_OFFSET
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.stages.attack.bounds import number, span
@@ -119,6 +120,13 @@ class PositionOffset(Misplacement):
             drawn_m = dict.fromkeys(drawn_m, (x_m or 0.0, y_m or 0.0))
         self._offsets_m = drawn_m
 
+    @classmethod
+    def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
+        corner_m = parameters["x_m"], parameters["y_m"]
+        if corner_m == (None, None):
+            corner_m = parameters["max_m"], parameters["max_m"]
+        return {POSITION_OFFSET.name: (0, math.hypot(corner_m[0] or 0, corner_m[1] or 0))}
+
     def lie(self, message: OwnMessage) -> Mapping[str, Any]:
         offset_m = self._offsets_m[message.station_id]
         return {FRONT_M: (message.front_m[0] + offset_m[0], message.front_m[1] + offset_m[1])}
@@ -175,6 +183,10 @@ class PositionRandomOffset(Misplacement):
         self._span_m = span(context.name, "{}_m", min_m, max_m, 0, _FAR_M)
         self._draws = Draws(context)
 
+    @classmethod
+    def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
+        return {POSITION_OFFSET.name: (0, math.hypot(parameters["max_m"], parameters["max_m"]))}
+
     def lie(self, message: OwnMessage) -> Mapping[str, Any]:
         east_m, north_m = (self._draws.signed(message.station_id, *self._span_m) for _ in range(2))
         return {FRONT_M: (message.front_m[0] + east_m, message.front_m[1] + north_m)}
@@ -189,6 +201,10 @@ class PositionMirrored(Misplacement):
     def __init__(self, context: AttackContext, *, left_m: float = 3.5, rebuild_path: bool = True) -> None:
         super().__init__(context, rebuild_path=rebuild_path)
         self._left_m = number(context.name, "left_m", left_m, -1000, 1000)
+
+    @classmethod
+    def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
+        return {POSITION_OFFSET.name: (0, abs(parameters["left_m"]))}
 
     def lie(self, message: OwnMessage) -> Mapping[str, Any]:
         heading_rad = message.says("heading_rad")

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
+from advpipe.pipeline.labels.claims import ALL_CLAIMS, Claim
 from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.stages.attack.bounds import number, one_of, span
-from advpipe.stages.attack.v2x.base import ALL_CLAIMS, AttackContext, V2xAttack, V2xTraits
+from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import field_of, with_fields
-from advpipe.stages.attack.v2x.overheard_messages import HEARING_M, OverheardMessages, later
+from advpipe.stages.attack.v2x.overheard_messages import HEARING_M, OverheardMessages, is_time_untrue, later
 
 IDENTITIES = ("own", "theirs")
 
@@ -44,6 +46,14 @@ class _Echo(V2xAttack):
         range_m = number(context.name, "range_m", range_m, 0)
         self._overheard = OverheardMessages(context.attackers, range_m, memory_s)
         self._rngs: dict[int, np.random.Generator] = {}
+
+    @classmethod
+    def untrue(cls, parameters: Mapping[str, Any]) -> tuple[Claim, ...]:
+        return tuple(
+            claim
+            for claim in super().untrue(parameters)
+            if claim != "generation time" or is_time_untrue(parameters)
+        )
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         """Replays what was heard in the steps before this one."""

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from advpipe.pipeline.labels.declaration import Published
+from advpipe.pipeline.labels.message_quantities import SPEED_OFFSET
 from advpipe.stages.attack.bounds import number, span
 from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
 from advpipe.stages.attack.v2x.draws import Draws
@@ -69,6 +70,11 @@ class SpeedOffset(Falsification):
             for one in context.attackers
         }
 
+    @classmethod
+    def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
+        offset_mps = parameters["offset_mps"]
+        return {SPEED_OFFSET.name: (0, parameters["max_mps"] if offset_mps is None else abs(offset_mps))}
+
     def lie(self, message: OwnMessage) -> Mapping[str, Any]:
         return _offset(message, self._offsets_mps[message.station_id])
 
@@ -101,6 +107,10 @@ class SpeedRandomOffset(Falsification):
         super().__init__(context)
         self._ends_mps = span(context.name, "{}_mps", min_mps, max_mps, 0, MAX_MPS)
         self._draws = Draws(context)
+
+    @classmethod
+    def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
+        return {SPEED_OFFSET.name: (0, parameters["max_mps"])}
 
     def lie(self, message: OwnMessage) -> Mapping[str, Any]:
         return _offset(message, self._draws.signed(message.station_id, *self._ends_mps))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,8 +12,11 @@ import numpy as np
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.labels.declaration import Published
+from advpipe.pipeline.labels.message_quantities import MESSAGES_ADDED
 from advpipe.pipeline.replay.v2x_drive import V2xStep
+from advpipe.pipeline.scenario.attacks import NS_PER_S
 from advpipe.pipeline.v2x.channel import Sent
+from advpipe.pipeline.v2x.facilities.generation import CHECK_INTERVAL_NS
 from advpipe.stages.attack.bounds import number, one_of, whole
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import with_fields
@@ -64,6 +67,11 @@ class SybilGrid(PhantomAttack):
         )
         self._cells = {one: cells[nth % grids :: grids] for nth, one in enumerate(context.attackers)}
         self._companions: dict[int, list[Companion]] = {}
+
+    @classmethod
+    def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
+        """Each ghost sends at most whenever it checks."""
+        return {MESSAGES_ADDED.name: (0, parameters["ghosts"] * (NS_PER_S // CHECK_INTERVAL_NS))}
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         edited = list(sent)

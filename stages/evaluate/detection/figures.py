@@ -17,21 +17,21 @@ from advpipe.pipeline.results.figures import (
     Precisions,
     RecountedFigures,
 )
+from advpipe.pipeline.results.frame_row import FrameRow
 from advpipe.stages.evaluate.detection.arm import Arm, ap_draws
 from advpipe.stages.evaluate.detection.comparison import FrameResult
 from advpipe.stages.evaluate.detection.displacement import Displacement
 from advpipe.stages.evaluate.detection.scoring import CRITERIA
 
-Row = dict[str, object]
-FrameRows = Sequence[Mapping[str, int | float | None]]
 Float64 = npt.NDArray[np.float64]
 
 
 def attack_figures(
-    arm: Arm, clean: Arm, frames: Sequence[FrameResult], rows: FrameRows, word: str
+    arm: Arm, clean: Arm, frames: Sequence[FrameResult], rows: Sequence[FrameRow], word: str
 ) -> CloudFigures:
     """What the clouds `word` lead to; rows: of the same frames, as `frame_row` makes them."""
-    found, lost = total(rows, "found_objects_clean"), total(rows, f"lost_objects_{word}")
+    counts = [row.clouds[word] for row in rows]
+    found, lost = found_on_clean(rows), sum(each.lost_objects for each in counts)
     way = Displacement.over([frame.clouds()[word].displacement for frame in frames])
     return CloudFigures(
         map_adv=arm.mean_ap(),
@@ -43,7 +43,7 @@ def attack_figures(
         map_bev_adv=arm.mean_ap("bev"),
         map_bev_loose_adv=arm.mean_ap("bev_loose"),
         precisions=precisions(arm),
-        chamfer_distance_m2=total(rows, f"chamfer_distance_m2_{word}") / len(rows),
+        chamfer_distance_m2=sum(each.chamfer_distance_m2 for each in counts) / len(rows),
         attack_success_percent=100 * ratio(lost, found),
         mean_displacement_m=way.mean_m,
         rms_displacement_m=way.rms_m,
@@ -51,19 +51,19 @@ def attack_figures(
         p95_displacement_m=way.p95_m,
         max_displacement_m=way.max_m,
         max_added_m=way.max_added_m,
-        points_added=count(rows, f"points_added_{word}"),
-        points_removed=count(rows, f"points_removed_{word}"),
-        points_moved=count(rows, f"points_moved_{word}"),
-        objects_below_min_points=count(rows, f"objects_below_min_points_{word}"),
-        found_objects=count(rows, f"found_objects_{word}"),
-        false_positives=count(rows, f"false_positives_{word}"),
-        lost_objects=count(rows, f"lost_objects_{word}"),
-        new_false_positives=count(rows, f"new_false_positives_{word}"),
+        points_added=sum(each.points_added for each in counts),
+        points_removed=sum(each.points_removed for each in counts),
+        points_moved=sum(each.points_moved for each in counts),
+        objects_below_min_points=sum(each.objects_below_min_points for each in counts),
+        found_objects=sum(each.found_objects for each in counts),
+        false_positives=sum(each.false_positives for each in counts),
+        lost_objects=sum(each.lost_objects for each in counts),
+        new_false_positives=sum(each.new_false_positives for each in counts),
     )
 
 
 def recounted_figures(
-    arm: Arm, clean: Arm, frames: Sequence[FrameResult], rows: FrameRows, word: str
+    arm: Arm, clean: Arm, frames: Sequence[FrameResult], rows: Sequence[FrameRow], word: str
 ) -> RecountedFigures:
     """The same if the objects were counted on the attacked clouds: shown beside, for it is not what counts.
 
@@ -80,14 +80,14 @@ def recounted_figures(
     draws = {name: ap_draws(each, arm.bootstrap) for name, each in ranked.items()}
     mean_ap = arm.mean_of({name: each.average_precision() for name, each in ranked.items()})
     map_draws = arm.mean_of_draws(draws)
-    lost = count(rows, f"lost_objects_recounted_{word}")
+    lost = sum(row.clouds[word].lost_objects_recounted for row in rows)
     return RecountedFigures(
         objects_recounted=sum(int(each.n_truth.sum()) for each in ranked.values()),
         map_adv_recounted=mean_ap,
         map_ratio_percent_recounted=100 * ratio(mean_ap, clean.mean_ap()),
         map_ratio_recounted_ci95=percentile_interval(100 * map_draws / above_0(clean.map_draws())),
         lost_objects_recounted=lost,
-        attack_success_percent_recounted=100 * ratio(lost, total(rows, "found_objects_clean")),
+        attack_success_percent_recounted=100 * ratio(lost, found_on_clean(rows)),
     )
 
 
@@ -137,13 +137,6 @@ def above_0(values: Float64) -> Float64:
     return np.where(values > 0, values, np.nan)
 
 
-def column(rows: FrameRows, name: str) -> list[int | float]:
-    return [value for row in rows if (value := row[name]) is not None]
-
-
-def total(rows: FrameRows, name: str) -> int | float:
-    return sum(column(rows, name))
-
-
-def count(rows: FrameRows, name: str) -> int:
-    return int(total(rows, name))
+def found_on_clean(rows: Sequence[FrameRow]) -> int:
+    """How many objects the detector finds in the clean clouds of some frames."""
+    return sum(row.clouds["clean"].found_objects for row in rows)

@@ -1,36 +1,15 @@
-"""One frame in figures: a row of `results.parquet`."""
+"""One frame in counts: what the detector lost and made up in each of its clouds."""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.stages.evaluate.detection.baseline import baseline_words
+from advpipe.pipeline.results.frame_row import CloudCounts, FrameRow
 from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult
 from advpipe.stages.evaluate.detection.scoring import Truth, false_positives, found_objects, new_boxes
 
 Bool = npt.NDArray[np.bool_]
-
-COUNTS = (
-    "points",
-    "points_removed",
-    "points_added",
-    "points_moved",
-    "mean_displacement_m",
-    "rms_displacement_m",
-    "median_displacement_m",
-    "p95_displacement_m",
-    "max_displacement_m",
-    "max_added_m",
-    "chamfer_distance_m2",
-    "objects_below_min_points",
-    "found_objects",
-    "false_positives",
-    "lost_objects",
-    "new_false_positives",
-    "lost_objects_recounted",
-)
-"""What is counted of each cloud of a frame, the clean one too; the last one leaves out emptied objects."""
 
 
 def lost_objects(
@@ -48,41 +27,34 @@ def new_false_positives(clean: CloudResult, cloud: CloudResult, min_score: float
     return wrong & new
 
 
-def frame_row(frame: FrameResult, min_score: float) -> dict[str, int | float | None]:
-    """Index, stamp, number of evaluated objects, and `COUNTS` of each cloud, such as `points_adv`.
-
-    min_score: detections with a lower score are not counted.
-    """
-    row: dict[str, int | float | None] = {
-        "frame": frame.index,
-        "stamp_ns": frame.stamp_ns,
-        "objects": int(frame.truth.is_evaluated.sum()),
-    }
-    clouds = frame.clouds()
-    for word in ("clean", "adv", *baseline_words()):
-        counts = _counts(frame, clouds[word], min_score) if word in clouds else dict.fromkeys(COUNTS)
-        row |= {f"{name}_{word}": counts[name] for name in COUNTS}
-    return row
+def frame_row(frame: FrameResult, min_score: float) -> FrameRow:
+    """The counts of each cloud of a frame, of detections with at least the score `min_score`."""
+    return FrameRow(
+        frame=frame.index,
+        stamp_ns=frame.stamp_ns,
+        objects=int(frame.truth.is_evaluated.sum()),
+        clouds={word: _counts(frame, cloud, min_score) for word, cloud in frame.clouds().items()},
+    )
 
 
-def _counts(frame: FrameResult, cloud: CloudResult, min_score: float) -> dict[str, int | float | None]:
+def _counts(frame: FrameResult, cloud: CloudResult, min_score: float) -> CloudCounts:
     lost, way = lost_objects(frame.truth, frame.clean, cloud, min_score), cloud.displacement
-    return {
-        "points": cloud.points,
-        "points_removed": cloud.points_removed,
-        "points_added": cloud.points_added,
-        "points_moved": cloud.points_moved,
-        "mean_displacement_m": way.mean_m,
-        "rms_displacement_m": way.rms_m,
-        "median_displacement_m": way.median_m,
-        "p95_displacement_m": way.p95_m,
-        "max_displacement_m": way.max_m,
-        "max_added_m": way.max_added_m,
-        "chamfer_distance_m2": cloud.chamfer_distance_m2,
-        "objects_below_min_points": int(cloud.emptied.sum()),
-        "found_objects": int(found_objects(frame.truth, cloud.matches, min_score).sum()),
-        "false_positives": int(false_positives(cloud.detections, cloud.matches, min_score).sum()),
-        "lost_objects": int(lost.sum()),
-        "new_false_positives": int(new_false_positives(frame.clean, cloud, min_score).sum()),
-        "lost_objects_recounted": int((lost & ~cloud.emptied).sum()),
-    }
+    return CloudCounts(
+        points=cloud.points,
+        points_removed=cloud.points_removed,
+        points_added=cloud.points_added,
+        points_moved=cloud.points_moved,
+        mean_displacement_m=way.mean_m,
+        rms_displacement_m=way.rms_m,
+        median_displacement_m=way.median_m,
+        p95_displacement_m=way.p95_m,
+        max_displacement_m=way.max_m,
+        max_added_m=way.max_added_m,
+        chamfer_distance_m2=cloud.chamfer_distance_m2,
+        objects_below_min_points=int(cloud.emptied.sum()),
+        found_objects=int(found_objects(frame.truth, cloud.matches, min_score).sum()),
+        false_positives=int(false_positives(cloud.detections, cloud.matches, min_score).sum()),
+        lost_objects=int(lost.sum()),
+        new_false_positives=int(new_false_positives(frame.clean, cloud, min_score).sum()),
+        lost_objects_recounted=int((lost & ~cloud.emptied).sum()),
+    )

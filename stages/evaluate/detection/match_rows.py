@@ -1,66 +1,70 @@
-"""Every detection and every object of a frame, and what became of each: rows of `results.parquet`."""
+"""Every detection and every object of a frame, and what became of each."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.geometry.boxes import BOX_COLUMNS, CLASSES
+from advpipe.pipeline.results.match_row import (
+    DETECTION,
+    FALSE,
+    FOUND,
+    IGNORED,
+    MISSED,
+    TRUTH,
+    MatchRow,
+)
+from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult
 from advpipe.stages.evaluate.detection.frame_row import lost_objects, new_false_positives
 from advpipe.stages.evaluate.detection.scoring import CRITERIA, labelled
 
 Column = npt.NDArray[np.generic]
 
-DETECTION, TRUTH = "detection", "truth"
-FOUND, MISSED, FALSE, IGNORED = "found", "missed", "false positive", "ignored"
-"""A detection is `found`, a `false positive` or `ignored`; an object `found`, `missed` or `ignored`."""
 
-
-def match_rows(frame: FrameResult, word: str, min_score: float) -> Iterator[dict[str, object]]:
-    """One row a detection on the cloud `word`, then one an object, each with its number in the frame.
-
-    Beside its box: `points` (of a detection in the cloud it was made on, of an object in the clean one),
-    and by every criterion its `fate_<criterion>` and `match_<criterion>`, the number of the object or
-    detection that it was matched with, None for none. At the working point `min_score`: `is_lost` of an
-    object that is found on the clean cloud and missed here, `is_new` of a detection where there was nothing;
-    `is_emptied` of an object with too few points left.
-    """
+def match_rows(result: ResultRow, frame: FrameResult, word: str, min_score: float) -> Iterator[MatchRow]:
+    """Each detection on the cloud `word`, then each object; `min_score` is the working point."""
     cloud, truth = frame.all_clouds()[word], frame.truth
     lost = lost_objects(truth, frame.clean, cloud, min_score)
     new = new_false_positives(frame.clean, cloud, min_score)
     emptied = cloud.emptied if len(cloud.emptied) else np.zeros(len(truth.boxes), dtype=bool)
     fates = _fates(frame, cloud)
-    shared = {"cloud": word, "frame": frame.index, "stamp_ns": frame.stamp_ns}
     for kind, boxes, labels, points in (
         (DETECTION, cloud.detections.boxes, cloud.detections.labels, cloud.box_points),
         (TRUTH, truth.boxes.geometry, truth.boxes.labels, truth.points),
     ):
         is_truth = kind == TRUTH
         for number in range(len(boxes)):
-            yield {
-                **shared,
-                "kind": kind,
-                "number": number,
-                "class": CLASSES[labels[number]],
-                "id": truth.boxes.ids[number] if is_truth else None,
-                "score": None if is_truth else float(cloud.detections.scores[number]),
-                **dict(zip(BOX_COLUMNS, map(float, boxes[number]), strict=True)),
-                "points": int(points[number]),
-                "occlusion": _known(truth.occlusion[number]) if is_truth else None,
+            box: dict[str, Any] = dict(zip(BOX_COLUMNS, map(float, boxes[number]), strict=True))
+            yield MatchRow(
+                bag=result.bag,
+                detector=result.detector,
+                cloud=word,
+                frame=frame.index,
+                stamp_ns=frame.stamp_ns,
+                kind=kind,
+                number=number,
+                class_name=CLASSES[labels[number]],
+                id=truth.boxes.ids[number] if is_truth else None,
+                score=None if is_truth else float(cloud.detections.scores[number]),
+                **box,
+                points=int(points[number]),
+                occlusion=_known(truth.occlusion[number]) if is_truth else None,
                 **{name: values[number] for name, values in fates[kind].items()},
-                "is_lost": bool(lost[number]) if is_truth else None,
-                "is_emptied": bool(emptied[number]) if is_truth else None,
-                "is_new": None if is_truth else bool(new[number]),
-            }
+                is_lost=bool(lost[number]) if is_truth else None,
+                is_emptied=bool(emptied[number]) if is_truth else None,
+                is_new=None if is_truth else bool(new[number]),
+            )
 
 
-def _fates(frame: FrameResult, cloud: CloudResult) -> dict[str, dict[str, list[object]]]:
-    """By kind, then by column, of all its boxes."""
+def _fates(frame: FrameResult, cloud: CloudResult) -> dict[str, dict[str, list[Any]]]:
+    """By kind, then by field, of all its boxes."""
     truth_labels, labels = frame.truth.boxes.labels, cloud.detections.labels
-    fates: dict[str, dict[str, list[object]]] = {DETECTION: {}, TRUTH: {}}
+    fates: dict[str, dict[str, list[Any]]] = {DETECTION: {}, TRUTH: {}}
     for kind, count in ((DETECTION, len(labels)), (TRUTH, len(truth_labels))):
         for criterion in CRITERIA:
             fates[kind][f"fate_{criterion}"] = [IGNORED] * count  # classes that the detector does not know

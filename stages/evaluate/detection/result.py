@@ -13,8 +13,8 @@ from advpipe.stages.evaluate.detection.comparison import Comparison
 from advpipe.stages.evaluate.detection.figures import (
     attack_figures,
     clean_figures,
-    count,
     difference,
+    found_on_clean,
     recounted_figures,
 )
 from advpipe.stages.evaluate.detection.scored import Scored
@@ -76,16 +76,16 @@ def attack_of(comparison: Comparison) -> AttackRecord:
 
 
 def _counts(scored: Scored, objects: int) -> FrameCounts:
-    rows = scored.per_frame
+    clean = [row.clouds["clean"] for row in scored.per_frame]
     return FrameCounts(
-        frames=len(rows),
+        frames=len(clean),
         blocks=scored.bootstrap.n_blocks,
         classes_in_map=scored.in_map,
         working_score=scored.min_score,
         objects=objects,
-        objects_found_clean=count(rows, "found_objects_clean"),
-        false_positives_clean=count(rows, "false_positives_clean"),
-        points_clean=count(rows, "points_clean"),
+        objects_found_clean=found_on_clean(scored.per_frame),
+        false_positives_clean=sum(each.false_positives for each in clean),
+        points_clean=sum(each.points for each in clean),
     )
 
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
+from advpipe.pipeline.results.frame_row import FrameRow
 from advpipe.stages.evaluate.detection.arm import Arm, Precision
 from advpipe.stages.evaluate.detection.comparison import Comparison
-from advpipe.stages.evaluate.detection.figures import FrameRows
 from advpipe.stages.evaluate.detection.scoring import CRITERIA
 
 
@@ -26,7 +26,7 @@ class Scored:
     in_map: tuple[str, ...]
     bootstrap: BlockBootstrap
     min_score: float
-    per_frame: FrameRows
+    per_frame: tuple[FrameRow, ...]
 
     def arm(self, word: str) -> Arm:
         """The clouds of a word that is not among `arms`, such as those under a defence."""

@@ -13,6 +13,7 @@ from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.geometry.boxes import MIN_POINTS
 from advpipe.pipeline.metrics.average_precision import RankedMatches
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
+from advpipe.pipeline.results.frame_row import FrameRow
 from advpipe.pipeline.results.records import DefenceRecord, SuccessRecord
 from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.arm import Arm, Precision
@@ -42,7 +43,7 @@ class Summary:
 
     comparison: Comparison
     result: ResultRow
-    per_frame: tuple[dict[str, int | float | None], ...]
+    per_frame: tuple[FrameRow, ...]
     min_score: float
     precisions: Mapping[str, tuple[Precision, ...]]
     curves: Mapping[tuple[str, str, str], tuple[Float64, Float64]]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TypeVar
 
 from advpipe.pipeline.results.evaluation import Evaluation
@@ -11,6 +12,7 @@ from advpipe.pipeline.results.listed import Listed
 from advpipe.pipeline.results.origin import Origin
 from advpipe.pipeline.results.records import PrecisionRecord
 from advpipe.stages.evaluate.detection.summary import Summary
+from advpipe.stages.evaluate.report.numbers import number
 from advpipe.stages.evaluate.report.section import Section
 from advpipe.stages.evaluate.report.wording import RANDOM_BEST, WHITE_BOX
 
@@ -51,11 +53,32 @@ FORMULAS: Mapping[str, str] = {
 """What the figures mean, in words that go into every report."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Report(Evaluation):
-    """An evaluation as people read it. sections: what every family adds: tables, pictures and records."""
+    """An evaluation as people read it.
+
+    sections: what every family adds: tables, pictures and records. folder: where report.html and report.json
+    lie; None before they are written.
+    """
 
     sections: tuple[Section, ...] = ()
+    folder: Path | None = None
+
+    def __str__(self) -> str:
+        """Where it lies, and the mAP ratio of each adversarial bag and detector."""
+        ratios = [
+            f"{row.bag} {number(row.attacked.map_ratio_percent, 2)} % of the clean mAP"
+            for row in self.results
+            if row.attacked
+        ]
+        told = ratios or [section.title for section in self.sections] or ["clean bag alone"]
+        return f"{self.folder}: {'; '.join(told)}"
+
+    def _repr_html_(self) -> str:
+        """The tables of report.html."""
+        from advpipe.stages.evaluate.report.notebook import notebook_html
+
+        return notebook_html(self)
 
     def listed(self, kind: type[T]) -> list[T]:
         """The records of a kind, of all sections."""

@@ -59,9 +59,9 @@ class TrafficSource(Protocol):
         """Every vehicle that is on the road after the newest step, by id, always in the same order.
 
         Each has a pose (`map_SE3_base`, 4 x 4, x forward, its origin on the ground below the middle of the
-        box), a velocity in m/s in the map's axes, and a body. Vehicles of `scenario.vehicles` go by their
-        names, and are there in every step; one whose `driver` is `trajectory` may come and go. Parked cars
-        and people on foot are others' concern.
+        box), a velocity in m/s in the map's axes, a body, and the lights that are on. Vehicles of
+        `scenario.vehicles` go by their names, and are there in every step; one whose `driver` is
+        `trajectory` may come and go. Parked cars and people on foot are others' concern.
         """
 
     @abstractmethod

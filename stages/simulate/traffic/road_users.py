@@ -9,17 +9,22 @@ import numpy as np
 
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
 from advpipe.pipeline.geometry.transforms import Float64, yaw_of
+from advpipe.pipeline.v2x.codec.codes import ExteriorLights
 from advpipe.stages.simulate.bodies import Variant
 
 
 @dataclass(frozen=True)
 class RoadUser:
-    """`map_SE3_base` is the pose of base_link: the ground below the centre of the box, x forward."""
+    """`map_SE3_base` is the pose of base_link: the ground below the centre of the box, x forward.
+
+    lights: those that are on, as its CAMs tell of them; a source of traffic that knows none leaves them.
+    """
 
     id: str
     variant: Variant
     map_SE3_base: Float64
     velocity_mps: Float64
+    lights: ExteriorLights = ExteriorLights.DAYTIME_RUNNING
 
     @property
     def position_m(self) -> Float64:

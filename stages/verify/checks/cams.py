@@ -8,12 +8,15 @@ from contextlib import closing
 from pathlib import Path
 
 from advpipe.pipeline.core.bounded_parquet import flat_columns, rows
-from advpipe.pipeline.labels.messages import FILE, MESSAGE_COLUMNS, NEWER
+from advpipe.pipeline.labels.message_quantities import MESSAGE_QUANTITIES
+from advpipe.pipeline.labels.messages import ADDED, FILE, MESSAGE_COLUMNS, NEWER
 from advpipe.pipeline.messages.topics import V2X_SENT
 from advpipe.pipeline.messages.v2x import sent_of_message
 from advpipe.stages.verify.attackers import DeclaredAttackers
 from advpipe.stages.verify.checks.attacked import Attacked
 from advpipe.stages.verify.checks.base import BagCheck
+from advpipe.stages.verify.declared_bounds import unmeasurable
+from advpipe.stages.verify.message_bounds import too_many_added
 from advpipe.stages.verify.message_labels import MessageLabels
 from advpipe.stages.verify.message_store import MessageStore
 from advpipe.stages.verify.result import NOT_DECLARED, Fault, Gap, Result
@@ -60,11 +63,18 @@ class Cams(BagCheck):
         if strange := [name for name in NEWER if name not in known]:
             yield Gap(where, f"{' and '.join(strange)}: not as this version writes them")
         for row in rows(path, columns):
-            store.add_label(attackers.place(row["attack"], row["station_id"]), row)
+            place = attackers.place(row["attack"], row["station_id"])
+            store.add_label(place, row)
+            if row["action"] == ADDED:
+                store.add_added(place, row)
         reacts = any(one.spec.dcc_reacts for one in attacked.on_messages)
         told = MessageLabels(store, attackers, reacts)
         if attackers.undeclared:
-            yield Gap(where, f"parts and mattered of {', '.join(attackers.undeclared)} {NOT_DECLARED}")
+            names = ", ".join(attackers.undeclared)
+            yield Gap(where, f"parts, bounds, mattered and untrue fields of {names} {NOT_DECLARED}")
+        for one in attacked.on_messages:
+            for terms in (one.declared, *one.declared.parts) if one.declared and one.family == "v2x" else ():
+                yield from unmeasurable(self.bag.place, one.spec.type, terms.bounds, MESSAGE_QUANTITIES)
         for diff in store.diffs():
             if diff.labels:
                 yield from (Fault(where, f"message {diff.number} {what}") for what in told.first_wrong(diff))
@@ -76,6 +86,8 @@ class Cams(BagCheck):
                 and not told.is_held_back(diff.clean.station_id)
             ):
                 yield Fault(topic, f"message {diff.number} of the clean bag is missing, and no label says so")
+        for number, what in too_many_added(store, attackers):
+            yield Fault(where, f"message {number}: {what}")
         if told.chained:
             yield Gap(
                 where,

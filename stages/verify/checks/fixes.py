@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.bounded_parquet import rows
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.labels.fix_quantities import FIX_QUANTITIES, FixChange
 from advpipe.pipeline.labels.fixes import FILE, GEOGRAPHIC, OFFSETS
+from advpipe.pipeline.labels.quantity import Range, beyond_all
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.localisation.gnss import squared_sigmas
 from advpipe.pipeline.messages import build
@@ -21,11 +23,12 @@ from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.replay.recorded_filter import read_filter
 from advpipe.pipeline.scenario.acting import Acting, acting_on_fixes
 from advpipe.pipeline.v2x.facilities.effect import fix_matters
-from advpipe.stages.verify.attackers import victims
+from advpipe.stages.verify.attackers import MessageAttack, victims
 from advpipe.stages.verify.checks.attacked import Attacked
 from advpipe.stages.verify.checks.base import BagCheck
+from advpipe.stages.verify.declared_bounds import measurable, unmeasurable
 from advpipe.stages.verify.message_store import Row
-from advpipe.stages.verify.result import Fault, Gap, Result
+from advpipe.stages.verify.result import NOT_DECLARED, Fault, Gap, Result
 
 ROUNDING = 1e-6
 """In metres, and of an offset: degrees are rounded."""
@@ -60,26 +63,52 @@ class Fixes(BagCheck):
                 return
             if vehicle not in found:
                 attacks = [
-                    (spec.type, acting_on_fixes(spec, vehicle, attacked.start_ns, attacked.seed))
-                    for spec in strikes[vehicle]
+                    _Strike(
+                        one.spec.type,
+                        acting_on_fixes(one.spec, vehicle, attacked.start_ns, attacked.seed),
+                        measurable(one.declared.bounds, FIX_QUANTITIES) if one.declared else {},
+                    )
+                    for one in strikes[vehicle]
                 ]
                 readers = attacked.clean, attacked.adversarial
                 found[vehicle] = _Receiver(vehicle, geodesy, attacks, _pairs(readers, vehicle))
             what = next(found[vehicle].wrong(row), None)
             if what is not None:
                 yield Fault(where, f"fix {row['fix']} of {vehicle} {what}")
+        yield from self._unmeasured(strikes, found.keys())
         for vehicle, receiver in found.items():
             if any(_place(clean) != _place(false) for _, clean, false in receiver.pairs):
                 yield Fault(where, f"fixes of {vehicle} were changed and are not told")
 
+    def _unmeasured(
+        self, strikes: Mapping[str, Sequence[MessageAttack]], with_fixes: Collection[str]
+    ) -> Iterator[Gap]:
+        """Bounds that cannot be checked."""
+        for vehicle, attacks in strikes.items():
+            for spec, _, declared in attacks:
+                if declared is None:
+                    yield Gap(self.bag.place, f"bounds of {spec.type} {NOT_DECLARED}")
+                    continue
+                yield from unmeasurable(self.bag.place, spec.type, declared.bounds, FIX_QUANTITIES)
+                if declared.bounds and vehicle not in with_fixes:
+                    yield Gap(self.bag.place, f"bounds of {spec.type} not checked: no fixes of {vehicle}")
+
+
+class _Strike(NamedTuple):
+    """An attack on a victim's fixes, and the bounds that it declares."""
+
+    attack: str
+    acts: Acting
+    bounds: Mapping[str, Range]
+
 
 @dataclass
 class _Receiver:
-    """A victim's fixes in both bags, each with its log time, and the attacks on it by their words."""
+    """A victim's fixes in both bags, each with its log time, and the attacks on it."""
 
     vehicle: str
     geodesy: Geodesy
-    attacks: Sequence[tuple[str, Acting]]
+    attacks: Sequence[_Strike]
     pairs: Iterator[tuple[int, Any, Any]]
     count: int = 0
 
@@ -91,7 +120,7 @@ class _Receiver:
             return
         genuine, told = _place(clean), _place(false)
         # Chance is drawn for each fix of each attack, whichever is on.
-        on = [word for word, acts in self.attacks if genuine is not None and acts(time_ns)]
+        on = [one for one in self.attacks if genuine is not None and one.acts(time_ns)]
         self.count += 1
         if row["fix"] != self.count - 1:
             yield f"is number {self.count - 1}"
@@ -102,13 +131,18 @@ class _Receiver:
                 place if place is not None else [None, None, None]
             ):
                 yield f"is not where {kind}_... tells"
-        if row["attack"] != (on[-1] if on else None):
-            yield f"is attacked by {on[-1] if on else 'nobody'}, not {row['attack'] or 'nobody'}"
+        attack = on[-1].attack if on else None
+        if row["attack"] != attack:
+            yield f"is attacked by {attack or 'nobody'}, not {row['attack'] or 'nobody'}"
         if not on and genuine != told:
             yield "was changed, and no attack was on"
         if told is not None and genuine is not None and not _is_else_same(clean, false):
             yield "says something else than another place"
         yield from self._offset(row, genuine, told, clean)
+        if told is not None and genuine is not None:
+            change = FixChange(self.geodesy.to_map(told) - self.geodesy.to_map(genuine))
+            if what := beyond_all(change, [one.bounds for one in on], FIX_QUANTITIES):
+                yield f"is beyond the bounds of {attack}: {what}"
 
     def _offset(
         self, row: Row, genuine: list[float] | None, told: list[float] | None, clean: Any

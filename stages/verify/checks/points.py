@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator
 
 import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.core.bounded_parquet import rows
 from advpipe.pipeline.labels.clouds import FRAMES, POINTS, read_point_labels
-from advpipe.pipeline.labels.declaration import Declaration
 from advpipe.pipeline.labels.points import ACTIONS, ADDED, MOVED
-from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES, CloudChange, excesses
+from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES, CloudChange
+from advpipe.pipeline.labels.quantity import Range, beyond_all
 from advpipe.pipeline.messages.cloud import Cloud
 from advpipe.stages.verify.checks.attacked import Attacked
 from advpipe.stages.verify.checks.base import BagCheck
+from advpipe.stages.verify.declared_bounds import measurable, unmeasurable
 from advpipe.stages.verify.result import NOT_DECLARED, Fault, Gap, Result
 
 ROUNDING_M = 1e-6
@@ -64,28 +65,28 @@ class Points(BagCheck):
                 yield Fault(where, f"frame {row['frame']} has another header than the clean one")
             elif own is not None:
                 change = CloudChange(old.cloud, new.cloud, own.labels)
-                faults = [*differences(change)] or _beyond(change, declared.get(row["attack"], []))
-                yield from (Fault(where, f"frame {row['frame']}: {fault}") for fault in faults)
+                bounds = declared.get(row["attack"], [])
+                faults = [*differences(change)] or [beyond_all(change, bounds, CLOUD_QUANTITIES)]
+                yield from (Fault(where, f"frame {row['frame']}: {fault}") for fault in faults if fault)
         if following is not None or next(row_of, None) is not None:
             yield Fault(place, "tells of frames that the bag does not hold")
         if next(adversarial, None) is not None:
             yield Fault(self.bag.place, "holds clouds that the clean bag does not")
 
-    def _declared(self, attacked: Attacked) -> Generator[Result, None, dict[str, list[Declaration]]]:
-        """By name, what the attacks on clouds declare; and which bounds cannot be checked."""
-        found: dict[str, list[Declaration]] = {}
+    def _declared(self, attacked: Attacked) -> Generator[Result, None, dict[str, list[dict[str, Range]]]]:
+        """The bounds of the attacks on clouds, by name; and which cannot be checked."""
+        found: dict[str, list[dict[str, Range]]] = {}
         for one in attacked.attacks:
             if one.family != "lidar":
                 continue
             if one.declared is None:
                 yield Gap(self.bag.place, f"bounds of {one.type} {NOT_DECLARED}")
                 continue
-            known = {name: bound for name, bound in one.declared.bounds.items() if name in CLOUD_QUANTITIES}
-            for name in sorted(one.declared.bounds.keys() - known.keys()):
-                yield Gap(self.bag.place, f"{name} of {one.type} not checked: this version measures no such")
-            if not one.declared.bounds:
+            bounds = one.declared.bounds
+            yield from unmeasurable(self.bag.place, one.type, bounds, CLOUD_QUANTITIES)
+            if not bounds:
                 yield Gap(self.bag.place, f"{one.type} declares no bounds")
-            found.setdefault(one.type, []).append(one.declared.model_copy(update={"bounds": known}))
+            found.setdefault(one.type, []).append(measurable(bounds, CLOUD_QUANTITIES))
         return found
 
 
@@ -130,12 +131,6 @@ def _distances(real_m: npt.NDArray[np.float64], told_m: npt.NDArray[np.float64],
     if is_off.any():
         first = int(np.flatnonzero(is_off)[0])
         yield f"{int(is_off.sum())} {word} points, by {real_m[first]:.6f} m where {told_m[first]:.6f} is told"
-
-
-def _beyond(change: CloudChange, declared: Sequence[Declaration]) -> list[str]:
-    """What goes beyond the bounds of every attack that could have made it; none where one suffices."""
-    found = [list(excesses(change, one.bounds)) for one in declared]
-    return [] if [] in found else found[0][:1] if found else []
 
 
 def _bytes(cloud: Cloud, name: str | None = None) -> npt.NDArray[np.uint8]:

@@ -8,10 +8,9 @@ import pytest
 
 from advpipe.pipeline.bag.provenance import clean_provenance
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.cli.attack import _attackers, _parameters, attack
+from advpipe.pipeline.cli.attack import _parameters, attack
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import AttackSpec
-from advpipe.stages.attack import run as stage
 from advpipe.stages.attack.run import AttackRequest, AttackSummary
 
 
@@ -26,14 +25,6 @@ def test_parameters_are_read_as_yaml() -> None:
         "most": None,
         "x_m": "1e6",
     }
-
-
-def test_attackers() -> None:
-    assert _attackers([]) is None
-    assert _attackers(["a", "b"]) == {"vehicles": ["a", "b"]}
-    assert _attackers(["25%"]) == {"share": 0.25}
-    assert _attackers(["rsu:3,-4.5"]) == {"roadside_unit": {"x_m": 3.0, "y_m": -4.5}}
-    assert _attackers(["rsu:3,-4.5,6"]) == {"roadside_unit": {"x_m": 3.0, "y_m": -4.5, "z_m": 6.0}}
 
 
 @pytest.fixture
@@ -51,7 +42,7 @@ def requested(bag: Path, monkeypatch: pytest.MonkeyPatch, **options: object) -> 
         seen.append(request)
         return AttackSummary(out)
 
-    monkeypatch.setattr(stage, "attack", note)
+    monkeypatch.setattr("advpipe.commands.attack.run", note)
     attack(bag, **options)  # type: ignore[arg-type]
     (spec,) = seen[0].attacks
     return spec
@@ -104,7 +95,7 @@ def test_options_become_an_attack(bag: Path, monkeypatch: pytest.MonkeyPatch) ->
         ({"settings": ["round=1"]}, r"detach: unknown parameter 'round'; known: ratio, "),
         ({"settings": ["rounds=many"]}, "detach: rounds is 'many'"),
         ({"kind": "detatch"}, "unknown attack 'detatch'; known: .*detach, "),
-        ({"recipe": "worst"}, "unknown recipe 'worst'"),
+        ({"recipe": "worst"}, "recipe is 'worst'; known"),
         ({"attacker": ["a"]}, "detach has no use for attackers"),
         (
             {"kind": "cam-dos", "attacker": ["a", "5%"]},

@@ -51,10 +51,11 @@ def swept(clean: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_one_point_decides(swept: Path) -> None:
     rows = {cell.budget: cell.row for cell in Store(swept).cells()}
-    assert [rows[name]["map_ratio_percent"] for name in ("detach-1", "detach-1.5")] == [100.0, 0.0]
+    attacked = [figures for name in ("detach-1", "detach-1.5") if (figures := rows[name].attacked)]
+    assert [figures.map_ratio_percent for figures in attacked] == [100.0, 0.0]
     fewer = "The random baselines are the best of 1, the attack is the best of 13 tries."
-    assert all(fewer in rows[name]["notes"] for name in rows)  # type: ignore[operator]
-    assert [rows[name]["points_removed"] for name in ("detach-1", "detach-1.5")] == [6 * 6, 6 * 9]
+    assert all(fewer in row.notes for row in rows.values())
+    assert [figures.points_removed for figures in attacked] == [6 * 6, 6 * 9]
     (draws,) = {cell.map_ratio_draws for cell in Store(swept).cells() if cell.budget == "detach-1.5"}
     assert set(draws) == {0.0}
 
@@ -167,12 +168,10 @@ def test_twice_the_steps_and_as_many_tries(clean: Path, tmp_path: Path) -> None:
     """Ten rounds and three repairs are thirteen looks, twenty and three are 23: baselines get as many."""
     run(clean, tmp_path / "out", ["detach-1"], recipes="best,best+twice", frames="::6", baseline_tries=None)
     rows = {cell.recipe: cell.row for cell in Store(tmp_path / "out").cells()}
-    assert [(rows[name]["looks"], rows[name]["baseline_tries"]) for name in ("best", "best+twice")] == [
-        (13, 13),
-        (23, 23),
-    ]
-    assert not [note for row in rows.values() for note in row["notes"] if "the best of" in note]  # type: ignore[attr-defined]
-    assert rows["best+twice"]["parameters"]["rounds"] == 20  # type: ignore[index]
+    attacks = [rows[name].attack for name in ("best", "best+twice")]
+    assert [(each.looks, each.baseline_tries) for each in attacks] == [(13, 13), (23, 23)]
+    assert not [note for row in rows.values() for note in row.notes if "the best of" in note]
+    assert rows["best+twice"].attack.parameters["rounds"] == 20
     page = (tmp_path / "out" / "report.html").read_text()
     assert "<h2>What more steps change; surely more where the whole interval is beyond 2 points</h2>" in page
     assert "<td>best-detach-1</td><td>x 1</td><td>100.00</td><td>100.0…100.0</td><td>0.00</td>" in page
@@ -209,7 +208,7 @@ def test_the_command_names_the_clouds(swept: Path, clean: Path) -> None:
     [
         ({"cells": ["detach-2"]}, "unknown cell 'detach-2'; known: perturb-0.5, perturb-1, "),
         ({"table": "thesis"}, "unknown table 'thesis'; known: paper"),
-        ({"recipes": "worst"}, "unknown recipe 'worst'"),
+        ({"recipes": "worst"}, "recipe is 'worst'; known"),
         ({"recipes": "best+thrice"}, "unknown variant 'thrice' of recipe best"),
         ({"recipes": "random-near+twice"}, "recipe random-near does not look at rounds"),
         ({"detector": "large"}, "large"),

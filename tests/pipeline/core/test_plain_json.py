@@ -83,7 +83,7 @@ LOADERS = {
     "pipeline/scenario/load.py",  # its errors name the place of a key
 }
 OTHERS = {
-    "stages/verify/ledger.py",  # rows that it has written itself
+    "stages/verify/message_store.py",  # rows that it has written itself
     # Documents that advpipe has just written itself, for --json.
     "pipeline/cli/evaluate.py",
     "pipeline/cli/schema.py",

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.labels.points import PointLabels
-from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES, CloudChange, excesses
+from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES, CloudChange
+from advpipe.pipeline.labels.quantity import excesses
 from advpipe.pipeline.messages.cloud import POINT_DTYPE
 
 CLEAN = np.zeros(100, POINT_DTYPE)
@@ -68,7 +69,7 @@ def test_nothing_changed_measures_nothing() -> None:
     ],
 )
 def test_bounds(bounds: dict[str, tuple[float, float]], said: list[str]) -> None:
-    found = list(excesses(changed(), bounds))
+    found = list(excesses(changed(), bounds, CLOUD_QUANTITIES))
     assert len(found) == len(said)
     assert all(line.startswith(words) for line, words in zip(found, said, strict=True))
 
@@ -76,4 +77,4 @@ def test_bounds(bounds: dict[str, tuple[float, float]], said: list[str]) -> None
 def test_one_point_may_always_go() -> None:
     """The share of 0.1 % of 100 points is none, and one is removed at least."""
     change = CloudChange(CLEAN, CLEAN[1:], labels([0], ["removed"]))
-    assert list(excesses(change, {"share_removed": (0.0, 0.001)})) == []
+    assert list(excesses(change, {"share_removed": (0.0, 0.001)}, CLOUD_QUANTITIES)) == []

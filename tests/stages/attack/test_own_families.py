@@ -62,11 +62,15 @@ class Shiver(LidarAttack):
 
 
 class Rush(V2xAttack):
-    """All attackers tell one speed."""
+    """All attackers tell one speed, which is no more than so far from the true one."""
 
     traits = V2xTraits(untrue=("speed",))
 
-    def __init__(self, context, *, speed_mps: float = 60.0) -> None:
+    @classmethod
+    def bounds(cls, parameters):
+        return {"speed_offset_mps": (0, parameters["speed_mps"] + parameters["told_mps"])}
+
+    def __init__(self, context, *, speed_mps: float = 60.0, told_mps: float = 0.0) -> None:
         super().__init__(context)
         self.speed_mps = speed_mps
 
@@ -88,13 +92,43 @@ class Broken(Rush):
         raise KeyError("mine")
 
 
+class Burst(V2xAttack):
+    """Each message twice, a moment later: as many more as parameters tell."""
+
+    traits = V2xTraits()
+
+    def __init__(self, context, *, told_per_s: float = 100.0) -> None:
+        super().__init__(context)
+
+    @classmethod
+    def bounds(cls, parameters):
+        return {"messages_added_per_s": (0, parameters["told_per_s"])}
+
+    def edit(self, step, sent):
+        acting = [one for one in sent if self.context.acts(one)]
+        again = [self.context.message(one.station_id, one.request_ns, one.payload) for one in acting]
+        return [*sent, *again]
+
+
+class Unmeasured(Rush):
+    traits = V2xTraits(untrue=("speed",))
+
+    @classmethod
+    def bounds(cls, parameters):
+        return {"smell": (0, 1)}
+
+
 class North(GnssAttack):
     """The victim is so far north of where it is."""
 
     traits = GnssTraits()
 
-    def __init__(self, *, offset_m: float = 30.0) -> None:
-        self.offset_m = offset_m
+    def __init__(self, *, offset_m: float = 30.0, told_m: float = 0.0) -> None:
+        self.offset_m, self.told_m = offset_m, told_m
+
+    @property
+    def bounds(self):
+        return {"fix_displacement_m": (0, self.offset_m + self.told_m)}
 
     def begin(self, rng):
         return lambda sight: sight.position_m + np.array([0.0, self.offset_m, 0.0])
@@ -188,5 +222,42 @@ def test_a_mistake_in_one_on_messages_is_one_line(data_set: Path, tmp_path: Path
     with pytest.raises(
         AdvpipeError, match=r"own_attacks:Broken failed: KeyError: 'mine' \(own_attacks\.py, "
     ):
+        attack(data_set / "clean", tmp_path / "out", request)
+    assert not (tmp_path / "out").exists()
+
+
+def test_bounds_of_ones_own_are_declared_and_kept(data_set: Path) -> None:
+    bag = by_command(data_set, "Burst")
+    (record,) = BagReader(bag).provenance.said.attacks
+    assert record.declared is not None
+    assert record.declared.bounds == {"messages_added_per_s": (0, 100)}
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "line"),
+    [
+        (
+            "Rush",
+            {"speed_mps": 60.0, "told_mps": -55.0},
+            r"Rush went beyond its bounds: by how much the told speed changed, .* m/s, where 0 to 5 m/s is",
+        ),
+        (
+            "North",
+            {"told_m": -1.0},
+            r"North went beyond its bounds: how far a false fix .*: 30 m, where 0 to 29 m is declared",
+        ),
+        (
+            "Burst",
+            {"told_per_s": 1},
+            r"Burst went beyond its bounds: messages that an attacker added within a second: 2, where 0 to 1",
+        ),
+        ("Unmeasured", {}, r"Unmeasured bounds 'smell', which nobody measures; known: position_offset_m, "),
+    ],
+)
+def test_what_goes_beyond_its_own_bounds_is_refused(
+    data_set: Path, tmp_path: Path, name: str, parameters: dict[str, float], line: str
+) -> None:
+    request = AttackRequest((AttackSpec(type=f"own_attacks:{name}", parameters=parameters),))
+    with pytest.raises(AdvpipeError, match=line):
         attack(data_set / "clean", tmp_path / "out", request)
     assert not (tmp_path / "out").exists()

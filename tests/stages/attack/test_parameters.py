@@ -12,7 +12,7 @@ from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack import parameters as parameters_of
 from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits
 from advpipe.stages.attack.lidar.base import Budget, LidarAttack, LidarTraits
-from advpipe.stages.attack.lidar.build import build_lidar_attack, looks_of
+from advpipe.stages.attack.lidar.build import build_lidar_attack, query_budget_of
 from advpipe.stages.attack.own import source_sha256
 from advpipe.stages.attack.registry import ATTACKS, find_attack
 
@@ -61,7 +61,7 @@ class NotCallable(LidarAttack):
 
 class Judging(Mine):
     traits = LidarTraits(budget=BUDGET)
-    looks = 2.5
+    query_budget = 2.5
 
 
 class NoTraits(Mine):
@@ -241,19 +241,19 @@ def test_what_a_recipe_would_pass_over_is_refused(word, recipe, parameters, line
     build_lidar_attack(AttackSpec(type=word, recipe=recipe, parameters=parameters | usual))
 
 
-def test_how_often_an_attack_looks():
-    def looks(word, recipe, **parameters):
+def test_the_query_budget_of_attacks():
+    def queries(word, recipe, **parameters):
         spec = AttackSpec(type=word, recipe=recipe, parameters=parameters)
-        return looks_of(build_lidar_attack(spec))
+        return query_budget_of(build_lidar_attack(spec))
 
-    assert looks("perturb", "best", eps_cm=1.0) == looks("perturb", "random-best", eps_cm=1.0) == 24
-    assert looks("perturb", "robust", eps_cm=1.0, steps=7) == 7
-    assert looks("perturb", "paper", eps_cm=1.0) == looks("attach", "paper", eps_m=1.0) == 1
-    assert looks("detach", "best", ratio=0.1) == looks("attach", "best", eps_m=1.0) == 10 + 3
-    assert looks_of(build_lidar_attack(mine(size_m=2))) is None
+    assert queries("perturb", "best", eps_cm=1.0) == queries("perturb", "random-best", eps_cm=1.0) == 24
+    assert queries("perturb", "robust", eps_cm=1.0, steps=7) == 7
+    assert queries("perturb", "paper", eps_cm=1.0) == queries("attach", "paper", eps_m=1.0) == 1
+    assert queries("detach", "best", ratio=0.1) == queries("attach", "best", eps_m=1.0) == 10 + 3
+    assert query_budget_of(build_lidar_attack(mine(size_m=2))) is None
     wrong = build_lidar_attack(AttackSpec(type="my_own:Judging", parameters={"size_m": 1}))
-    with pytest.raises(AdvpipeError, match=r"Judging: looks is 2\.5, but must be a whole number"):
-        looks_of(wrong)
+    with pytest.raises(AdvpipeError, match=r"Judging: query_budget is 2\.5, but must be a whole number"):
+        query_budget_of(wrong)
 
 
 @pytest.mark.parametrize(
@@ -261,7 +261,10 @@ def test_how_often_an_attack_looks():
     [
         ("detatch", r"unknown attack 'detatch'; known: .*detach, .*cam-replay.*, or module:Class"),
         ("my_own:Missing", "cannot load attack my_own:Missing: "),
-        ("no_such_module:Mine", "cannot load attack no_such_module:Mine: No module named"),
+        (
+            "no_such_module:Mine",
+            "cannot load attack no_such_module:Mine: ModuleNotFoundError: No",
+        ),
         ("my_own:number", "my_own:number is no class"),
     ],
 )

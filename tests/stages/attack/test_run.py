@@ -287,7 +287,7 @@ def test_existing_output(clean_bag, tmp_path):
     ("changes", "line"),
     [
         ({"type": "detatch"}, "unknown attack 'detatch'; known: .*detach"),
-        ({"recipe": "worst"}, "unknown recipe 'worst'; known: best, .*paper, random"),
+        ({"recipe": "worst"}, "recipe is 'worst'; known: best, .*paper, random"),
         ({"parameters": {}}, "ratio is missing; pass --set ratio=VALUE"),
         ({"parameters": {"ratio": 2.0}}, "ratio is 2.0"),
         ({"parameters": {"ratio": 0.1, "eps": 0.1}}, "unknown parameter 'eps'; known: ratio, rounds"),

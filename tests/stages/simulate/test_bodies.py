@@ -8,6 +8,7 @@ import pytest
 from advpipe.pipeline.geometry.boxes import CLASSES
 from advpipe.pipeline.scenario.traffic import BODIES as DRIVEN
 from advpipe.pipeline.scenario.traffic import PEOPLE, Traffic
+from advpipe.pipeline.v2x.codec.codes import StationType
 from advpipe.stages.simulate.bodies import BODIES, VARIANTS, draw_variants
 
 
@@ -30,3 +31,14 @@ def test_variants_differ_a_little_and_follow_the_seed() -> None:
     assert first != other
     for variant in first.values():
         assert variant.length_m == pytest.approx(variant.body.length_m, rel=0.075)
+
+
+def test_bodies_say_what_they_are_as_stations() -> None:
+    silent = {name for name, body in BODIES.items() if body.station_type is None}
+    assert silent == {"bicycle", *PEOPLE}
+    assert all(BODIES[name].station_type == StationType.PASSENGER_CAR for name in ("sedan", "pickup"))
+    assert (BODIES["scooter"].station_type, BODIES["bus"].station_type) == (
+        StationType.MOPED,
+        StationType.BUS,
+    )
+    assert [name for name, body in BODIES.items() if body.trailer] == ["semi_trailer"]

@@ -174,7 +174,11 @@ def unchecked(bag: Path, check: type[BagCheck], change: Callable[[Attacks], None
     ("bag", "check", "words"),
     [
         ("detach", Points, "bounds of detach not checked: the bag is of a version"),
-        ("dos", Cams, "parts and mattered of cam-dos not checked: the bag is of a version"),
+        (
+            "dos",
+            Cams,
+            "parts, bounds, mattered and untrue fields of cam-dos not checked: the bag is of a version",
+        ),
     ],
 )
 def test_what_older_versions_did_not_declare(

@@ -53,6 +53,20 @@ def test_stories() -> None:
         assert store.last_of(8, 99) is None
 
 
+def test_how_many_were_added_within_a_second() -> None:
+    """The second that ends with a message; each station and each attack by itself."""
+    second = 1_000_000_000
+    with closing(MessageStore()) as store:
+        for number, (place, station_id, sent_ns) in enumerate(
+            [(0, 7, 2 * second), (0, 7, second), (0, 8, second), (1, 7, second), (0, 7, second + 1)]
+        ):
+            store.add_added(place, {"number": number, "station_id": station_id, "sent_ns": sent_ns})
+        assert [(one.number, one.in_a_second) for one in store.added()] == [
+            *((1, 1), (4, 2), (0, 2)),
+            *((2, 1), (3, 1)),
+        ]
+
+
 def test_memory_stays_flat() -> None:
     """In one process: the peak of the longer one is what it needs beyond the shorter one's."""
     done = subprocess.run(

@@ -14,8 +14,6 @@ import pytest
 from found_checks import checks_of
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.mcap.channel import RawMessage, Topic
 from advpipe.pipeline.messages import build
@@ -26,7 +24,6 @@ from advpipe.stages.verify.run import verify
 
 EGO = VehicleTopics("ego")
 CLOUD = EGO.lidar_points.name
-ATTACKS = ("detach", "perturb", "attach", "cam", "delay", "dos", "gnss")
 Messages = Iterable[RawMessage]
 Rewrite = Callable[[Path, Callable[[Messages], Messages]], None]
 
@@ -288,48 +285,6 @@ def test_another_tools_bag(tmp_path: Path) -> None:
     metadata = tmp_path / "b" / "metadata.yaml"
     metadata.write_text(metadata.read_text().replace("message_count: 10", "message_count: 11"))
     assert checks_of(tmp_path / "b") == {"metadata"}
-
-
-def with_record(bag: Path, change: Callable[[dict[str, str]], None]) -> None:
-    """The bag with other words in its own record."""
-    reader = BagReader(bag)
-    record = dict(reader.provenance)
-    change(record)
-    raws = list(reader.raw_messages())
-    writer = BagWriter(bag, provenance={}, overwrite=True)
-    writer._provenance = record  # type: ignore[assignment]  # whatever it says
-    with writer:
-        for raw in raws:
-            writer.copy(raw)
-
-
-@pytest.mark.parametrize(
-    ("check", "change"),
-    [
-        ("boxes", lambda scenario: scenario.replace("rotation_frequency: 10.0", "rotation_frequency: 0")),
-        ("boxes", lambda _: "sensors: {lidars: 5}\n"),
-        ("scenario", lambda _: "a: !!bool x\n"),
-    ],
-)
-def test_records_of_absurd_values(data_set: Path, check: str, change: Callable[[str], str]) -> None:
-    def both(record: dict[str, str]) -> None:
-        text = record["scenario"].replace("motion_distortion: false", "motion_distortion: true")
-        record["scenario"] = change(text)
-
-    for name in ATTACKS:
-        shutil.rmtree(data_set / name)
-    with_record(data_set / "clean", both)
-    assert check in checks_of(data_set)
-
-
-@pytest.mark.parametrize("attacks", ["5", "[5]", "[{", "[" * 100_000, '[{"type": 5}]'])
-def test_attacks_of_another_shape(data_set: Path, attacks: str) -> None:
-    for name in set(ATTACKS) - {"detach"}:
-        shutil.rmtree(data_set / name)
-    with_record(data_set / "detach", lambda record: record.update(attacks=attacks))
-    assert "container" in checks_of(data_set)
-    (said,) = {finding.what for finding in verify(data_set).findings if finding.check == "container"}
-    assert "the provenance record: attacks" in said
 
 
 def test_a_long_chain_of_frames(data_set: Path, rewrite: Rewrite) -> None:

@@ -18,7 +18,7 @@ from advpipe.pipeline.v2x.facilities.ldm import Snapshot
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.statistics import Statistics
-from advpipe.stages.simulate.network.embedded.station import Station, station_type, update_states
+from advpipe.stages.simulate.network.embedded.station import Station, update_states
 from advpipe.stages.simulate.network.protocol import Exchange
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 
@@ -109,7 +109,7 @@ class EmbeddedNetwork:
         """Instrumented vehicles always are; of the others that can be, the scenario's share."""
         if name not in self._equipped:
             chance = named_generator(self._clock.seed, "v2x", "equipped", name).random()
-            can_be = station_type(user) is not None
+            can_be = user.variant.body.station_type is not None
             self._equipped[name] = name in self._instrumented or (can_be and chance < self._v2x.penetration)
         return self._equipped[name]
 

@@ -10,7 +10,7 @@ from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace
-from advpipe.pipeline.v2x.codec.codes import StationType, TrailerPresence
+from advpipe.pipeline.v2x.codec.codes import StationType
 from advpipe.pipeline.v2x.facilities.dcc import ReactiveDcc
 from advpipe.pipeline.v2x.facilities.generation import (
     CHECK_INTERVAL_NS,
@@ -26,28 +26,6 @@ from advpipe.pipeline.v2x.section import V2x
 from advpipe.stages.simulate.network.embedded.self_knowledge import Senses, accuracy_of_receiver, believed
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 
-STATION_TYPES = {
-    "van": StationType.LIGHT_TRUCK,
-    "minibus": StationType.LIGHT_TRUCK,
-    "box_truck": StationType.HEAVY_TRUCK,
-    "semi_trailer": StationType.HEAVY_TRUCK,
-    "bus": StationType.BUS,
-    "motorcycle": StationType.MOTORCYCLE,
-    "scooter": StationType.MOPED,
-}
-"""By the name of the body; what is not here is told by its class."""
-
-_BY_CLASS = {"car": StationType.PASSENGER_CAR, "truck": StationType.HEAVY_TRUCK}
-
-
-def station_type(user: RoadUser) -> StationType | None:
-    """What a road user is as a station; None for one that carries no radio: bicycles, people on foot."""
-    return STATION_TYPES.get(_body(user)) or _BY_CLASS.get(user.variant.body.label)
-
-
-def _body(user: RoadUser) -> str:
-    return user.variant.name.partition(".")[0]
-
 
 class Station:
     """One vehicle's ITS station, from when it is first seen on.
@@ -59,9 +37,7 @@ class Station:
         self, v2x: V2x, seed: int, step_s: float, station_id: int, user: RoadUser, now_ns: int
     ) -> None:
         self.id, self.user = station_id, user
-        self.type = station_type(user) or StationType.UNKNOWN
-        has_trailer = _body(user) == "semi_trailer"
-        self.trailer = TrailerPresence.KNOWN_LENGTH if has_trailer else TrailerPresence.NONE
+        self.type = user.variant.body.station_type or StationType.UNKNOWN
         self.senses = Senses(v2x.others, step_s, named_generator(seed, "v2x", "self-knowledge", user.id))
         self.state: StationState | None = None
         self._generator = CamGenerator(now_ns, GenerationRules.of(v2x.cam))
@@ -121,7 +97,7 @@ def update_states(
                 station.type,
                 station.user.variant.length_m,
                 station.user.variant.width_m,
-                station.trailer,
+                station.user.variant.body.trailer,
             ),
             now_ns,
             place,
@@ -129,4 +105,5 @@ def update_states(
             speed_mps=speed_mps,
             acceleration_mps2=acceleration_mps2,
             yaw_rate_radps=yaw_rate_radps,
+            lights=station.user.lights,
         )

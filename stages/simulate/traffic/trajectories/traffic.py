@@ -16,7 +16,8 @@ from advpipe.stages.simulate.traffic.trajectories.trajectories import Trajectori
 
 
 class TrajectoryTraffic(TrafficSource):
-    """Plays a table of trajectories; no vehicle reacts to another."""
+    """Plays a table of trajectories; no vehicle reacts to another. One that is pushed is where it is pushed,
+    also where the table has it elsewhere."""
 
     def __init__(
         self, scenario: Scenario, network: RoadNetwork, variants: Mapping[str, Variant], scratch: Path
@@ -35,7 +36,7 @@ class TrajectoryTraffic(TrafficSource):
 
     def step(self) -> None:
         time_s = round(self._next_frame * self._step_s, 9)
-        self._now = {**self._pushed, **self._trajectories.at(time_s)}
+        self._now = {**self._trajectories.at(time_s), **self._pushed}
         self._next_frame, self._pushed = self._next_frame + 1, {}
 
     def road_users(self) -> dict[str, RoadUser]:

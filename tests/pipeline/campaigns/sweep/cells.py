@@ -1,38 +1,74 @@
 """Cells of a sweep, written by hand."""
 
+from dataclasses import replace
+
 from advpipe.pipeline.campaigns.sweep.cell import Cell, Settings
+from advpipe.pipeline.results.figures import (
+    BaselineFigures,
+    CleanFigures,
+    CleanMeans,
+    CloudFigures,
+    Precisions,
+    RecountedFigures,
+)
+from advpipe.pipeline.results.row import AttackRecord, FrameCounts, ResultRow
 
 SETTINGS = Settings("a" * 64, "small", "b" * 64, "0::2", 0, 5, None, "0.1.0", "d" * 64)
+
+NO_PRECISIONS = Precisions({}, {})
+
+
+def figures(ratio, distance=0.001):
+    return CloudFigures(
+        map_adv=ratio / 100,
+        map_adv_ci95=None,
+        map_ratio_percent=ratio,
+        map_ratio_ci95=(ratio - 1, ratio + 1),
+        map_loose_adv=0.5,
+        map_loose_ratio_percent=ratio + 30,
+        map_bev_adv=0.5,
+        map_bev_loose_adv=0.5,
+        chamfer_distance_m2=distance,
+        attack_success_percent=10.0,
+        mean_displacement_m=0.01,
+        rms_displacement_m=0.0123,
+        median_displacement_m=0.01,
+        p95_displacement_m=0.05,
+        max_displacement_m=0.0999,
+        max_added_m=0.0,
+        points_added=0,
+        points_removed=0,
+        points_moved=50,
+        objects_below_min_points=0,
+        found_objects=3,
+        false_positives=0,
+        lost_objects=0,
+        new_false_positives=0,
+        precisions=NO_PRECISIONS,
+    )
+
+
+def baseline(ratio, of, distance):
+    drawn = replace(figures(ratio, distance), map_ratio_ci95=None, map_loose_ratio_percent=97.0)
+    return BaselineFigures(drawn, of - ratio, (-60.0, -40.0), True)
 
 
 def cell(
     budget, ratio, recipe="best", distance=0.001, draws=(), lost=(0, 0, 0), found=(3, 3, 3), random=90.0
 ):
-    baselines = [] if random is None else ["baseline"]
-    row = {
-        "map_ratio_percent": ratio,
-        "map_ratio_ci95": (ratio - 1, ratio + 1),
-        "chamfer_distance_m2": distance,
-        "baselines": baselines,
-        "baseline_map_ratio_percent": random,
-        "baseline_map_ratio_ci95": None,
-        "baseline_chamfer_distance_m2": 2 * distance,
-        "map_ratio_minus_baseline": None if random is None else ratio - random,
-        "map_ratio_minus_baseline_ci95": (-60.0, -40.0),
-        "beats_baseline": True,
-        "beats_random": None if random is None else True,
-        "max_displacement_m": 0.0999,
-        "rms_displacement_m": 0.0123,
-        "max_added_m": 0.0,
-        "points_clean": 1000,
-        "points_removed": 0,
-        "points_added": 0,
-        "points_moved": 50,
-        "frames": 3,
-        "looks": 24,
-        "baseline_tries": 5,
-        "map_loose_ratio_percent": ratio + 30,
-        "working_score": 0.25,
-        "baseline_map_loose_ratio_percent": 97.0,
-    }
+    baselines = {} if random is None else {"baseline": baseline(random, ratio, 2 * distance)}
+    criteria = ("strict", "loose", "bev", "bev_loose")
+    row = ResultRow(
+        bag=f"{recipe}-{budget}",
+        detector="small",
+        attack=AttackRecord(budget.partition("-")[0], recipe, None, None, {}, "small", True, 24, 5),
+        counts=FrameCounts(3, 3, ("car",), 0.25, 9, 9, 0, 1000),
+        boxes={"car": 9},
+        clean=CleanFigures({each: CleanMeans(0.9, None, 0.9) for each in criteria}, NO_PRECISIONS),
+        attacked=figures(ratio, distance),
+        recounted=RecountedFigures(9, ratio / 100, ratio, None, 0, 0.0),
+        baselines=baselines,
+        beats_random=True if baselines else None,
+        notes=(),
+    )
     return Cell(budget, recipe, SETTINGS, row, "c" * 64, (0, 2, 4), found, lost, draws)

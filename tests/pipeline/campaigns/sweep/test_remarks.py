@@ -22,9 +22,9 @@ REPORTS = Path(__file__).parents[4] / "datasets" / "reports"
 def paper(weight, rms_m=0.0022262942):
     made = cell("perturb-10", 99.5, recipe="paper")
     parameters = {"eps_cm": 10.0, "weight": weight}
-    return replace(
-        made, row=made.row | {"attack": "perturb", "parameters": parameters, "rms_displacement_m": rms_m}
-    )
+    attack = replace(made.row.attack, parameters=parameters)
+    attacked = replace(made.row.attacked, rms_displacement_m=rms_m)
+    return replace(made, row=replace(made.row, attack=attack, attacked=attacked))
 
 
 def test_recipe_paper_is_said_to_hold_its_points():
@@ -53,7 +53,8 @@ def test_random_best_is_named_and_where_it_was_measured_so_are_its_figures():
 
 def test_lost_has_an_overlap_and_its_scores():
     cells = [cell("detach-1", 50.0), cell("perturb-10", 40.0)]
-    cells[1] = replace(cells[1], row=cells[1].row | {"working_score": 0.3})
+    row = cells[1].row
+    cells[1] = replace(cells[1], row=replace(row, counts=replace(row.counts, working_score=0.3)))
     (told,) = [text for text in remarks(cells) if text.startswith("Lost objects")]
     assert "at loose overlap, with a score of at least 0.25 or 0.30" in told
 

@@ -97,14 +97,14 @@ def test_others_are_deceived(drive):
 
     def believed(editors) -> np.ndarray:
         recorded = V2xDrive(drive)
-        air, ids = recorded.air(), {name: number for number, name in recorded.listeners.items()}
+        channel, ids = recorded.channel(), {name: number for number, name in recorded.listeners.items()}
         for step in recorded.steps():
             sent = step.sent
             for editor in editors:
                 sent = editor.edit(step, sent)
-            recorded.send(air, step, sent)
+            recorded.send(channel, step, sent)
             end_ns = step.begin_ns
-        entries = {one.report.station_id: one for one in air.snapshot("other", end_ns).entries}
+        entries = {one.report.station_id: one for one in channel.snapshot("other", end_ns).entries}
         return np.array(entries[ids["ego"]].report.centre_m)
 
     spec = {"type": "gnss-relocate", "parameters": {"least_m": 100, "most_m": 100}, "victim": "ego"}

@@ -12,7 +12,7 @@ from advpipe.pipeline.messages.cloud import xyz, xyzi
 from advpipe.stages.attack.lidar.attach import RECIPES, Attach
 from advpipe.stages.attack.lidar.attach_places import voxel_places
 from advpipe.stages.attack.lidar.base import NO_GRADIENT
-from advpipe.stages.attack.lidar.constraints import Constraints
+from advpipe.stages.attack.lidar.constraints import Constraints, Rules
 
 CHANCE = ("random", "random-near", "random-best")
 
@@ -155,7 +155,7 @@ def test_constraints_hold(make_cloud, make_boxes, make_detector, recipe):
     unit = added / np.linalg.norm(added, axis=1, keepdims=True)
     assert (cKDTree(rays).query(unit)[0] < 1e-5).all()
     assert (added <= 6.2).all()
-    assert not Constraints().on(xyz(cloud), boxes).hidden(added).any()
+    assert not Rules(Constraints(), xyz(cloud), boxes).hidden(added).any()
 
 
 def test_intensity_is_attacked_on_demand(make_cloud, make_boxes):
@@ -176,7 +176,7 @@ def test_intensity_is_attacked_on_demand(make_cloud, make_boxes):
 
 def test_places_are_one_in_each_empty_voxel_in_reach(make_cloud, make_boxes, make_detector):
     cloud, boxes, detector = scene_of(make_cloud, make_boxes, make_detector)
-    grid, rules = detector.voxel_grid, Constraints().on(xyz(cloud), boxes)
+    grid, rules = detector.voxel_grid, Rules(Constraints(), xyz(cloud), boxes)
     places = voxel_places(xyzi(cloud), boxes.geometry, grid, rules, 0.7, 0.5, 0.002)
     keys = grid.keys(grid.cells(places.points))
     assert len(np.unique(keys)) == len(keys)
@@ -257,7 +257,7 @@ def test_constraints_without_a_place_are_said(hand_worked):
         ({"eps_m": 5.01}, "eps_m is 5.01"),
         ({"points": 0}, "points is 0"),
         ({"points": 2.5}, "points is 2.5"),
-        ({"points": 100_001}, "points is 100001, but must be 100000 at most"),
+        ({"points": 100_001}, "points is 100001; it takes a number, 1 to 100000"),
         ({"points": float("nan")}, "points is nan"),
         ({"rounds": 0}, "rounds is 0"),
         ({"weight": -1.0}, "weight is -1"),

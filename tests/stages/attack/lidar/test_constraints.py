@@ -7,12 +7,12 @@ import pytest
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import Boxes
-from advpipe.stages.attack.lidar.constraints import Constraints, along_rays
+from advpipe.stages.attack.lidar.constraints import Constraints, Rules, along_rays
 from advpipe.stages.attack.lidar.ghost import Ghost
 
 
 def rules(points, boxes=None, **options):
-    return Constraints(**options).on(np.asarray(points, np.float32), boxes or Boxes())
+    return Rules(Constraints(**options), np.asarray(points, np.float32), boxes or Boxes())
 
 
 def test_along_ray_keeps_the_component_on_it():

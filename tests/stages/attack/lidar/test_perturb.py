@@ -10,6 +10,7 @@ from cloud_moves import moved_m, rng
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import points_in_boxes
 from advpipe.pipeline.messages.cloud import xyz, xyzi
+from advpipe.stages.attack.lidar.constraints import Rules
 from advpipe.stages.attack.lidar.perturb import RECIPES, Perturb
 from advpipe.stages.attack.lidar.pgd import project
 
@@ -198,7 +199,7 @@ def test_occlusion_order_is_kept(scene):
     attack = Perturb(eps_cm=100, steps=3, keep_occlusion_order=True)
     attack.tactics = type(attack.tactics)(keep=False)
     result = attack(*scene, rng())
-    rules = attack.constraints.on(xyz(scene[0]), scene[1])
+    rules = Rules(attack.constraints, xyz(scene[0]), scene[1])
     moved = result.labels.point
     assert len(moved) > 10
     newly = rules.hidden(xyz(result.cloud)[moved]) & ~rules.hidden(xyz(scene[0])[moved])

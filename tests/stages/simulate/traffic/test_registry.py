@@ -5,18 +5,25 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from advpipe.pipeline.bag.frames import read_frames
+from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.messages.topics import V2X_SENT
 from advpipe.pipeline.scenario import load_scenario
+from advpipe.pipeline.v2x.codec.codes import ExteriorLights
+from advpipe.pipeline.v2x.facilities.cam import Cam
+from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam
 from advpipe.stages.simulate.run import simulate
 
 TWO_CARS = """
 import numpy as np
 from advpipe.pipeline.geometry.transforms import se3_from_yaw
+from advpipe.pipeline.v2x.codec.codes import ExteriorLights
 from advpipe.stages.simulate.traffic.protocol import TrafficSource
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 
@@ -37,7 +44,7 @@ class TwoCars(TrafficSource):
         for name, ahead_m in (("ego", 0.0), ("leader", 15.0)):
             place = self.line[0] + velocity * (self.steps * self.step_s + ahead_m / 10)
             pose = se3_from_yaw(place, np.arctan2(velocity[1], velocity[0]))
-            users[name] = RoadUser(name, self.variant, pose, velocity)
+            users[name] = RoadUser(name, self.variant, pose, velocity, ExteriorLights.LOW_BEAM)
         return {**users, **self.guests}
 
     def route_m(self, name):
@@ -83,6 +90,13 @@ def test_a_source_of_a_newcomers_records_a_whole_drive(tmp_path: Path, own: None
     for frame in frames:
         leader = list(frame.boxes.ids).index("leader")
         assert np.linalg.norm(frame.boxes.geometry[leader, :2]) == pytest.approx(15, abs=0.1)
+    sent = [cam_of(message) for _, message in BagReader(tmp_path / "out" / "clean").messages(V2X_SENT.name)]
+    lights = {cam.low_frequency.exterior_lights for cam in sent if cam.low_frequency is not None}
+    assert lights == {ExteriorLights.LOW_BEAM}
+
+
+def cam_of(message: Any) -> Cam:
+    return decode_cam(bytes(message.payload))
 
 
 BAD = {

@@ -12,6 +12,7 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.geometry.transforms import se3_from_yaw
 from advpipe.pipeline.messages import topics
 from advpipe.pipeline.scenario import Scenario, load_scenario
+from advpipe.pipeline.v2x.codec.codes import ExteriorLights
 from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.road_network.network import load_network
 from advpipe.stages.simulate.run import simulate
@@ -52,6 +53,24 @@ def test_who_is_pushed_is_there_for_one_step(tmp_path: Path, variants: dict[str,
             seen.append(set(traffic.road_users()))
     ego, bus = {"ego"}, {"ego", "bus"}
     assert seen == [ego, ego, ego | {"guest"}, bus, bus, bus, bus, ego]
+
+
+def test_one_of_the_table_is_taken_over_by_its_id(tmp_path: Path, variants: dict[str, Variant]) -> None:
+    scenario = played(tmp_path, "traffic.source=trajectories")
+    aside = RoadUser(
+        "ego", variants["sedan.0"], se3_from_yaw([1, 2, 0], 0), np.zeros(3), ExteriorLights.LOW_BEAM
+    )
+    network = load_network(scenario.map, tmp_path)
+    with open_traffic(scenario, network, variants, tmp_path) as traffic:
+        traffic.step()
+        of_table = traffic.road_users()["ego"]
+        traffic.push([aside], [aside])
+        traffic.step()
+        assert traffic.road_users() == {"ego": aside}
+        traffic.step()
+        back = traffic.road_users()["ego"]
+    assert of_table.lights == back.lights == ExteriorLights.DAYTIME_RUNNING
+    assert back.position_m[1] == of_table.position_m[1] == -30
 
 
 def test_one_whom_the_table_does_not_move_is_refused(tmp_path: Path) -> None:

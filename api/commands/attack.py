@@ -1,0 +1,96 @@
+"""Stage 2 as a function."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from advpipe.commands.attackers import attackers_section
+from advpipe.commands.paths import PathLike, bag_or_newest
+from advpipe.pipeline.core.attack_options import AttackOptions
+from advpipe.pipeline.core.errors import UsageError, writing, wrong_use
+from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.core.verbosity import detail
+from advpipe.pipeline.process.folder import refuse_undecodable
+from advpipe.pipeline.scenario.attacks import attack_spec
+from advpipe.stages.attack.registry import usual_budget
+from advpipe.stages.attack.run import AttackRequest, AttackSummary, attack_id
+from advpipe.stages.attack.run import attack as run
+
+
+def attack(
+    bag: PathLike | None = None,
+    *,
+    type: str = AttackOptions.type,
+    recipe: str | None = AttackOptions.recipe,
+    attacker: str | Sequence[str] = (),
+    victim: str | None = AttackOptions.victim,
+    dcc_reacts: bool = AttackOptions.dcc_reacts,
+    from_s: float = AttackOptions.from_s,
+    to_s: float | None = AttackOptions.to_s,
+    lidar: str | None = AttackOptions.lidar,
+    frames: str = AttackOptions.frames,
+    detector: str = AttackOptions.detector,
+    device: str = "cpu",
+    seed: int = AttackOptions.seed,
+    workers: int | None = None,
+    out: PathLike | None = None,
+    overwrite: bool = False,
+    parameters: Mapping[str, Any] | None = None,
+    **more_parameters: Any,
+) -> AttackSummary:
+    """Stage 2: write an adversarial version of a bag; everything not attacked is copied byte for byte.
+
+    bag: a data set, a rosbag2 folder, an .mcap file or the result of `simulate`; by default the newest data
+    set under `datasets`. type: `detach`, `perturb`, `attach`, `cam-...`, `gnss-...`, or `module:Class` of
+    your own. recipe: `best`, `robust`, `paper`, or by chance `random`, `random-near`, `random-best`; of LiDAR
+    attacks. attacker: who lies by V2X: a vehicle's id or several, `20%`, or `rsu:X,Y` in metres. victim: the
+    vehicle whose GPS or LiDAR is attacked, or that CAMs aim at. dcc_reacts: whether others' congestion
+    control holds back CAMs when an attack fills the channel. from_s, to_s: when, in seconds of the recording.
+    lidar: the topic of the clouds, among several. frames: `start:stop:step`, which clouds the bag then holds.
+    detector: a shipped name, a .safetensors file, or `module:Class`; device: where it computes, `cpu`,
+    `cuda` or `cuda:N`. seed: of the attack's own draws. workers: processes, by default one a core; their
+    number changes no byte. out: the bag's folder, by default beside the clean one. overwrite: replaces one
+    that exists.
+
+    The attack's parameters are given by name, such as `ratio` (the share of points to remove) of `detach`,
+    `eps_cm` of `perturb`, `points` and `eps_m` of `attach`, `goal` ("break" or "hide"); `parameters` takes
+    those of an attack of your own that have the name of an option here.
+
+    Returns what was done; as a path it stands for the adversarial bag. Raises UsageError for what cannot be
+    carried out as it is given, and AdvpipeError for what fails on the way.
+
+    >>> drive = advpipe.simulate("smoke")
+    >>> detached = advpipe.attack(drive, type="detach", ratio=0.01)
+    >>> stopped = advpipe.attack(drive, type="cam-speed-constant", attacker="20%", speed_mps=0.0)
+    """
+    with wrong_use():
+        clean = bag_or_newest(bag)
+        spec = attack_spec(
+            {
+                "type": type,
+                "recipe": recipe,
+                "parameters": {**usual_budget(type), **_together(parameters or {}, more_parameters)},
+                "schedule": {"from_s": from_s, "to_s": to_s},
+                "attackers": attackers_section([attacker] if isinstance(attacker, str) else attacker),
+                "victim": victim,
+                "dcc_reacts": dcc_reacts,
+                "lidar": lidar,
+                "frames": frames,
+                "detector": detector,
+            }
+        )
+        request = AttackRequest((spec,), seed, device)
+        request.check()
+    target = clean.parent / attack_id(request) if out is None else Path(out)
+    refuse_undecodable(target)
+    detail(f"{attack_id(request)} of {clean}, seed {seed}, detector {detector} on {device}")
+    with writing(target):
+        return run(clean, target, request, overwrite=overwrite, workers=workers)
+
+
+def _together(parameters: Mapping[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:
+    if twice := sorted(parameters.keys() & more.keys()):
+        raise UsageError(f"the parameter {shown(twice[0])} is given twice; leave one of them out")
+    return {**parameters, **more}

@@ -1,0 +1,80 @@
+"""Stage 3 as a function."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from advpipe.commands.paths import PathLike, bag_or_newest
+from advpipe.pipeline.bag.frames import FrameSlice
+from advpipe.pipeline.bag.locate import CLEAN_NAME, adversarial_bags, resolve_bag
+from advpipe.pipeline.core.errors import wrong_use
+from advpipe.pipeline.core.verbosity import detail
+from advpipe.pipeline.detector.registry import detector_slug
+from advpipe.pipeline.process.folder import refuse_undecodable
+from advpipe.stages.evaluate.options import Options
+from advpipe.stages.evaluate.run import Report
+from advpipe.stages.evaluate.run import evaluate as run
+
+
+def evaluate(
+    clean: PathLike | None = None,
+    *adversarial: PathLike,
+    detector: str | Sequence[str] = Options.detectors,
+    device: str = Options.device,
+    frames: str = "::",
+    defence: str | Sequence[str] = Options.defences,
+    seed: int = Options.seed,
+    baseline: bool = Options.baseline,
+    baseline_tries: int | None = Options.baseline_tries,
+    lidar: str | None = Options.lidar_topic,
+    write_detections: bool = Options.detections,
+    with_clouds: bool = Options.with_clouds,
+    workers: int | None = None,
+    out: PathLike | None = None,
+    overwrite: bool = False,
+) -> Report:
+    """Stage 3: run a detector on clean and adversarial bags; AP, mAP ratio, Chamfer distance, report.
+
+    clean: a data set, a bag, or the result of `simulate`; by default the newest data set under `datasets`.
+    adversarial: what `attack` made of it; without any, all the bags of the data set, if it is one's clean
+    bag. detector: a shipped name, a .safetensors file, or `module:Class`; several make a matrix of transfer.
+    device: where it computes, `cpu`, `cuda` or `cuda:N`. frames: `start:stop:step`, counted in the clean bag:
+    which clouds detection looks at. defence: `NAME[:parameters]` before the detector, such as `jitter:0.02`,
+    or several. seed: of the bootstrap, the baselines and the defences. baseline: scores the same budget spent
+    at random; baseline_tries: of how many tries the best one, by default as many as the attack looked at.
+    lidar: the topic of the clouds, among several. write_detections: writes bags that show the detections;
+    with_clouds: with the clouds in them. workers: processes, by default one a core; their number changes no
+    byte. out: the report's folder, by default `reports/<detector>` of the data set. overwrite: replaces one
+    that exists.
+
+    Returns the report, written to `out`: `to_dicts()` has the rows of report.json, mAP as a share, ratios in
+    percent, distances in metres. Raises UsageError for bags that do not belong together or lack what is
+    scored, for an unknown detector and for an output that exists.
+
+    >>> report = advpipe.evaluate(drive, detached)
+    >>> report.to_dicts()[0]["map_ratio_percent"]
+    """
+    with wrong_use():
+        scored, others = bag_or_newest(clean), [resolve_bag(Path(bag)) for bag in adversarial]
+        chosen = FrameSlice.parse(frames)
+    if not others and scored.name == CLEAN_NAME:
+        others = adversarial_bags(scored.parent)
+    detectors = (detector,) if isinstance(detector, str) else tuple(detector)
+    name = "+".join(detector_slug(each) for each in detectors)
+    target = scored.parent / "reports" / name if out is None else Path(out)
+    refuse_undecodable(scored, *others, target)
+    detail(f"{', '.join(detectors)} on {device}, seed {seed}: {scored} and {len(others)} adversarial bags")
+    options = Options(
+        detectors=detectors,
+        seed=seed,
+        baseline=baseline,
+        baseline_tries=baseline_tries,
+        defences=(defence,) if isinstance(defence, str) else tuple(defence),
+        frames=chosen,
+        lidar_topic=lidar,
+        detections=write_detections or with_clouds,
+        with_clouds=with_clouds,
+        device=device,
+    )
+    return run(scored, others, target, options, overwrite=overwrite, workers=workers)

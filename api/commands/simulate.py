@@ -1,0 +1,48 @@
+"""Stage 1 as a function."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from advpipe.commands.paths import DATA_SETS, PathLike
+from advpipe.pipeline.core.errors import UsageError, wrong_use
+from advpipe.pipeline.core.verbosity import detail
+from advpipe.pipeline.process.folder import here
+from advpipe.pipeline.scenario import Scenario, load_scenario
+from advpipe.stages.simulate.run import SimulationSummary
+from advpipe.stages.simulate.run import simulate as run
+
+
+def simulate(
+    scenario: PathLike | Scenario = "district",
+    *,
+    settings: Mapping[str, object] | Sequence[str] = (),
+    out: PathLike | None = None,
+    overwrite: bool = False,
+) -> SimulationSummary:
+    """Stage 1: record a clean drive (LiDAR, ground truth, odometry, GNSS, V2X) to an MCAP bag.
+
+    scenario: a shipped name, a scenario file, or what `load_scenario` gave. settings: keys of the scenario to
+    override, as a mapping from `section.key` to a value or as texts `section.key=value`; not with a scenario
+    that is loaded already. out: the data set's folder, `datasets/<name>` by default. overwrite: replaces one
+    that exists.
+
+    Returns what was recorded; as a path it stands for the clean bag. Raises UsageError for a scenario or a
+    setting that is none and for an output that exists.
+
+    >>> drive = advpipe.simulate("smoke", settings={"simulation.duration_s": 2})
+    >>> drive.bag
+    PosixPath('datasets/smoke/clean')
+    """
+    if isinstance(scenario, Scenario):
+        if settings:
+            raise UsageError("settings: the scenario is loaded already; give them to load_scenario")
+        loaded, named = scenario, scenario.name
+    else:
+        named = str(Path(scenario))
+        with wrong_use():
+            loaded = load_scenario(named, settings)
+    detail(f"scenario {loaded.name} of {named}, seed {loaded.simulation.seed}")
+    folder = here(DATA_SETS) / loaded.name if out is None else Path(out)
+    return run(loaded, folder, overwrite=overwrite)

@@ -1,0 +1,78 @@
+"""The sweep over budgets as a function."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from advpipe.commands.paths import PathLike, bag_or_newest
+from advpipe.pipeline.campaigns.sweep.options import SweepOptions
+from advpipe.pipeline.campaigns.sweep.run import Sweep, SweepReport
+from advpipe.pipeline.core.errors import wrong_use
+from advpipe.pipeline.detector.registry import detector_slug
+from advpipe.pipeline.process.folder import refuse_undecodable
+
+
+def sweep(
+    bag: PathLike | None = None,
+    *,
+    table: str = SweepOptions.table,
+    recipes: str | Sequence[str] = SweepOptions.recipes,
+    cells: str | Sequence[str] = SweepOptions.cells,
+    frames: str | None = SweepOptions.frames,
+    detector: str = SweepOptions.detector,
+    device: str = SweepOptions.device,
+    seed: int = SweepOptions.seed,
+    baseline_tries: int | None = SweepOptions.baseline_tries,
+    lidar: str | None = SweepOptions.lidar_topic,
+    keep_bags: bool = SweepOptions.keep_bags,
+    workers: int | None = SweepOptions.workers,
+    out: PathLike | None = None,
+    overwrite: bool = False,
+) -> SweepReport:
+    """Attack and evaluate at every budget of the paper's tables; goes on where it was stopped.
+
+    bag: a clean bag or its data set, by default the newest under `datasets`. table: whose budgets. recipes:
+    of the attacks, such as `("best", "paper")`. cells: some budgets only, such as `("perturb-10",
+    "detach-1")`. frames: `start:stop:step`, by default at most 100, equally spaced over the bag. keep_bags:
+    keeps the adversarial bags that are made. out: the folder, by default `reports/sweep-<detector>` of the
+    data set; finished cells in it are kept. overwrite: removes those of other settings. The other options are
+    those of `evaluate`.
+
+    Returns what the folder holds now, with a row a finished cell. Raises UsageError for an unknown budget,
+    recipe or detector, and for a folder that is no sweep's.
+
+    >>> advpipe.sweep(drive, cells="detach-1", frames="::10").to_dicts()
+    """
+    with wrong_use():
+        clean = bag_or_newest(bag)
+    asked = prepared(
+        clean,
+        out,
+        SweepOptions(
+            table=table,
+            recipes=_several(recipes),
+            cells=_several(cells),
+            frames=frames,
+            detector=detector,
+            device=device,
+            seed=seed,
+            baseline_tries=baseline_tries,
+            lidar_topic=lidar,
+            keep_bags=keep_bags,
+            workers=workers,
+        ),
+    )
+    return asked.run(overwrite)
+
+
+def prepared(clean: Path, out: PathLike | None, options: SweepOptions) -> Sweep:
+    """The sweep of a bag in its folder, by default one of the data set's reports."""
+    name = f"sweep-{detector_slug(options.detector)}"
+    target = clean.parent / "reports" / name if out is None else Path(out)
+    refuse_undecodable(clean, target)
+    return Sweep.prepared(clean, target, options)
+
+
+def _several(words: str | Sequence[str]) -> tuple[str, ...]:
+    return (words,) if isinstance(words, str) else tuple(words)

@@ -1,0 +1,67 @@
+"""The training of a detector as a function."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from advpipe.commands.paths import PathLike
+from advpipe.pipeline.bag.locate import resolve_bag
+from advpipe.pipeline.core.errors import UsageError, writing, wrong_use
+from advpipe.pipeline.core.verbosity import detail
+from advpipe.pipeline.process.folder import refuse_undecodable
+from advpipe.stages.train.config import TrainConfig
+from advpipe.stages.train.options import USUAL_STEPS, TrainOptions
+from advpipe.stages.train.run import TrainSummary
+from advpipe.stages.train.run import train as run
+
+
+def train(
+    *bags: PathLike,
+    out: PathLike,
+    family: str = TrainOptions.family,
+    preset: str = TrainOptions.preset,
+    steps: int = USUAL_STEPS,
+    start: PathLike | None = None,
+    learning_rate: float = TrainOptions.learning_rate,
+    validate: PathLike | None = None,
+    bf16: bool = TrainOptions.bf16,
+    device: str = TrainOptions.device,
+    seed: int = TrainOptions.seed,
+    overwrite: bool = False,
+) -> TrainSummary:
+    """Train a detector on clean bags; goes on where an interrupted run stopped.
+
+    bags: to learn from. out: the folder of checkpoint, log and plot. family, preset: architecture and size of
+    the detector. steps: of the optimiser, two frames each. start: a checkpoint of the same preset to go on
+    from. learning_rate: its peak, after the warm-up. validate: a held-out bag to score. bf16: half the time
+    where the processor has it. device: where it computes. seed: of weights, order and augmentation.
+
+    Returns what the run made, with 3D AP R40 in percent by class if there was a bag to validate on. Raises
+    UsageError for bags without ground truth and for options that are out of range.
+
+    >>> trained = advpipe.train("datasets/a", "datasets/b", out="runs/mine", validate="datasets/c")
+    >>> advpipe.evaluate(drive, detector=str(trained.checkpoint))
+    """
+    with wrong_use():
+        learned = tuple(resolve_bag(Path(bag)) for bag in bags)
+        held_out = None if validate is None else resolve_bag(Path(validate))
+    if held_out and held_out.resolve() in {bag.resolve() for bag in learned}:
+        raise UsageError(f"--validate {validate} is a bag to learn from; name one that is held out")
+    refuse_undecodable(*learned, held_out, Path(out))
+    with wrong_use():
+        config = TrainConfig(
+            bags=learned,
+            out=Path(out),
+            family=family,
+            preset=preset,
+            start=None if start is None else Path(start),
+            steps=steps,
+            learning_rate=learning_rate,
+            validation=held_out,
+            bf16=bf16,
+            device=device,
+            seed=seed,
+        )
+    detail(f"preset {preset}, {steps} steps on {len(learned)} bags, seed {seed}, on {device}")
+    with writing(out):
+        return run(config, overwrite=overwrite)

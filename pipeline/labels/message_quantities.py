@@ -1,0 +1,77 @@
+"""What can be measured of a V2X message that an attack changed, delayed or added."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from advpipe.pipeline.labels.quantity import Quantity
+from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.v2x.codec import quantities as q
+from advpipe.pipeline.v2x.facilities.cam_values import Values, places_m
+
+
+@dataclass(frozen=True)
+class MessageChange:
+    """A message as one attack was given it and as it handed it on.
+
+    before, after: what it says; None for what is no CAM, and of an added message. delay_s: how much later it
+    is sent, 0 for one that is only changed; None for an added one. added_in_a_second: of an added one, how
+    many its attacker has added in the second that ends with it, itself included.
+    """
+
+    geodesy: Geodesy
+    before: Values | None = None
+    after: Values | None = None
+    delay_s: float | None = None
+    added_in_a_second: int | None = None
+
+
+def _position_offset_m(change: MessageChange) -> float | None:
+    x_m, y_m = places_m(change.geodesy, [change.before, change.after])
+    offset_m = float(np.hypot(x_m[1] - x_m[0], y_m[1] - y_m[0]))
+    return offset_m if np.isfinite(offset_m) else None
+
+
+def _speed_offset_mps(change: MessageChange) -> float | None:
+    before_mps, after_mps = (
+        None if said is None else said["speed_mps"] for said in (change.before, change.after)
+    )
+    if before_mps is None or after_mps is None:
+        return None
+    fastest_mps = q.SPEED.high / q.SPEED.per_unit
+    return float(abs(min(after_mps, fastest_mps) - min(before_mps, fastest_mps)))
+
+
+POSITION_OFFSET = Quantity[MessageChange](
+    "position_offset_m",
+    "m",
+    "how far the told position was moved on the ground",
+    _position_offset_m,
+    resolution=0.01,
+)
+"""Where both tell a position; a CAM tells it in steps of 1e-7 degrees."""
+SPEED_OFFSET = Quantity[MessageChange](
+    "speed_offset_mps",
+    "m/s",
+    "by how much the told speed changed, either way",
+    _speed_offset_mps,
+    resolution=1 / q.SPEED.per_unit,
+)
+"""Where both tell a speed, which a CAM rounds up; what is beyond all that it can tell counts as the most that
+it can."""
+DELAY = Quantity[MessageChange](
+    "delay_s", "s", "how much later a message is sent", lambda change: change.delay_s
+)
+MESSAGES_ADDED = Quantity[MessageChange](
+    "messages_added_per_s",
+    "1",
+    "messages that an attacker added within a second",
+    lambda change: change.added_in_a_second,
+)
+
+MESSAGE_QUANTITIES: Mapping[str, Quantity[MessageChange]] = {
+    quantity.name: quantity for quantity in (POSITION_OFFSET, SPEED_OFFSET, DELAY, MESSAGES_ADDED)
+}

@@ -1,0 +1,22 @@
+"""Bounds that a bag declares, which this version need not know."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from advpipe.pipeline.labels.quantity import Quantity, Range
+from advpipe.stages.verify.result import Gap
+
+
+def measurable(bounds: Mapping[str, Range], quantities: Mapping[str, Quantity[Any]]) -> dict[str, Range]:
+    """Those of quantities that this version measures."""
+    return {name: bound for name, bound in bounds.items() if name in quantities}
+
+
+def unmeasurable(
+    place: str, attack: str, bounds: Mapping[str, Range], quantities: Mapping[str, Quantity[Any]]
+) -> Iterator[Gap]:
+    """The others."""
+    for name in sorted(bounds.keys() - quantities.keys()):
+        yield Gap(place, f"{name} of {attack} not checked: this version measures no such")
