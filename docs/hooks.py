@@ -91,19 +91,18 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 def catalogue(family: str) -> str:
     """The table of all registered attacks of a family: lidar, v2x or gnss."""
     heads, row = {
-        "lidar": (("attack", "budget", "what it does", "parameters and defaults"), _lidar_row),
+        "lidar": (("attack", "budget", "what it does"), _lidar_row),
         "v2x": (
             (
                 "attack",
                 "what it does",
-                "parameters and defaults",
                 "VeReMi",
                 "VeReMi Extension",
                 "VeReMi NextGen",
             ),
             _v2x_row,
         ),
-        "gnss": (("attack", "in the paper", "what it does", "parameters and defaults"), _gnss_row),
+        "gnss": (("attack", "in the paper", "what it does"), _gnss_row),
     }[family]
     rows = [row(name, kind) for name, kind in _attacks(family).items()]
     lines = [heads, ("---",) * len(heads), *rows]
@@ -112,7 +111,11 @@ def catalogue(family: str) -> str:
 
 def details(family: str) -> str:
     """The whole docstring of every attack of a family; each of its parameters is an item of a list."""
-    return "\n\n".join(f"### {name}\n\n{_text(kind)}" for name, kind in _attacks(family).items())
+    texts = [
+        f"### {name}\n\nParameters: {_parameters(kind) or 'none'}.\n\n{_text(kind)}"
+        for name, kind in _attacks(family).items()
+    ]
+    return "\n\n".join(texts)
 
 
 def figures(section: str) -> str:
@@ -144,19 +147,19 @@ def _attacks(family: str) -> Mapping[str, type[Attack]]:
 
 def _lidar_row(name: str, kind: Any) -> tuple[str, ...]:
     budget = kind.traits.budget
-    return _link(name), f"`{budget.parameter}` ({budget.title})", _summary(kind), _parameters(kind)
+    return _link(name), f"`{budget.parameter}` ({budget.title})", _summary(kind)
 
 
 def _v2x_row(name: str, kind: Any) -> tuple[str, ...]:
     published = kind.traits.published
     numbers = (published.veremi_2018, published.veremi_extension, published.nextgen)
     called = (_called(*each) for each in zip(numbers, (VEREMI, EXTENSION, NEXTGEN), strict=True))
-    return (_link(name), _summary(kind), _parameters(kind), *called)
+    return (_link(name), _summary(kind), *called)
 
 
 def _gnss_row(name: str, kind: Any) -> tuple[str, ...]:
     also = ", ".join(f"`{word}`" for word in kind.traits.also_known_as)
-    return _link(name), also, _summary(kind), _parameters(kind)
+    return _link(name), also, _summary(kind)
 
 
 def _link(name: str) -> str:

@@ -8,7 +8,6 @@ parameters; the pages in RUN are also carried out from top to bottom. `python`: 
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
 import subprocess
@@ -20,8 +19,9 @@ import pytest
 import typer
 import yaml
 
+from advpipe.commands.attackers import attackers_section
 from advpipe.pipeline.cli import app
-from advpipe.pipeline.cli.attack import _attackers, _parameters
+from advpipe.pipeline.cli.attack import _parameters
 from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.attacks import attack_spec
@@ -86,7 +86,7 @@ def check_attack(given: dict) -> None:
         "type": given["kind"],
         "recipe": given["recipe"],
         "parameters": {**usual, **_parameters(options, given["settings"] or [])},
-        "attackers": _attackers(given["attacker"] or []),
+        "attackers": attackers_section(given["attacker"] or []),
         "victim": given["victim"],
         "frames": given["frames"],
     }
@@ -122,22 +122,7 @@ def data_sets(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_pages_run(page: str, data_sets: Path, tmp_path: Path) -> None:
     """From top to bottom, in one folder: files are written, Python and the commands carried out."""
     shutil.copytree(data_sets / "datasets", tmp_path / "datasets")
-    script = ["set -e"]
-    for block in blocks.blocks(blocks.ROOT / page):
-        if block.file_name:
-            (tmp_path / block.file_name).write_text(block.text, encoding="utf-8")
-        elif block.language == "python":
-            (tmp_path / f"line_{block.line}.py").write_text(block.text, encoding="utf-8")
-            script.append(f"python line_{block.line}.py")
-        elif block.language == "bash" and page in RUN:
-            script.append(block.text)
-    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    done = subprocess.run(
-        ["bash", "-c", "\n".join(script)],
-        cwd=tmp_path,
-        env={**os.environ, "PATH": path},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    script = str(Path(__file__).with_name("carry_out.py"))
+    command = [sys.executable, script, page, "run" if page in RUN else "python alone"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -185,7 +185,7 @@ class DosRandom(Flood):
 
 
 class DosRandomSybil(DosRandom):
-    """The same, each message from another station that does not exist."""
+    """Random positions as of `cam-dos-random`, each message from another station that does not exist."""
 
     traits = V2xTraits(
         every_message_matters=True, needs_traffic=False, published=Published(veremi_extension=18)
@@ -229,7 +229,7 @@ class DosDisruptive(Flood):
 
 
 class DosDisruptiveSybil(DosDisruptive):
-    """The same, each message from another station that does not exist."""
+    """Repeated messages as of `cam-dos-disruptive`, each from another station that does not exist."""
 
     traits = V2xTraits(
         every_message_matters=True, needs_traffic=False, published=Published(veremi_extension=19)
