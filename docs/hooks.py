@@ -14,6 +14,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from markdown import Extension, Markdown
+from markdown.preprocessors import Preprocessor
+
 if TYPE_CHECKING:
     from advpipe.stages.attack.base import Attack
 
@@ -70,6 +73,24 @@ NEXTGEN = dict(
     )
 )
 """What VeReMi (SecureComm 2018), VeReMi Extension (F2MD) and VeReMi NextGen call their attacks, by number."""
+
+
+class _Doctests(Preprocessor):
+    """Shows the examples of docstrings, which begin with >>>, as code rather than as quotations."""
+
+    def run(self, lines: list[str]) -> list[str]:
+        text = "\n".join(lines)
+        return re.sub(r"(?:^|(?<=\n))(>>> .*(?:\n.+)*)", r"```pycon\n\1\n```", text).split("\n")
+
+
+class _DoctestExtension(Extension):
+    def extendMarkdown(self, md: Markdown) -> None:
+        md.preprocessors.register(_Doctests(md), "doctests", 100)  # before fences are looked for
+
+
+def on_config(config: Any) -> Any:
+    config["markdown_extensions"].append(_DoctestExtension())
+    return config
 
 
 def on_files(files: Any, config: Any) -> Any:
