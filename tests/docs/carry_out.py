@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import blocks
@@ -30,7 +31,7 @@ def carry_out(page: str, is_run: bool) -> None:
 
 def command(words: list[str]) -> None:
     """A command of advpipe here, any other as a process."""
-    print("$", *words, flush=True)
+    print(f"{time.process_time():.1f} s: $", *words, flush=True)
     if words[0] != "advpipe":
         subprocess.run([sys.executable if words[0] == "python" else words[0], *words[1:]], check=True)
         return
