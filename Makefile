@@ -42,7 +42,7 @@ demo: $(INSTALLED)
 	$(BIN)/advpipe evaluate datasets/district --baseline-tries 5 --overwrite
 
 test: $(INSTALLED) lint
-	$(BIN)/python -m pytest -n 2 -m "not nightly" tests
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not nightly" tests
 
 wheel-test:
 	PYTHON=$(PYTHON) TORCH_INDEX=$(TORCH_INDEX) tests/wheel.sh

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from advpipe.pipeline.core.errors import UsageError as UsageError
     from advpipe.pipeline.core.seeding import named_generator as named_generator
     from advpipe.pipeline.detector.protocol import Detections as Detections
-    from advpipe.pipeline.detector.protocol import Detector as Detector
+    from advpipe.pipeline.detector.protocol import ObjectDetector as ObjectDetector
     from advpipe.pipeline.detector.protocol import Range as Range
     from advpipe.pipeline.geometry.boxes import BOX_COLUMNS as BOX_COLUMNS
     from advpipe.pipeline.geometry.boxes import CLASSES as CLASSES
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from advpipe.pipeline.replay.v2x_drive import V2xStep as V2xStep
     from advpipe.pipeline.scenario.load import load_scenario as load_scenario
     from advpipe.pipeline.scenario.models import Scenario as Scenario
-    from advpipe.pipeline.sensors.sensor import Drive as Drive
+    from advpipe.pipeline.sensors.sensor import DriveSettings as DriveSettings
     from advpipe.pipeline.sensors.sensor import Instant as Instant
     from advpipe.pipeline.sensors.sensor import MountedSection as MountedSection
     from advpipe.pipeline.sensors.sensor import MountedSensor as MountedSensor
@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from advpipe.stages.attack.lidar.base import LidarTraits as LidarTraits
     from advpipe.stages.attack.lidar.base import PublishedFigure as PublishedFigure
     from advpipe.stages.attack.lidar.base import unchanged as unchanged
-    from advpipe.stages.attack.lidar.targets import Targets as Targets
+    from advpipe.stages.attack.lidar.targets import AttackTargets as AttackTargets
     from advpipe.stages.attack.lidar.targets import detection_loss as detection_loss
     from advpipe.stages.attack.lidar.targets import find_targets as find_targets
     from advpipe.stages.attack.summary import AttackSummary as AttackSummary
@@ -94,7 +94,7 @@ _NAMES_OF = {
     "pipeline.campaigns.sweep.run": ("SweepReport",),
     "pipeline.core.errors": ("AdvpipeError", "UsageError"),
     "pipeline.core.seeding": ("named_generator",),
-    "pipeline.detector.protocol": ("Detections", "Detector", "Range"),
+    "pipeline.detector.protocol": ("Detections", "ObjectDetector", "Range"),
     "pipeline.geometry.boxes": ("BOX_COLUMNS", "CLASSES", "Boxes"),
     "pipeline.labels.points": ("PointLabels",),
     "pipeline.messages.cloud": ("POINT_DTYPE",),
@@ -102,7 +102,7 @@ _NAMES_OF = {
     "pipeline.scenario.load": ("load_scenario",),
     "pipeline.scenario.models": ("Scenario",),
     "pipeline.sensors.sensor": (
-        *("Drive", "Instant", "MountedSection", "MountedSensor", "OnBoardSensor", "Panel", "Reading"),
+        *("DriveSettings", "Instant", "MountedSection", "MountedSensor", "OnBoardSensor", "Panel", "Reading"),
         "Sensor",
     ),
     "pipeline.v2x.channel": ("Sent",),
@@ -110,7 +110,7 @@ _NAMES_OF = {
     "stages.attack.lidar.base": (
         *("Budget", "LidarAttack", "LidarResult", "LidarTraits", "PublishedFigure", "unchanged"),
     ),
-    "stages.attack.lidar.targets": ("Targets", "detection_loss", "find_targets"),
+    "stages.attack.lidar.targets": ("AttackTargets", "detection_loss", "find_targets"),
     "stages.attack.summary": ("AttackSummary",),
     "stages.attack.v2x.base": ("AttackContext", "V2xAttack", "V2xTraits"),
     "stages.attack.v2x.cams": ("field_of", "with_fields"),

@@ -18,7 +18,7 @@ from common import compare, finish, machine, scratch
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.dataset import checksums
-from advpipe.pipeline.dataset.archive import contents, pack, unpack
+from advpipe.pipeline.dataset.archive import contents, pack, unpack_archive
 
 MARK = 0.8
 BLOCK_BYTES = 1 << 20
@@ -58,7 +58,7 @@ def count_found(folder: Path, flips: int) -> int:
         place, mask = draws.randrange(size_bytes), 1 << draws.randrange(8)
         flip(archive, place, mask)
         try:
-            shutil.rmtree(unpack(archive, folder / "out"))
+            shutil.rmtree(unpack_archive(archive, folder / "out"))
         except AdvpipeError:
             found += 1
         flip(archive, place, mask)
@@ -94,7 +94,7 @@ def main() -> None:
         )
         unpacking = compare(
             "unpack",
-            lambda: unpack(archive, out),
+            lambda: unpack_archive(archive, out),
             lambda: hash_and_copy([archive], copy, hashes=2),
             arguments.rounds,
             tidy=lambda: shutil.rmtree(out, ignore_errors=True),

@@ -28,7 +28,7 @@ from advpipe.pipeline.bag.frames import Frame, FrameSlice, read_frames
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.detector.batching import run_together
 from advpipe.pipeline.detector.device import CPU
-from advpipe.pipeline.detector.protocol import BatchDetector, Detector
+from advpipe.pipeline.detector.protocol import BatchDetector, ObjectDetector
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import PRESETS
@@ -83,7 +83,7 @@ def report_batches(frames: list[Frame], device: str, batches: list[int]) -> None
     detector = load_detector("small", device)
     assert isinstance(detector, BatchDetector)
 
-    def work(attack: LidarAttack, number: int) -> Callable[[Detector], LidarResult]:
+    def work(attack: LidarAttack, number: int) -> Callable[[ObjectDetector], LidarResult]:
         frame = frames[number % len(frames)]
         return lambda seen: attack(frame.cloud, frame.boxes, seen, np.random.default_rng(number))
 

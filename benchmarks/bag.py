@@ -78,7 +78,7 @@ def drive(frames: int) -> list[Message]:
             topics.TF: build.transforms(stamp_ns, [("map", EGO.base_frame, pose)]),
             EGO.true_odometry: build.odometry(stamp_ns, pose, np.zeros(3), np.zeros(3)),
             EGO.gnss_fix: build.nav_sat_fix(stamp_ns, 48.0, 11.0, 500.0),
-            EGO.objects: build.detections(stamp_ns, EGO.lidar_frame, boxes),
+            EGO.objects: build.detections_message(stamp_ns, EGO.lidar_frame, boxes),
         }
         found += [Message(topic, serialise(item, topic.type), stamp_ns) for topic, item in small.items()]
         cdr = cloud_to_cdr(clouds[frame % len(clouds)], stamp_ns, EGO.lidar_frame)

@@ -35,7 +35,7 @@ from advpipe.pipeline.campaigns.sweep import ingredients
 from advpipe.pipeline.core.code import source_commit
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.defences.registry import parse_defences
-from advpipe.pipeline.detector.protocol import Detector
+from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.geometry.boxes import CLASSES
@@ -168,7 +168,7 @@ class Drive:
 
 
 @cache
-def opened(drive: Drive) -> tuple[list[Frame], Detector]:
+def opened(drive: Drive) -> tuple[list[Frame], ObjectDetector]:
     """Once a process."""
     return list(read_frames(drive.bag, FrameSlice.parse(drive.frames))), load_detector(drive.detector)
 
@@ -218,7 +218,7 @@ def mean_of(scores: Mapping[str, Mapping[str, float]], treatment: str, kind: str
     return float(np.mean([value for name, value in scores[treatment].items() if name.endswith(kind)]))
 
 
-def matches(frame: Frame, cloud: Cloud, detector: Detector) -> dict[str, FrameMatches]:
+def matches(frame: Frame, cloud: Cloud, detector: ObjectDetector) -> dict[str, FrameMatches]:
     """What the detector finds of each class in a cloud, matched by the strict and the loose overlap."""
     found = detector.detect(cloud)
     evaluated = find_targets(detector, frame.cloud, frame.boxes).boxes.numpy().astype(np.float64)

@@ -69,7 +69,7 @@ def _files_of_directory(directory: Path) -> list[Path]:
 
 @lru_cache(4)
 def _document(text: str) -> object:
-    return plain_yaml.load(text)
+    return plain_yaml.load_yaml(text)
 
 
 def read_information(metadata_path: Path) -> dict[str, Any]:

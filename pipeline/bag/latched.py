@@ -11,14 +11,14 @@ from advpipe.pipeline.core.document import LONGEST_TEXT, Count, Document, read_j
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.section import Name
 from advpipe.pipeline.messages.topics import SCENARIO_INFO
-from advpipe.pipeline.scenario.map import Origin
+from advpipe.pipeline.scenario.map import GeoOrigin
 from advpipe.pipeline.scenario.sensors import Sensors
 from advpipe.pipeline.scenario.simulation import Simulation
 from advpipe.pipeline.v2x.section import V2x
 
 
 class _Map(Document):
-    origin: Origin
+    origin: GeoOrigin
 
 
 class _Chance(Document):

@@ -10,14 +10,14 @@ from advpipe.pipeline.core.errors import UsageError
 CLEAN_NAME = "clean"
 
 
-def named(path: Path) -> Path:
+def bag_named(path: Path) -> Path:
     """The same folder by its own name, so that there can be something beside it: `.` and `..` have none."""
     return path.resolve() if path.name in ("", "..") else path
 
 
 def resolve_bag(path: Path) -> Path:
     """The bag that a path names: a data set's clean bag, a rosbag2 directory or an .mcap file itself."""
-    path = named(Path(path))
+    path = bag_named(Path(path))
     if _is_dataset(path):
         return path / CLEAN_NAME
     if (path / METADATA_NAME).is_file() or path.is_file():

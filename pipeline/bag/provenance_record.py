@@ -21,7 +21,7 @@ _HINT = "make the bag again"
 Line = Annotated[str, Field(max_length=10_000)]
 
 
-class AttackRecord(Document):
+class RecordedAttack(Document):
     """One attack of a bag, with every default filled in. `values` has the keys that are not here too.
 
     declared: what it says of itself; None in a bag of a version before there were declarations.
@@ -70,7 +70,7 @@ class _Said(Document):
     budget: Word = ""
     frames: Word = ""
     code_sha256: Word = ""
-    attacks: Annotated[tuple[AttackRecord, ...], Field(max_length=_MOST_ATTACKS)] = ()
+    attacks: Annotated[tuple[RecordedAttack, ...], Field(max_length=_MOST_ATTACKS)] = ()
     lidar_topics: Annotated[tuple[Line, ...], Field(max_length=_MOST_ATTACKS)] = ()
     looks: Annotated[int, Field(strict=True, ge=1, le=MOST_LOOKS)] | None = None
     detector: Line = ""

@@ -17,7 +17,7 @@ from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.dataset.reports import read_report
 from advpipe.pipeline.detector.registry import detector_sha256, detector_slug
 from advpipe.pipeline.scenario import Scenario, dump_scenario
-from advpipe.stages.attack.provenance import provenance_of, resolved_text
+from advpipe.stages.attack.provenance import job_provenance, resolved_text
 from advpipe.stages.attack.run import AttackRequest, AttackSummary, attack
 from advpipe.stages.evaluate.provenance import REPORTING
 from advpipe.stages.evaluate.run import Options, Report, evaluate
@@ -125,7 +125,7 @@ def has_drive(folder: Path, scenario: Scenario, overwrite: bool) -> bool:
 def is_made_by(request: AttackRequest, clean: Path, bag: Path, overwrite: bool) -> bool:
     """Whether the same request made the bag of the same clean one; raises UsageError where another did."""
     made = bag / "attack.yaml"
-    wanted = resolved_text(provenance_of(BagReader(clean), request))
+    wanted = resolved_text(job_provenance(BagReader(clean), request))
     if not made.is_file():
         return False
     others = _differing_keys(made, wanted)

@@ -8,21 +8,21 @@ from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.attack import attack
-from advpipe.pipeline.cli.bags import inspect, plot, recover
+from advpipe.pipeline.cli.attack import attack_command
+from advpipe.pipeline.cli.bags import inspect, plot, recover_command
 from advpipe.pipeline.cli.clean import clean
-from advpipe.pipeline.cli.evaluate import evaluate
+from advpipe.pipeline.cli.evaluate import evaluate_command
 from advpipe.pipeline.cli.export import export
 from advpipe.pipeline.cli.one_line_errors import OneLineErrors
 from advpipe.pipeline.cli.run import run
-from advpipe.pipeline.cli.schema import schema
-from advpipe.pipeline.cli.share import share
+from advpipe.pipeline.cli.schema import schema_command
+from advpipe.pipeline.cli.share import share_command
 from advpipe.pipeline.cli.shared import Answer, answering
-from advpipe.pipeline.cli.simulate import simulate
+from advpipe.pipeline.cli.simulate import simulate_command
 from advpipe.pipeline.cli.sweep import sweep
-from advpipe.pipeline.cli.train import import_weights, train
-from advpipe.pipeline.cli.unpack import unpack
-from advpipe.pipeline.cli.verify import verify
+from advpipe.pipeline.cli.train import import_weights, train_command
+from advpipe.pipeline.cli.unpack import unpack_command
+from advpipe.pipeline.cli.verify import verify_command
 
 app = typer.Typer(
     cls=OneLineErrors,
@@ -35,22 +35,22 @@ app = typer.Typer(
 )
 
 COMMANDS: dict[str, Callable[..., Answer]] = {
-    "simulate": simulate,
-    "attack": attack,
-    "evaluate": evaluate,
+    "simulate": simulate_command,
+    "attack": attack_command,
+    "evaluate": evaluate_command,
     "sweep": sweep,
     "export": export,
     "run": run,
-    "train": train,
+    "train": train_command,
     "import-weights": import_weights,
-    "share": share,
-    "unpack": unpack,
+    "share": share_command,
+    "unpack": unpack_command,
     "inspect": inspect,
     "plot": plot,
-    "recover": recover,
+    "recover": recover_command,
     "clean": clean,
-    "verify": verify,
-    "schema": schema,
+    "verify": verify_command,
+    "schema": schema_command,
 }
 for word, command in COMMANDS.items():
     app.command(word)(answering(command))

@@ -10,12 +10,11 @@ import typer
 from advpipe.pipeline.cli.shared import (
     Answer,
     DetectorName,
-    Device,
     LidarTopic,
     Overwrite,
     Workers,
-    line,
-    option,
+    cli_option,
+    print_line,
 )
 from advpipe.pipeline.core.attack_options import AttackOptions
 
@@ -23,18 +22,18 @@ if TYPE_CHECKING:
     from advpipe.stages.attack.run import AttackSummary
 
 
-def attack(
+def attack_command(
     bag: Annotated[
         Path | None, typer.Argument(help="Data set, rosbag2 folder or .mcap.", show_default="newest data set")
     ] = None,
-    kind: Annotated[str, option(AttackOptions, "type", "--type")] = AttackOptions.type,
+    kind: Annotated[str, cli_option(AttackOptions, "type", "--type")] = AttackOptions.type,
     ratio: Annotated[float | None, typer.Option(help="Share of the points to remove (detach).")] = None,
     eps_cm: Annotated[float | None, typer.Option(help="How far points may move (perturb).")] = None,
     points: Annotated[int | None, typer.Option(help="How many points to add (attach).")] = None,
     eps_m: Annotated[float | None, typer.Option(help="How far from the scene they may lie (attach).")] = None,
     along_ray: Annotated[bool, typer.Option("--along-ray", help="Points move along their ray only.")] = False,
     recipe: Annotated[
-        str | None, option(AttackOptions, "recipe", show_default="best")
+        str | None, cli_option(AttackOptions, "recipe", show_default="best")
     ] = AttackOptions.recipe,
     goal: Annotated[
         str | None,
@@ -51,19 +50,19 @@ def attack(
         list[str] | None,
         typer.Option(help="Who lies by V2X: a vehicle's id (repeatable), 20%, or rsu:X,Y in metres."),
     ] = None,
-    victim: Annotated[str | None, option(AttackOptions, "victim")] = AttackOptions.victim,
+    victim: Annotated[str | None, cli_option(AttackOptions, "victim")] = AttackOptions.victim,
     dcc_reacts: Annotated[
-        bool, option(AttackOptions, "dcc_reacts", "--dcc-reacts")
+        bool, cli_option(AttackOptions, "dcc_reacts", "--dcc-reacts")
     ] = AttackOptions.dcc_reacts,
-    from_s: Annotated[float, option(AttackOptions, "from_s", "--from")] = AttackOptions.from_s,
+    from_s: Annotated[float, cli_option(AttackOptions, "from_s", "--from")] = AttackOptions.from_s,
     to_s: Annotated[
-        float | None, option(AttackOptions, "to_s", "--to", show_default="of the recording")
+        float | None, cli_option(AttackOptions, "to_s", "--to", show_default="of the recording")
     ] = AttackOptions.to_s,
     lidar: LidarTopic = AttackOptions.lidar,
-    frames: Annotated[str, option(AttackOptions, "frames")] = AttackOptions.frames,
+    frames: Annotated[str, cli_option(AttackOptions, "frames")] = AttackOptions.frames,
     detector: DetectorName = AttackOptions.detector,
-    device: Device = "cpu",
-    seed: Annotated[int, option(AttackOptions, "seed")] = AttackOptions.seed,
+    device: Annotated[str, cli_option(AttackOptions, "device")] = AttackOptions.device,
+    seed: Annotated[int, cli_option(AttackOptions, "seed")] = AttackOptions.seed,
     workers: Workers = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Adversarial bag.", show_default="beside the clean one")
@@ -106,7 +105,7 @@ def attacked(summary: AttackSummary) -> Answer:
     before, after = summary.mean_losses
     document = {key: value for key, value in vars(summary).items() if key != "losses"}
     document |= {"mean_loss_before": before, "mean_loss_after": after}
-    return Answer(document, line(summary))
+    return Answer(document, print_line(summary))
 
 
 def _parameters(options: dict[str, Any], settings: list[str]) -> dict[str, Any]:

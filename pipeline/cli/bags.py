@@ -1,4 +1,4 @@
-"""The commands about one bag: `inspect`, `plot` and `recover`."""
+"""The commands about one bag: `inspect`, `plot` and `recover_command`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, Overwrite, line
+from advpipe.pipeline.cli.shared import Answer, Overwrite, print_line
 
 
 def inspect(
@@ -39,10 +39,10 @@ def plot(
     with wrong_use():
         resolve_bag(bag)
     draw_bag(bag, out, overwrite)
-    return Answer({"picture": out}, line(out))
+    return Answer({"picture": out}, print_line(out))
 
 
-def recover(
+def recover_command(
     path: Annotated[
         Path, typer.Argument(help="What a killed run was to make, or a damaged data set, bag or .mcap.")
     ],
@@ -60,4 +60,4 @@ def recover(
     recovery = run(path, out, overwrite=overwrite)
     counts = {key: value for key, value in vars(recovery).items() if isinstance(value, int)}
     found = {"bag": recovery.remains.bag, "found": recovery.remains.found}
-    return Answer({"recovered": recovery.out, **found, **counts}, line(recovery))
+    return Answer({"recovered": recovery.out, **found, **counts}, print_line(recovery))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, line
+from advpipe.pipeline.cli.shared import Answer, print_line
 
 if TYPE_CHECKING:
     from advpipe.pipeline.dataset.leftovers import Leftover
@@ -60,7 +60,7 @@ def clean(
         records.append({**record, "removed": is_removed})
         what = "removed " if is_removed else ""
         say(f"{what}{one_line(leftover.path)}  {_size(leftover.size_bytes)}  {one_line(about)}")
-    return Answer({"leftovers": records}, line(tally.text(remove)), exit_code=int(is_refused))
+    return Answer({"leftovers": records}, print_line(tally.text(remove)), exit_code=int(is_refused))
 
 
 @dataclass

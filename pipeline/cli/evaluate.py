@@ -8,14 +8,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, BaselineTries, Device, LidarTopic, Overwrite, Workers, option
+from advpipe.pipeline.cli.shared import (
+    Answer,
+    BaselineTries,
+    Device,
+    LidarTopic,
+    Overwrite,
+    Workers,
+    cli_option,
+)
 from advpipe.stages.evaluate.options import Options
 
 if TYPE_CHECKING:
     from advpipe.stages.evaluate.run import Report
 
 
-def evaluate(
+def evaluate_command(
     bags: Annotated[
         list[Path] | None,
         typer.Argument(
@@ -24,17 +32,19 @@ def evaluate(
     ] = None,
     detector: Annotated[
         list[str] | None,
-        option(Options, "detectors", "--detector", show_default="small"),
+        cli_option(Options, "detectors", "--detector", show_default="small"),
     ] = None,
     device: Device = "cpu",
-    frames: Annotated[str, option(Options, "frames")] = "::",
-    defence: Annotated[list[str] | None, option(Options, "defences", "--defence", show_default=False)] = None,
-    seed: Annotated[int, option(Options, "seed")] = Options.seed,
-    baseline: Annotated[bool, option(Options, "baseline")] = Options.baseline,
+    frames: Annotated[str, cli_option(Options, "frames")] = "::",
+    defence: Annotated[
+        list[str] | None, cli_option(Options, "defences", "--defence", show_default=False)
+    ] = None,
+    seed: Annotated[int, cli_option(Options, "seed")] = Options.seed,
+    baseline: Annotated[bool, cli_option(Options, "baseline")] = Options.baseline,
     baseline_tries: BaselineTries = None,
     lidar: LidarTopic = None,
-    write_detections: Annotated[bool, option(Options, "detections", "--write-detections")] = False,
-    with_clouds: Annotated[bool, option(Options, "with_clouds", "--with-clouds")] = False,
+    write_detections: Annotated[bool, cli_option(Options, "detections", "--write-detections")] = False,
+    with_clouds: Annotated[bool, cli_option(Options, "with_clouds", "--with-clouds")] = False,
     workers: Workers = None,
     out: Annotated[
         Path | None,

@@ -9,7 +9,15 @@ import typer
 
 from advpipe.pipeline.cli.attack import attacked
 from advpipe.pipeline.cli.evaluate import evaluated
-from advpipe.pipeline.cli.shared import Answer, DetectorName, Device, Overwrite, Workers, line, show_part
+from advpipe.pipeline.cli.shared import (
+    Answer,
+    DetectorName,
+    Device,
+    Overwrite,
+    Workers,
+    print_line,
+    show_part,
+)
 from advpipe.pipeline.cli.simulate import simulated
 
 if TYPE_CHECKING:
@@ -54,7 +62,7 @@ def _answer(part: Part) -> Answer:
     from advpipe.stages.attack.run import AttackSummary
 
     if isinstance(part, Kept):
-        return Answer({part.kind: part.path, "kept": True}, line(f"{part.path}: kept"))
+        return Answer({part.kind: part.path, "kept": True}, print_line(f"{part.path}: kept"))
     if isinstance(part, Evaluated):
         return evaluated(part.report)
     return attacked(part) if isinstance(part, AttackSummary) else simulated(part)

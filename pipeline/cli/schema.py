@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, Overwrite, line
+from advpipe.pipeline.cli.shared import Answer, Overwrite, print_line
 
 
 class Of(str, Enum):
@@ -19,7 +19,7 @@ class Of(str, Enum):
     report = "report"
 
 
-def schema(
+def schema_command(
     of: Annotated[
         Of, typer.Option("--of", help="Scenario files, or the report.json of `evaluate`.")
     ] = Of.scenario,
@@ -39,6 +39,6 @@ def schema(
 
     text = report_schema_json() if of is Of.report else schema_json()
     if out is None:
-        return Answer(json.loads(text), line(text))
+        return Answer(json.loads(text), print_line(text))
     write_new(out, f"{text}\n", overwrite)
-    return Answer({"schema": out}, line(out))
+    return Answer({"schema": out}, print_line(out))

@@ -10,7 +10,7 @@ import typer
 from advpipe.pipeline.cli.shared import Answer, Overwrite
 
 
-def share(
+def share_command(
     dataset: Annotated[Path, typer.Argument(help="Data set folder.")],
     out: Annotated[
         Path | None,

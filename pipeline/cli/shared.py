@@ -18,19 +18,19 @@ from advpipe.stages.evaluate.options import Options
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")]
 
 
-def option(model: type, name: str, *flags: str, **shown: Any) -> Any:
+def cli_option(model: type, name: str, *flags: str, **shown: Any) -> Any:
     """The option of the command line that a field of a model of options is, with its help and bounds."""
     return typer.Option(*flags, **described(model, name), **shown)  # type: ignore[misc]
 
 
-LidarTopic = Annotated[str | None, option(Options, "lidar_topic", "--lidar")]
-Workers = Annotated[int | None, option(SweepOptions, "workers", "--workers", show_default="one a core")]
+LidarTopic = Annotated[str | None, cli_option(Options, "lidar_topic", "--lidar")]
+Workers = Annotated[int | None, cli_option(SweepOptions, "workers", "--workers", show_default="one a core")]
 BaselineTries = Annotated[
     int | None,
-    option(Options, "baseline_tries", "--baseline-tries", show_default="as many as the attack looked at"),
+    cli_option(Options, "baseline_tries", "--baseline-tries", show_default="as many as the attack looked at"),
 ]
-Device = Annotated[str, option(Options, "device", "--device")]
-DetectorName = Annotated[str, option(SweepOptions, "detector", "--detector")]
+Device = Annotated[str, cli_option(Options, "device", "--device")]
+DetectorName = Annotated[str, cli_option(SweepOptions, "detector", "--detector")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 Verbose = Annotated[
     bool, typer.Option("--verbose", "-v", help="Tell versions, what is loaded, seeds and times as well.")
@@ -96,7 +96,7 @@ def show_part(answer: Answer) -> dict[str, Any]:
     return dict(answer.document)
 
 
-def line(text: object) -> Callable[[], None]:
+def print_line(text: object) -> Callable[[], None]:
     """Prints the text: what an answer of one line shows."""
     return lambda: print(text)
 

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, Overwrite, line
+from advpipe.pipeline.cli.shared import Answer, Overwrite, print_line
 
 if TYPE_CHECKING:
     from advpipe.stages.simulate.run import SimulationSummary
 
 
-def simulate(
+def simulate_command(
     scenario: Annotated[str, typer.Argument(help="A scenario file or a shipped name.")] = "district",
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Data set folder.", show_default="datasets/<name>")
@@ -31,4 +31,4 @@ def simulate(
 
 def simulated(summary: SimulationSummary) -> Answer:
     """The bag of a drive, and what is in it."""
-    return Answer({"data_set": summary.data_set, **vars(summary)}, line(summary))
+    return Answer({"data_set": summary.data_set, **vars(summary)}, print_line(summary))

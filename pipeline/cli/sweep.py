@@ -17,7 +17,7 @@ from advpipe.pipeline.cli.shared import (
     LidarTopic,
     Overwrite,
     Workers,
-    option,
+    cli_option,
 )
 
 
@@ -25,22 +25,22 @@ def sweep(
     bag: Annotated[
         Path | None, typer.Argument(help="Clean bag or its data set.", show_default="newest data set")
     ] = None,
-    table: Annotated[str, option(SweepOptions, "table")] = SweepOptions.table,
-    recipes: Annotated[str, option(SweepOptions, "recipes", "--recipes", "--recipe")] = "best",
+    table: Annotated[str, cli_option(SweepOptions, "table")] = SweepOptions.table,
+    recipes: Annotated[str, cli_option(SweepOptions, "recipes", "--recipes", "--recipe")] = "best",
     cells: Annotated[
         list[str] | None,
-        option(SweepOptions, "cells", "--cells", show_default="all"),
+        cli_option(SweepOptions, "cells", "--cells", show_default="all"),
     ] = None,
     frames: Annotated[
         str | None,
-        option(SweepOptions, "frames", show_default="at most 100, equally spaced over the bag"),
+        cli_option(SweepOptions, "frames", show_default="at most 100, equally spaced over the bag"),
     ] = None,
     detector: DetectorName = "small",
     device: Device = "cpu",
-    seed: Annotated[int, option(SweepOptions, "seed")] = SweepOptions.seed,
+    seed: Annotated[int, cli_option(SweepOptions, "seed")] = SweepOptions.seed,
     baseline_tries: BaselineTries = None,
     lidar: LidarTopic = None,
-    keep_bags: Annotated[bool, option(SweepOptions, "keep_bags", "--keep-bags")] = False,
+    keep_bags: Annotated[bool, cli_option(SweepOptions, "keep_bags", "--keep-bags")] = False,
     check: Annotated[
         int | None,
         typer.Option(min=1, help="Only compute so many finished cells again, drawn by --seed, and compare."),

@@ -1,4 +1,4 @@
-"""The commands that make detectors: `train` and `import-weights`."""
+"""The commands that make detectors: `train_command` and `import-weights`."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, Device, Overwrite, line, option
+from advpipe.pipeline.cli.shared import Answer, Device, Overwrite, cli_option, print_line
 from advpipe.stages.train.options import USUAL_STEPS, TrainOptions
 
 
-def train(
+def train_command(
     bags: Annotated[list[Path], typer.Argument(help="Clean bags to learn from.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the checkpoint, log and plot.")],
-    family: Annotated[str, option(TrainOptions, "family")] = TrainOptions.family,
-    preset: Annotated[str, option(TrainOptions, "preset")] = TrainOptions.preset,
-    steps: Annotated[int, option(TrainOptions, "steps")] = USUAL_STEPS,
-    start: Annotated[Path | None, option(TrainOptions, "start", "--start")] = None,
-    learning_rate: Annotated[float, option(TrainOptions, "learning_rate")] = TrainOptions.learning_rate,
-    validate: Annotated[Path | None, option(TrainOptions, "validation", "--validate")] = None,
-    bf16: Annotated[bool, option(TrainOptions, "bf16", "--bf16")] = False,
+    family: Annotated[str, cli_option(TrainOptions, "family")] = TrainOptions.family,
+    preset: Annotated[str, cli_option(TrainOptions, "preset")] = TrainOptions.preset,
+    steps: Annotated[int, cli_option(TrainOptions, "steps")] = USUAL_STEPS,
+    start: Annotated[Path | None, cli_option(TrainOptions, "start", "--start")] = None,
+    learning_rate: Annotated[float, cli_option(TrainOptions, "learning_rate")] = TrainOptions.learning_rate,
+    validate: Annotated[Path | None, cli_option(TrainOptions, "validation", "--validate")] = None,
+    bf16: Annotated[bool, cli_option(TrainOptions, "bf16", "--bf16")] = False,
     device: Device = TrainOptions.device,
-    seed: Annotated[int, option(TrainOptions, "seed")] = TrainOptions.seed,
+    seed: Annotated[int, cli_option(TrainOptions, "seed")] = TrainOptions.seed,
     overwrite: Overwrite = False,
 ) -> Answer:
     """Train a detector on clean bags; goes on where an interrupted run stopped."""
@@ -46,13 +46,13 @@ def train(
         seed=seed,
         overwrite=overwrite,
     )
-    return Answer(vars(summary), line(summary))
+    return Answer(vars(summary), print_line(summary))
 
 
 def import_weights(
     file: Annotated[Path, typer.Argument(help="Checkpoint (.pth) of OpenPCDet's SECOND for KITTI.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="The .safetensors file to write.")],
-    family: Annotated[str, option(TrainOptions, "family")] = TrainOptions.family,
+    family: Annotated[str, cli_option(TrainOptions, "family")] = TrainOptions.family,
     overwrite: Overwrite = False,
 ) -> Answer:
     """Turn a SECOND that OpenPCDet trained into a detector for --detector; runs no code from the file."""
@@ -69,5 +69,5 @@ def import_weights(
     parameters = sum(weight.numel() for weight in net.parameters())
     return Answer(
         {"checkpoint": out, "preset": net.preset.name, "parameters": parameters},
-        line(f"{out}: preset {net.preset.name}, {parameters:,} parameters; use it as --detector {out}"),
+        print_line(f"{out}: preset {net.preset.name}, {parameters:,} parameters; use it as --detector {out}"),
     )

@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, line
+from advpipe.pipeline.cli.shared import Answer, print_line
 
 
-def unpack(
+def unpack_command(
     archive: Annotated[Path, typer.Argument(help="NAME.tar, or any part of it such as NAME.tar.000.")],
     out: Annotated[
         Path | None,
@@ -21,7 +21,7 @@ def unpack(
 
     Every byte is checked; `advpipe verify` then checks what the data set claims.
     """
-    from advpipe.pipeline.dataset.archive import unpack as run
+    from advpipe.pipeline.dataset.archive import unpack_archive as run
 
     folder = run(archive, out)
-    return Answer({"folder": folder}, line(folder))
+    return Answer({"folder": folder}, print_line(folder))

@@ -11,7 +11,7 @@ import typer
 from advpipe.pipeline.cli.shared import Answer
 
 
-def verify(
+def verify_command(
     path: Annotated[
         Path, typer.Argument(help="Data set, rosbag2 folder, .mcap, or an archive that `share` made.")
     ],

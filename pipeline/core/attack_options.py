@@ -33,4 +33,5 @@ class AttackOptions:
     lidar: str | None = options.lidar_topic()
     frames: str = option("::", "start:stop:step; it then holds only these clouds.")
     detector: str = options.detector()
+    device: str = options.device()
     seed: int = option(0, "Seed of the attack's own draws.", least=0)

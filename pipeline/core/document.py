@@ -38,7 +38,7 @@ def read_json(text: str | bytes, kind: Any, where: str, hint: str, limit_bytes: 
     Raises AdvpipeError, which names the key that is wrong.
     """
     try:
-        document = plain_json.load(text, limit_bytes)
+        document = plain_json.load_json(text, limit_bytes)
     except (ValueError, RecursionError) as error:
         raise AdvpipeError(f"{where}: not read as JSON: {_reason(error)}; {hint}") from None
     return validated(document, kind, where, hint)
@@ -47,7 +47,7 @@ def read_json(text: str | bytes, kind: Any, where: str, hint: str, limit_bytes: 
 def read_yaml(text: str, kind: Any, where: str, hint: str) -> Any:
     """The same of a YAML text."""
     try:
-        document = plain_yaml.load(text)
+        document = plain_yaml.load_yaml(text)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise AdvpipeError(f"{where}: not read as YAML: {_reason(error)}; {hint}") from None
     return validated(document, kind, where, hint)

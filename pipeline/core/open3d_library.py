@@ -2,15 +2,21 @@
 
 Where the system has no libusb, the one of the package libusb-package is loaded first: the loader then takes
 its soname for found. On Linux alone: elsewhere Open3D looks for libusb by a fixed path, or not at all.
+
+`o3d` is the compiled part of Open3D alone where that can be loaded alone: the rest, plots and data sets for
+machine learning, loads scikit-learn, pandas, dash and IPython, and takes 5 s of processor time, not 0.6.
 """
 
 from __future__ import annotations
 
 import ctypes
+import os
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
 
 __all__ = ["o3d"]
 
@@ -27,7 +33,34 @@ def _offer_libusb() -> None:
             ctypes.CDLL(str(Path(package.origin).parent / "libusb-1.0.so"), mode=ctypes.RTLD_GLOBAL)
 
 
+def _bindings_alone() -> Path | None:
+    """The folder of Open3D whose compiled part needs no help of its `__init__` to be loaded."""
+    package = find_spec("open3d")
+    if sys.platform != "linux" or "open3d" in sys.modules or package is None or package.origin is None:
+        return None
+    folder = Path(package.origin).parent
+    has_cuda = (folder / "cuda").exists()
+    return None if has_cuda or not any((folder / "cpu").glob("pybind*")) else folder
+
+
+@contextmanager
+def _without_its_init(folder: Path) -> Iterator[None]:
+    """`open3d` is a bare package meanwhile; who imports it later gets the whole one."""
+    os.environ["KMP_DUPLICATE_LIB_OK"], os.environ["TCM_ENABLE"] = "True", "1"  # as its `__init__` does
+    bare = ModuleType("open3d")
+    bare.__path__ = [str(folder)]
+    sys.modules["open3d"] = bare
+    try:
+        yield
+    finally:
+        del sys.modules["open3d"]
+
+
 if sys.platform == "linux":
     _offer_libusb()
 
-import open3d as o3d  # noqa: E402
+if (_folder := _bindings_alone()) is None:
+    import open3d as o3d
+else:
+    with _without_its_init(_folder):
+        from open3d.cpu import pybind as o3d

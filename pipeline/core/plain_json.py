@@ -14,7 +14,7 @@ _BRACKETS = re.compile(r'"(?:[^"\\]+|\\.)*"?|[\[{]|[\]}]', re.DOTALL)
 """Strings as a whole, also one without an end, so that brackets in them do not count."""
 
 
-def load(text: str | bytes, limit_bytes: int = LIMIT_BYTES) -> Any:
+def load_json(text: str | bytes, limit_bytes: int = LIMIT_BYTES) -> Any:
     """The document's values: dictionaries, lists, strings, finite numbers, booleans and None.
 
     Raises ValueError for a text that is no JSON, is too long or too deep, names a key twice, or holds NaN,

@@ -41,7 +41,7 @@ for _tag in ("binary", "set", "omap", "pairs"):  # what JSON has no word for
     _PlainLoader.add_constructor(f"tag:yaml.org,2002:{_tag}", _PlainLoader.construct_undefined)  # type: ignore[type-var]
 
 
-def load(text: str) -> Any:
+def load_yaml(text: str) -> Any:
     """The document's plain values.
 
     Raises yaml.YAMLError or ValueError for a text that is none, has aliases, is too long or too deep, names

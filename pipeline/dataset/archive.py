@@ -94,14 +94,14 @@ def _outdated(archive: Path, made: Path) -> list[Path]:
     sums = made / sums_path(archive).name  # named last
     if not sums.is_file():
         return []
-    names = {sums.name, *checksums.parse(checksums.read_bytes(sums), sums)}
+    names = {sums.name, *checksums.parse_checksums(checksums.read_bytes(sums), sums)}
     return [path for path in (archive, *existing_parts(archive)) if path.exists() and path.name not in names]
 
 
 def _write(files: Mapping[str, Path], sums: Mapping[str, str], out: PartsWriter, top: str) -> None:
     for name in track(sorted(files, key=str.encode), f"packing {top}.tar"):
         size_bytes = files[name].stat().st_size
-        out.write(tar_header.header(f"{top}/{name}", size_bytes))
+        out.write(tar_header.tar_header(f"{top}/{name}", size_bytes))
         with files[name].open("rb") as stream:
             sha256, copied_bytes = copy(stream.read, out.write, size_bytes)
         if copied_bytes != size_bytes or (name not in checksums.UNLISTED and sha256 != sums[name]):
@@ -117,7 +117,7 @@ def _end_bytes(position_bytes: int) -> int:
     return end + -(position_bytes + end) % tar_header.RECORD_BYTES
 
 
-def unpack(archive: Path, folder: Path | None = None, limits: Limits = Limits()) -> Path:
+def unpack_archive(archive: Path, folder: Path | None = None, limits: Limits = Limits()) -> Path:
     """Unpack an archive that `pack` made; returns the folder, which holds every file as it was shared.
 
     archive: NAME.tar, or any of its parts. folder: to be made; the default is NAME beside the archive.
@@ -194,8 +194,10 @@ def _next_entry(stream: PartsReader) -> tuple[str, int] | None:
         pax_bytes = tar_header.pax_length(block)
         records = b"" if pax_bytes is None else stream.read(pax_bytes)
         own = block if pax_bytes is None else stream.read(tar_header.BLOCK_BYTES)
-        path, size_bytes = tar_header.parse(records, own)
-        is_ours = tar_header.header(path, size_bytes) == (own if pax_bytes is None else block + records + own)
+        path, size_bytes = tar_header.parse_header(records, own)
+        is_ours = tar_header.tar_header(path, size_bytes) == (
+            own if pax_bytes is None else block + records + own
+        )
     except ValueError:  # also UnicodeDecodeError
         is_ours = False
     if not is_ours:
@@ -233,7 +235,7 @@ def _check(found: Mapping[str, str], folder: Path, archive: Path) -> None:
     """Every file is listed, as it is; the signature, which no list holds, is that of the signer beside it."""
     if checksums.FILE not in found:
         raise UsageError(f"{archive} holds no {checksums.FILE}: no data set that `advpipe share` packed")
-    sums = checksums.parse(checksums.read_bytes(folder / checksums.FILE), archive / checksums.FILE)
+    sums = checksums.parse_checksums(checksums.read_bytes(folder / checksums.FILE), archive / checksums.FILE)
     listed = {name: digest for name, digest in found.items() if name not in checksums.UNLISTED}
     for name in sorted({*sums, *listed}):
         if name not in listed:
@@ -244,4 +246,4 @@ def _check(found: Mapping[str, str], folder: Path, archive: Path) -> None:
             )
     if {signature.FILE, signature.KEY_FILE} <= found.keys():
         with suppress(signature.NoLibraryError):  # then `advpipe verify` says that nobody looked
-            signature.verify(folder)
+            signature.verify_signature(folder)

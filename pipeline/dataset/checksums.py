@@ -19,14 +19,14 @@ _LINE = re.compile(r"([0-9a-f]{64})  (.+)")
 _LIMIT_BYTES = 64 << 20
 
 
-def listed(folder: Path) -> list[str]:
+def listed_files(folder: Path) -> list[str]:
     """The files of a folder that its SHA256SUMS lists: all but itself and its signature."""
     return [name for name in layout.files(folder) if name not in UNLISTED]
 
 
 def write(folder: Path) -> Path:
     """Write the checksums of every file below a folder; returns the list's path."""
-    sums = {name: sha256_of(folder / name) for name in listed(folder)}
+    sums = {name: sha256_of(folder / name) for name in listed_files(folder)}
     (folder / FILE).write_bytes(to_text(sums).encode())
     return folder / FILE
 
@@ -41,7 +41,7 @@ def read(folder: Path) -> dict[str, str]:
 
     Raises AdvpipeError, with the number of the line, for anything that `write` would not have written.
     """
-    return parse(read_bytes(folder / FILE), folder / FILE)
+    return parse_checksums(read_bytes(folder / FILE), folder / FILE)
 
 
 def read_bytes(path: Path) -> bytes:
@@ -53,7 +53,7 @@ def read_bytes(path: Path) -> bytes:
     return path.read_bytes()
 
 
-def parse(data: bytes, path: Path) -> dict[str, str]:
+def parse_checksums(data: bytes, path: Path) -> dict[str, str]:
     """The digests in a list's bytes; `path` is for errors alone."""
     sums: dict[str, str] = {}
     last = b""
@@ -81,7 +81,7 @@ def of_files(files: Mapping[str, Path]) -> dict[str, str]:
 
     files: by relative path in the data set. Raises AdvpipeError for one too many or too few.
     """
-    sums = parse(read_bytes(files[FILE]), files[FILE])
+    sums = parse_checksums(read_bytes(files[FILE]), files[FILE])
     for name in sorted(set(sums) ^ (set(files) - set(UNLISTED))):
         what = "is missing, though it lists it" if name in sums else "is not listed"
         raise AdvpipeError(f"{files[FILE]}: {name} {what}")

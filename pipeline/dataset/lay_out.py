@@ -52,7 +52,7 @@ def refuse_folder(folder: Path, *, overwrite: bool) -> None:
         )
     found = read_layout(folder)
     found.refuse_running()
-    strangers = set(checksums.listed(folder)) - checksums.read(folder).keys()
+    strangers = set(checksums.listed_files(folder)) - checksums.read(folder).keys()
     own = sorted(name for name in strangers if not any(left.holds(folder / name) for left in found.leftovers))
     if own:
         raise UsageError(

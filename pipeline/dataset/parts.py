@@ -171,7 +171,7 @@ def _stated_sums(archive: Path, paths: list[Path]) -> dict[str, str]:
     path = sums_path(archive)
     if not path.is_file():
         return {}
-    sums = checksums.parse(checksums.read_bytes(path), path)
+    sums = checksums.parse_checksums(checksums.read_bytes(path), path)
     if sorted(sums) != sorted(part.name for part in paths):
         raise AdvpipeError(f"{path} lists {', '.join(sums) or 'nothing'}, not the parts that lie beside it")
     return sums

@@ -77,7 +77,7 @@ def public_pem(key: Ed25519PrivateKey) -> bytes:
     return key.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
 
 
-def sign(folder: Path, private_key_path: Path) -> Path:
+def sign_folder(folder: Path, private_key_path: Path) -> Path:
     """Sign a folder's SHA256SUMS; returns the signature's path."""
     key = load_private_key(private_key_path)
     target = folder / FILE
@@ -85,7 +85,7 @@ def sign(folder: Path, private_key_path: Path) -> Path:
     return target
 
 
-def verify(folder: Path, public_key_path: Path | None = None) -> None:
+def verify_signature(folder: Path, public_key_path: Path | None = None) -> None:
     """Check the signature of a folder's SHA256SUMS; raises AdvpipeError where it is missing or wrong.
 
     public_key_path: the signer's key as its owner gave it; without one, the key that lies in the folder,

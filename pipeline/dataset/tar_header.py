@@ -28,7 +28,7 @@ def padding(size_bytes: int) -> int:
     return -size_bytes % BLOCK_BYTES
 
 
-def header(name: str, size_bytes: int) -> bytes:
+def tar_header(name: str, size_bytes: int) -> bytes:
     """The header of a regular file, one block or with a pax header three and more.
 
     The bytes are those of Python's tarfile for a TarInfo of this name and size, in pax format.
@@ -58,10 +58,10 @@ def pax_length(block: bytes) -> int | None:
     return length + padding(length)
 
 
-def parse(records: bytes, block: bytes) -> tuple[str, int]:
+def parse_header(records: bytes, block: bytes) -> tuple[str, int]:
     """Name and size in bytes from pax records, if any, and a file's block.
 
-    Raises ValueError for bytes that are no header. The result is to be put into `header` and compared.
+    Raises ValueError for bytes that are no header. The result is to be put into `tar_header` and compared.
     """
     match = _PAX.fullmatch(records)
     if match is None:

@@ -22,8 +22,8 @@ from torch.autograd.function import once_differentiable
 from advpipe.pipeline.detector.protocol import (
     BatchDetector,
     Detections,
-    Detector,
     LossInput,
+    ObjectDetector,
     Range,
     VoxelGrid,
 )
@@ -36,7 +36,7 @@ KINDS = ("occupancy_loss", "loss", "detect")
 waiting: works that fell out of step are soon in step again."""
 
 
-def run_together(detector: BatchDetector, works: Sequence[Callable[[Detector], T]]) -> list[T]:
+def run_together(detector: BatchDetector, works: Sequence[Callable[[ObjectDetector], T]]) -> list[T]:
     """The results of the works, each called with a detector that answers in batches.
 
     Losses that it gives are differentiated once: their gradient is computed with them, if gradients are on in
@@ -78,7 +78,7 @@ class _End:
 
 
 class _Together:
-    def __init__(self, detector: BatchDetector, works: Sequence[Callable[[Detector], Any]]) -> None:
+    def __init__(self, detector: BatchDetector, works: Sequence[Callable[[ObjectDetector], Any]]) -> None:
         self._detector, self._works = detector, works
         self._inbox: SimpleQueue[tuple[int, _Question | _End]] = SimpleQueue()
         self._outboxes: list[SimpleQueue[Any]] = [SimpleQueue() for _ in works]

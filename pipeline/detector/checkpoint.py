@@ -17,9 +17,9 @@ from advpipe.pipeline.core.document import Document, Text, Word, read_json
 from advpipe.pipeline.core.errors import OutputExistsError, UsageError, wrong_use
 from advpipe.pipeline.core.shown import cut
 from advpipe.pipeline.core.whole_file import write_whole
-from advpipe.pipeline.detector.common.network import Network
+from advpipe.pipeline.detector.common.network import DetectionNetwork
 from advpipe.pipeline.detector.families import family_named, shipped_checkpoints
-from advpipe.pipeline.detector.protocol import Detector
+from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.detector.training_maps import with_listed_maps
 
 KIND = "advpipe-detector-1"
@@ -48,16 +48,21 @@ class _About(Document):
 class Checkpoint:
     """A trained network, and how its weights came to be, as text."""
 
-    net: Network
+    net: DetectionNetwork
     provenance: Mapping[str, str]
 
-    def detector(self) -> Detector:
+    def detector(self) -> ObjectDetector:
         """The network as a detector, its weights frozen."""
         return self.net.detector(self.provenance)
 
 
 def save_checkpoint(
-    net: Network, path: Path, provenance: Mapping[str, str], *, half: bool = True, overwrite: bool = False
+    net: DetectionNetwork,
+    path: Path,
+    provenance: Mapping[str, str],
+    *,
+    half: bool = True,
+    overwrite: bool = False,
 ) -> None:
     """Write the weights in half precision or single, the batch norms in single; beside, then renamed.
 
@@ -125,7 +130,7 @@ def _check_size(path: Path) -> None:
         raise UsageError(f"{path} is not a whole safetensors file ({reason}); train or copy it again")
 
 
-def _told_by(path: Path, metadata: Mapping[str, str]) -> tuple[Network, dict[str, str]]:
+def _told_by(path: Path, metadata: Mapping[str, str]) -> tuple[DetectionNetwork, dict[str, str]]:
     """The network that a checkpoint is of, its weights not set, and how it was trained."""
     where = f"{path} is no detector checkpoint of advpipe"
     with wrong_use():

@@ -12,7 +12,7 @@ from advpipe.pipeline.core.shown import shown
 from advpipe.pipeline.detector.common.preset import Preset
 
 if TYPE_CHECKING:
-    from advpipe.pipeline.detector.common.network import Network
+    from advpipe.pipeline.detector.common.network import DetectionNetwork
 
 
 class Family(ABC):
@@ -34,10 +34,10 @@ class Family(ABC):
         return {}
 
     @abstractmethod
-    def network(self, preset: str) -> Network:
+    def network(self, preset: str) -> DetectionNetwork:
         """A network with random weights, on the CPU; `preset` is one of `presets`."""
 
-    def import_weights(self, file: Path) -> tuple[Network, dict[str, str]]:
+    def import_weights(self, file: Path) -> tuple[DetectionNetwork, dict[str, str]]:
         """The network that others trained in a file of theirs, and where it is from, as text.
 
         Raises AdvpipeError for a file that holds none; runs no code from it.

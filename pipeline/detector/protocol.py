@@ -51,7 +51,7 @@ class Detections:
 
 
 @runtime_checkable
-class Detector(Protocol):
+class ObjectDetector(Protocol):
     """A 3D detector on LiDAR clouds.
 
     Tensors come to it on the CPU, whatever it computes on, and a gradient has to reach them there.
@@ -111,7 +111,7 @@ class VoxelGrid:
 
 
 @runtime_checkable
-class VoxelDetector(Detector, Protocol):
+class VoxelDetector(ObjectDetector, Protocol):
     """A detector that reads which voxels are occupied, and can say what each occupancy is worth."""
 
     @property

@@ -14,19 +14,19 @@ from advpipe.pipeline.core.shown import shown
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.detector.device import CPU, open_device
 from advpipe.pipeline.detector.families import shipped_checkpoints
-from advpipe.pipeline.detector.protocol import Detector
+from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.geometry.boxes import CLASSES
 
 if TYPE_CHECKING:
     import torch
 
 
-def load_detector(name_or_path: str, device: str = CPU) -> Detector:
+def load_detector(name_or_path: str, device: str = CPU) -> ObjectDetector:
     """The detector `small`, the one in `FILE.safetensors`, or an instance of `module:Class`.
 
     device: where it computes, as `open_device` takes it; clouds and tensors are given to it on the CPU
     whatever it is. A class is called without arguments, or with `device` (a torch.device) if its constructor
-    takes that; it has to implement `Detector`.
+    takes that; it has to implement `ObjectDetector`.
     """
     from advpipe.pipeline.detector.checkpoint import load_checkpoint
 
@@ -76,13 +76,13 @@ def _find_class(name: str) -> Callable[..., object]:
     return found
 
 
-def _load_class(name: str, device: torch.device) -> Detector:
+def _load_class(name: str, device: torch.device) -> ObjectDetector:
     found = _find_class(name)
     try:
         made = found(device=device) if _takes_device(found) else found()
     except (Exception, SystemExit) as error:  # a user's class may raise anything
         raise UsageError(f"cannot load detector {name}: {type(error).__name__}: {error}") from None
-    if not isinstance(made, Detector):
+    if not isinstance(made, ObjectDetector):
         raise UsageError(f"{name} is no detector: it needs classes, range_m, detect and loss")
     if not made.classes or not set(made.classes) <= set(CLASSES):
         raise UsageError(

@@ -11,7 +11,7 @@ from pydantic import BaseModel, Field, TypeAdapter
 
 from advpipe.pipeline.core import plain_json
 from advpipe.pipeline.core.hashing import sha256_of
-from advpipe.pipeline.detector.protocol import Detector
+from advpipe.pipeline.detector.protocol import ObjectDetector
 
 KEY = "maps_sha256"
 """Of a checkpoint's provenance: a JSON list of the `map_sha256` of its training drives' bags, each once;
@@ -45,7 +45,7 @@ class MapList(BaseModel, frozen=True):
     maps_sha256: dict[str, Sha256]
 
 
-def is_training_map(detector: Detector, map_sha256: str | None) -> bool | None:
+def is_training_map(detector: ObjectDetector, map_sha256: str | None) -> bool | None:
     """Whether the detector was trained on drives on this map; None where detector or bag do not tell."""
     known = detector.training_maps_sha256 if isinstance(detector, KnowsItsMaps) else None
     if known is None or map_sha256 is None:
@@ -61,10 +61,10 @@ def map_of(provenance: Mapping[str, str]) -> str | None:
     return told if re.fullmatch(r"[0-9a-f]{64}", told) else None
 
 
-def listed(text: str | None) -> list[str | None] | None:
+def listed_maps(text: str | None) -> list[str | None] | None:
     """The maps in a checkpoint's provenance; None where it lists none, or what is there is no such list."""
     try:
-        return None if text is None else _LIST.validate_python(plain_json.load(text, LIMIT_BYTES))
+        return None if text is None else _LIST.validate_python(plain_json.load_json(text, LIMIT_BYTES))
     except ValueError:  # a ValidationError is one
         return None
 
@@ -82,7 +82,7 @@ def with_listed_maps(
         return dict(provenance)
     for file in map(list_beside, shipped):
         if file.is_file():
-            known = MapList.model_validate(plain_json.load(file.read_bytes(), LIMIT_BYTES))
+            known = MapList.model_validate(plain_json.load_json(file.read_bytes(), LIMIT_BYTES))
             if sha256_of(checkpoint) == known.checkpoint_sha256:
                 maps = sorted(set(known.maps_sha256.values()))
                 return {**provenance, KEY: TypeAdapter(list[str]).dump_json(maps).decode()}

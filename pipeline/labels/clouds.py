@@ -12,7 +12,7 @@ import numpy as np
 
 from advpipe.pipeline.core.bounded_parquet import batches
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.labels.columns import Columns, schema
+from advpipe.pipeline.labels.columns import Columns, arrow_schema
 from advpipe.pipeline.labels.points import PointLabels
 from advpipe.pipeline.messages.cloud import StampedCloud
 
@@ -50,7 +50,7 @@ kilobyte or more of each group."""
 
 
 @dataclass(frozen=True)
-class Frame:
+class LabelledFrame:
     """One frame of an attacked topic; see `FRAME_COLUMNS`."""
 
     topic: str
@@ -69,7 +69,7 @@ class PointTables:
     def __init__(self, folder: Path) -> None:
         import pyarrow.parquet as pq
 
-        self._points, self._frames = schema(POINT_COLUMNS), schema(FRAME_COLUMNS)
+        self._points, self._frames = arrow_schema(POINT_COLUMNS), arrow_schema(FRAME_COLUMNS)
         self._points_writer = pq.ParquetWriter(str(folder / POINTS), self._points)
         self._frames_writer = pq.ParquetWriter(str(folder / FRAMES), self._frames)
         self._rows: list[dict[str, object]] = []
@@ -88,7 +88,7 @@ class PointTables:
         self._write_group()
         self._points_writer.close()
 
-    def add(self, frame: Frame, labels: PointLabels) -> None:
+    def add(self, frame: LabelledFrame, labels: PointLabels) -> None:
         """One frame, in the order of the bag, and the labels of its touched points."""
         import pyarrow as pa
 

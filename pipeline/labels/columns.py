@@ -11,7 +11,7 @@ Type = Literal["int32", "int64", "uint32", "uint64", "float32", "float64", "bool
 Columns = Mapping[str, Type]
 
 
-def schema(columns: Columns) -> Any:
+def arrow_schema(columns: Columns) -> Any:
     """The pyarrow schema of these columns, in their order."""
     import pyarrow as pa
 

@@ -52,7 +52,7 @@ class Terms(Document):
     published: Published = Published()
 
 
-class Part(Terms):
+class DeclaredPart(Terms):
     """One of the attacks that attackers of a mix draw from."""
 
     name: Word
@@ -63,9 +63,9 @@ class Declaration(Terms):
     draw."""
 
     family: Family
-    parts: Annotated[tuple[Part, ...], Field(max_length=MOST_PARTS)] = ()
+    parts: Annotated[tuple[DeclaredPart, ...], Field(max_length=MOST_PARTS)] = ()
 
-    def part(self, name: str) -> Part | None:
+    def part(self, name: str) -> DeclaredPart | None:
         """The part of this name; None where it is none of them."""
         return next((part for part in self.parts if part.name == name), None)
 

@@ -8,7 +8,7 @@ from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.section import ImuSensor
 
 
-class Imu:
+class ImuModel:
     """One inertial sensor at base_link's origin, aligned with it.
 
     The model of IEEE Std 952 and of Kalibr: white noise of density N, which at a rate f has the standard

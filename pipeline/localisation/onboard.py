@@ -13,12 +13,12 @@ from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.localisation.estimator import Estimator
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.localisation.gnss import GnssReceiver
-from advpipe.pipeline.localisation.imu import Imu
+from advpipe.pipeline.localisation.imu import ImuModel
 from advpipe.pipeline.localisation.measurements import ImuSamples, InitialPose, Measurements
 from advpipe.pipeline.localisation.motion import Motion, MotionStep
 from advpipe.pipeline.localisation.rotations import rotation
 from advpipe.pipeline.localisation.section import LocalisationFilter, OnBoardSensors
-from advpipe.pipeline.localisation.wheel import DeadReckoning, WheelOdometer, WheelOdometry
+from advpipe.pipeline.localisation.wheel import DeadReckoning, WheelEstimate, WheelOdometer
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class OnBoardStep:
     truth: MotionStep
     measured: Measurements
     fix_stddev_m: Float64
-    odometry: WheelOdometry
+    odometry: WheelEstimate
     estimate: Estimate
 
 
@@ -58,7 +58,7 @@ class OnBoard:
         self._receiver = GnssReceiver(
             sensors.gnss, step_s * self._steps_per_fix, named_generator(seed, "gnss", name)
         )
-        self._imu = Imu(sensors.imu, step_s, named_generator(seed, "imu", name))
+        self._imu = ImuModel(sensors.imu, step_s, named_generator(seed, "imu", name))
         self._wheels = WheelOdometer(sensors.wheel_odometry, named_generator(seed, "wheel", name))
         self._reckoning = DeadReckoning(sensors.wheel_odometry, step_s)
         self._steps = 0

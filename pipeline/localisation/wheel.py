@@ -40,7 +40,7 @@ class WheelOdometer:
 
 
 @dataclass(frozen=True)
-class WheelOdometry:
+class WheelEstimate:
     """Where the wheels alone believe to be.
 
     odom_SE3_base: the pose in the frame `odom`, in which the vehicle started. pose_covariance: (6, 6)
@@ -69,7 +69,7 @@ class DeadReckoning:
         self._covariance = np.diag(np.square([0.0, 0.0, 0.0, *systematic]))
         self._white = np.diag(np.square([sensor.speed_white_stddev_mps, sensor.turn_rate_white_stddev_radps]))
 
-    def advance(self, twist: WheelTwist) -> WheelOdometry:
+    def advance(self, twist: WheelTwist) -> WheelEstimate:
         """With the next twist; the first starts at the origin."""
         if self._last is not None:
             self._arc(self._last, twist)
@@ -78,7 +78,7 @@ class DeadReckoning:
         pose = NOT_MEASURED * np.eye(6)
         planar = [0, 1, 5]
         pose[np.ix_(planar, planar)] = self._covariance[:3, :3]
-        return WheelOdometry(se3_from_yaw([x_m, y_m, 0.0], yaw_rad), pose, self._twist_covariance(twist))
+        return WheelEstimate(se3_from_yaw([x_m, y_m, 0.0], yaw_rad), pose, self._twist_covariance(twist))
 
     def _arc(self, last: WheelTwist, twist: WheelTwist) -> None:
         distance_m = self._step_s * (last.speed_mps + twist.speed_mps) / 2

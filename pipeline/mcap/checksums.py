@@ -11,7 +11,7 @@ from mcap.records import DataEnd, Footer
 from mcap.writer import MCAP0_MAGIC
 
 from advpipe.pipeline.mcap.reader import mcap_errors
-from advpipe.pipeline.mcap.records import HEAD, parse, parse_chunk, read_records
+from advpipe.pipeline.mcap.records import HEAD, parse_chunk, parse_record, read_records
 from advpipe.pipeline.mcap.unpacking import UnpackBudget
 
 
@@ -56,7 +56,7 @@ def validate_checksums(path: Path) -> ChecksumCoverage:
                 budget.unpack(chunk)
                 chunks += 1
                 covered += chunk.uncompressed_crc != 0
-            told = parse(record.opcode, record.body)
+            told = parse_record(record.opcode, record.body)
             if isinstance(told, DataEnd):
                 if told.data_section_crc not in (0, crc):
                     raise ValueError("crc validation failed in DataEnd")

@@ -81,7 +81,7 @@ def qos_from_yaml(text: str) -> tuple[Qos, ...]:
     Raises ValueError for a text that is none.
     """
     try:
-        profiles = _PROFILES.validate_python(plain_yaml.load(text)) or ()
+        profiles = _PROFILES.validate_python(plain_yaml.load_yaml(text)) or ()
         return tuple(parse_qos([profile.model_dump() for profile in profiles]))  # type: ignore[misc]
     except (yaml.YAMLError, ValueError, ReaderError, LookupError, TypeError, AttributeError) as error:
         raise ValueError(f"offered_qos_profiles: {one_line(error)[:200]}") from None

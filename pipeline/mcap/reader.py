@@ -27,10 +27,10 @@ from advpipe.pipeline.mcap.channel import RawMessage, Topic
 from advpipe.pipeline.mcap.qos import qos_from_yaml
 from advpipe.pipeline.mcap.records import (
     inner_records,
-    parse,
     parse_chunk,
     parse_message,
     parse_message_index,
+    parse_record,
     read_records,
 )
 from advpipe.pipeline.mcap.summary import add_definition, data_records, read_metadata, read_summary
@@ -238,7 +238,7 @@ class McapFile:
                         channel_id = parse_message(body).channel_id
                         counts[channel_id] = counts.get(channel_id, 0) + 1
                     elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                        add_definition(summary, parse(opcode, body))
+                        add_definition(summary, parse_record(opcode, body))
         summary.channels = {key: one for key, one in summary.channels.items() if key in counts}
         summary.statistics = Statistics(0, len(counts), counts, 0, 0, sum(counts.values()), 0, 0, 0)
         return summary

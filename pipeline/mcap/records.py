@@ -113,7 +113,7 @@ def read_records(
         start += HEAD.size + length
 
 
-def parse(opcode: int, body: bytes | memoryview) -> McapRecord | None:
+def parse_record(opcode: int, body: bytes | memoryview) -> McapRecord | None:
     """A record other than a chunk, a message or its index; None for one that MCAP does not define."""
     reader = _READERS.get(opcode)
     return reader(ReadDataStream(BytesIO(body))) if reader else None
@@ -140,7 +140,7 @@ def parse_message_index(body: bytes) -> tuple[int, npt.NDArray[np.uint64]]:
     return channel_id, np.frombuffer(body, "<u8", offset=_INDEX_HEAD_BYTES).reshape(-1, 2)
 
 
-def unpack(chunk: Chunk, check_crc: bool = True) -> bytes:
+def unpack_chunk(chunk: Chunk, check_crc: bool = True) -> bytes:
     """The records in a chunk: exactly as many bytes as it declares, at most `CHUNK_LIMIT_BYTES`.
 
     Raises ValueError, or what the codec raises, for anything else and for a wrong checksum.

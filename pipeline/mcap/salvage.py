@@ -19,10 +19,10 @@ from advpipe.pipeline.mcap.reader import DAMAGE, check_ends, ros2_topic
 from advpipe.pipeline.mcap.records import (
     Record,
     inner_records,
-    parse,
     parse_chunk,
     parse_message,
     parse_message_index,
+    parse_record,
     read_records,
 )
 from advpipe.pipeline.mcap.summary import read_summary
@@ -103,7 +103,7 @@ class Salvage:
         for opcode, body in records:
             if opcode != Opcode.MESSAGE:
                 with suppress(*DAMAGE):
-                    self._define(parse(opcode, body))
+                    self._define(parse_record(opcode, body))
                 continue
             message = parse_message(body)
             if message.channel_id not in self._topics:  # defined in a chunk that is lost

@@ -10,7 +10,7 @@ from mcap.records import Channel, ChunkIndex, Footer, Metadata, MetadataIndex, S
 from mcap.summary import Summary
 from mcap.writer import MCAP0_MAGIC
 
-from advpipe.pipeline.mcap.records import Record, parse, read_records
+from advpipe.pipeline.mcap.records import Record, parse_record, read_records
 
 FOOTER_BYTES = 29
 METADATA_LIMIT_BYTES = 1 << 24
@@ -24,14 +24,14 @@ def read_summary(stream: IO[bytes]) -> Summary | None:
     """What the end of a whole file says about it; None where that says nothing."""
     end = stream.seek(0, 2) - len(MCAP0_MAGIC)
     footer = next(read_records(stream, end - FOOTER_BYTES, end))
-    told = parse(footer.opcode, footer.body)
+    told = parse_record(footer.opcode, footer.body)
     if not isinstance(told, Footer):
         raise ValueError("the footer is missing")
     if not told.summary_start:
         return None
     summary = Summary()
     for record in read_records(stream, told.summary_start, footer.start, _TOLD):
-        add_definition(summary, parse(record.opcode, record.body) if record.body else None)
+        add_definition(summary, parse_record(record.opcode, record.body) if record.body else None)
     return summary
 
 
@@ -60,7 +60,7 @@ def read_metadata(stream: IO[bytes], summary: Summary | None) -> dict[str, dict[
     for record in records:
         if len(record.body) > METADATA_LIMIT_BYTES:
             raise ValueError(f"the metadata record at {record.start} has {len(record.body)} bytes")
-        told = parse(record.opcode, record.body) if record.opcode == Opcode.METADATA else None
+        told = parse_record(record.opcode, record.body) if record.opcode == Opcode.METADATA else None
         if isinstance(told, Metadata):
             found[told.name] = told.metadata
     return found

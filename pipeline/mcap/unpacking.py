@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mcap.records import Chunk
 
-from advpipe.pipeline.mcap.records import unpack
+from advpipe.pipeline.mcap.records import unpack_chunk
 
 FREE_BYTES = 1 << 30
 RATIO = 100
@@ -26,7 +26,7 @@ class UnpackBudget:
     def unpack(self, chunk: Chunk) -> bytes:
         """As `mcap_records.unpack`; raises ValueError once the file has unpacked to too much."""
         self._take(chunk.uncompressed_size)
-        return unpack(chunk)
+        return unpack_chunk(chunk)
 
     def count_message(self) -> None:
         """Raises ValueError where the file has held too many messages."""

@@ -34,7 +34,7 @@ def time(stamp_ns: int) -> Any:
     return _Time(sec=seconds, nanosec=nanoseconds)
 
 
-def header(stamp_ns: int, frame_id: str) -> Any:
+def message_header(stamp_ns: int, frame_id: str) -> Any:
     return _Header(stamp=time(stamp_ns), frame_id=frame_id)
 
 
@@ -89,7 +89,7 @@ def odometry(
         linear=vector3(base_velocity_mps), angular=vector3(base_turn_rate_radps)
     )
     return message_class("nav_msgs/msg/Odometry")(
-        header=header(stamp_ns, frame_id),
+        header=message_header(stamp_ns, frame_id),
         child_frame_id=child_frame_id,
         pose=_PoseWithCovariance(pose=pose(map_SE3_base), covariance=_flat(pose_covariance)),
         twist=message_class("geometry_msgs/msg/TwistWithCovariance")(
@@ -109,7 +109,7 @@ def initial_pose(
     """geometry_msgs/PoseWithCovarianceStamped; the covariance (6, 6) is as in `odometry`."""
     orientation = _Quaternion(*(float(value) for value in np.asarray(xyzw)))
     return message_class("geometry_msgs/msg/PoseWithCovarianceStamped")(
-        header=header(stamp_ns, frame_id),
+        header=message_header(stamp_ns, frame_id),
         pose=_PoseWithCovariance(
             pose=_Pose(position=point(position_m), orientation=orientation), covariance=_flat(covariance)
         ),
@@ -133,7 +133,7 @@ def imu(
     no_orientation = np.zeros(9)
     no_orientation[0] = -1.0
     return message_class("sensor_msgs/msg/Imu")(
-        header=header(stamp_ns, frame_id),
+        header=message_header(stamp_ns, frame_id),
         orientation=_Quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
         orientation_covariance=no_orientation,
         angular_velocity=vector3(angular_rate_radps),
@@ -159,7 +159,7 @@ def nav_sat_fix(
     """
     status = message_class("sensor_msgs/msg/NavSatStatus")(status=0 if is_fix else -1, service=1)
     return message_class("sensor_msgs/msg/NavSatFix")(
-        header=header(stamp_ns, frame_id),
+        header=message_header(stamp_ns, frame_id),
         status=status,
         latitude=float(latitude_deg),
         longitude=float(longitude_deg),
@@ -176,7 +176,7 @@ def transforms(stamp_ns: int, parent_SE3_child: Iterable[tuple[str, str, Float64
     return message_class("tf2_msgs/msg/TFMessage")(
         transforms=[
             TransformStamped(
-                header=header(stamp_ns, parent),
+                header=message_header(stamp_ns, parent),
                 child_frame_id=child,
                 transform=Transform(translation=vector3(matrix[:3, 3]), rotation=quaternion(matrix)),
             )
@@ -185,7 +185,7 @@ def transforms(stamp_ns: int, parent_SE3_child: Iterable[tuple[str, str, Float64
     )
 
 
-def detections(stamp_ns: int, frame_id: str, boxes: Boxes) -> Any:
+def detections_message(stamp_ns: int, frame_id: str, boxes: Boxes) -> Any:
     """vision_msgs/Detection3DArray of boxes in that frame, each with score 1."""
     Detection = message_class("vision_msgs/msg/Detection3D")
     Result = message_class("vision_msgs/msg/ObjectHypothesisWithPose")
@@ -199,9 +199,11 @@ def detections(stamp_ns: int, frame_id: str, boxes: Boxes) -> Any:
             pose=_PoseWithCovariance(pose=centre, covariance=np.zeros(36)),
         )
         bounds = Bounds(center=centre, size=vector3(box[3:6]))
-        items.append(Detection(header=header(stamp_ns, frame_id), results=[result], bbox=bounds, id=name))
+        items.append(
+            Detection(header=message_header(stamp_ns, frame_id), results=[result], bbox=bounds, id=name)
+        )
     return message_class("vision_msgs/msg/Detection3DArray")(
-        header=header(stamp_ns, frame_id), detections=items
+        header=message_header(stamp_ns, frame_id), detections=items
     )
 
 
@@ -214,7 +216,7 @@ def road_users(
     """
     RoadUser = message_class("advpipe_msgs/msg/RoadUser")
     return message_class("advpipe_msgs/msg/RoadUserArray")(
-        header=header(stamp_ns, frame_id),
+        header=message_header(stamp_ns, frame_id),
         road_users=[
             RoadUser(
                 id=name,

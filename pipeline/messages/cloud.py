@@ -97,7 +97,7 @@ def _point_cloud2(points: int, stamp_ns: int, frame_id: str, is_dense: bool) -> 
         datatype = _OWN_FIELD_TYPES[dtype.str[1:]]
         fields.append(PointField(name=name, offset=offset, datatype=datatype, count=1))
     message = message_class("sensor_msgs/msg/PointCloud2")(
-        header=build.header(stamp_ns, frame_id),
+        header=build.message_header(stamp_ns, frame_id),
         height=1,
         width=points,
         fields=fields,

@@ -6,7 +6,7 @@ import math
 
 from advpipe.pipeline.messages.cdr import Cdr
 from advpipe.pipeline.v2x.codec.codes import StationType
-from advpipe.pipeline.v2x.facilities.ldm import Entry, Report, Snapshot
+from advpipe.pipeline.v2x.facilities.ldm import Entry, LdmReport, LdmSnapshot
 
 UNKNOWN_CLASS = "unknown"
 
@@ -31,7 +31,7 @@ def class_of(station_type: int) -> str:
     return _CLASS_OF_NUMBER.get(station_type, UNKNOWN_CLASS)
 
 
-def ldm_snapshot_cdr(snapshot: Snapshot, frame_id: str = "map") -> bytes:
+def ldm_snapshot_cdr(snapshot: LdmSnapshot, frame_id: str = "map") -> bytes:
     """advpipe_msgs/LdmSnapshot, serialised."""
     cdr = Cdr()
     cdr.header(snapshot.time_ns, frame_id)
@@ -42,7 +42,7 @@ def ldm_snapshot_cdr(snapshot: Snapshot, frame_id: str = "map") -> bytes:
     return bytes(cdr)
 
 
-def ldm_detections_cdr(snapshot: Snapshot, frame_id: str = "map") -> bytes:
+def ldm_detections_cdr(snapshot: LdmSnapshot, frame_id: str = "map") -> bytes:
     """vision_msgs/Detection3DArray, serialised.
 
     Ids are station ids, scores 1, sizes 0 where a CAM does not tell them. No CAM tells a height: boxes are
@@ -69,7 +69,7 @@ def _add_object(cdr: Cdr, entry: Entry, age_s: float) -> None:
     cdr.float32(report.yaw_rad, report.speed_mps, report.length_m, report.width_m)
 
 
-def _add_detection(cdr: Cdr, report: Report) -> None:
+def _add_detection(cdr: Cdr, report: LdmReport) -> None:
     """vision_msgs/Detection3D without its header: one hypothesis, the box, the id."""
     half_yaw = _known(report.yaw_rad) / 2
     pose = (*report.centre_m, 0.0, 0.0, math.sin(half_yaw), math.cos(half_yaw))

@@ -10,7 +10,7 @@ import numpy as np
 
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.pipeline.messages.build import box_pose, header, pose, vector3
+from advpipe.pipeline.messages.build import box_pose, message_header, pose, vector3
 from advpipe.pipeline.messages.types import message_class
 
 CLASS_COLOURS_RGB = {
@@ -80,7 +80,7 @@ def _colour(rgb: tuple[float, ...]) -> Any:
 
 
 def _marker(stamp_ns: int, frame_id: str, **values: Any) -> Any:
-    parts = {**_defaults(), "header": header(stamp_ns, frame_id), **values}
+    parts = {**_defaults(), "header": message_header(stamp_ns, frame_id), **values}
     return message_class("visualization_msgs/msg/Marker")(**parts)
 
 
@@ -88,7 +88,7 @@ def _marker(stamp_ns: int, frame_id: str, **values: Any) -> Any:
 def _defaults() -> dict[str, Any]:
     """What no marker of ours uses; made once, since there are many markers."""
     empty_image = message_class("sensor_msgs/msg/CompressedImage")(
-        header=header(0, ""), format="", data=np.zeros(0, np.uint8)
+        header=message_header(0, ""), format="", data=np.zeros(0, np.uint8)
     )
     empty_mesh = message_class("visualization_msgs/msg/MeshFile")(filename="", data=np.zeros(0, np.uint8))
     return {

@@ -20,7 +20,7 @@ from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATIONS, VehicleTopi
 from advpipe.pipeline.v2x.channel import Received, Sent
 from advpipe.pipeline.v2x.codec.btp import btp_packet
 from advpipe.pipeline.v2x.codec.cam_error import CamError
-from advpipe.pipeline.v2x.codec.codec import CamTree, decode
+from advpipe.pipeline.v2x.codec.codec import CamTree, decode_cam_tree
 from advpipe.pipeline.v2x.radio.stations import Stations
 from advpipe.pipeline.v2x.section import V2x
 
@@ -102,7 +102,7 @@ def sent_of_message(message: Any) -> Sent:
 def own_messages(topics: VehicleTopics, sent: Sent) -> Iterator[StampedCdr]:
     """What a vehicle sends, as its own radio shows it: bytes, and values where they are a CAM's."""
     try:
-        tree = decode(sent.payload)
+        tree = decode_cam_tree(sent.payload)
     except CamError:
         tree = None
     yield from _packet(topics.sent_raw, topics.sent_cam, sent.payload, tree, sent.request_ns)

@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64, wrap_angle
 from advpipe.pipeline.misbehaviour import checks, tuned
-from advpipe.pipeline.misbehaviour.claim import Claim, Receiver
+from advpipe.pipeline.misbehaviour.claim import Claim, ReceivingVehicle
 
 CATCH_CHECKS = (
     *("range", "position", "speed", "position_consistency", "speed_consistency"),
@@ -82,7 +82,7 @@ class CatchMessages:
     before: npt.NDArray[np.int64]
 
 
-def catch_messages(claims: Sequence[Claim], receivers: Sequence[Receiver]) -> CatchMessages:
+def catch_messages(claims: Sequence[Claim], receivers: Sequence[ReceivingVehicle]) -> CatchMessages:
     """What the checks need, once for all parameters."""
     fields = (
         *("x_m", "y_m", "yaw_rad", "speed_mps", "position_m", "speed_confidence_mps"),
@@ -228,7 +228,7 @@ def _heading(
 
 def _overlap(claim: Claim, claims: Sequence[Claim], newest: dict[int, int]) -> tuple[float, float]:
     """With the box of any other station's last message as it was told, and how old that is."""
-    own = checks.box(claim, claim.generation_ns)
+    own = checks.claimed_box(claim, claim.generation_ns)
     if own is None:
         return 0.0, 0.0
     worst, age_s = 0.0, 0.0
@@ -238,7 +238,7 @@ def _overlap(claim: Claim, claims: Sequence[Claim], newest: dict[int, int]) -> t
             break
         if station == claim.station_id or abs(other.x_m - claim.x_m) + abs(other.y_m - claim.y_m) > 30:
             continue
-        box = checks.box(other, other.generation_ns)
+        box = checks.claimed_box(other, other.generation_ns)
         share = 0.0 if box is None else checks.overlap_share(own, [box])
         if share > worst:
             worst, age_s = share, (claim.arrival_ns - other.arrival_ns) / 1e9

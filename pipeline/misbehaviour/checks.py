@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from advpipe.pipeline.geometry.iou import intersection_area
-from advpipe.pipeline.misbehaviour.claim import Claim, Receiver
+from advpipe.pipeline.misbehaviour.claim import Claim, ReceivingVehicle
 from advpipe.pipeline.misbehaviour.config import Expectation
 
 LEAST_WAY_M = 1.0
@@ -19,7 +19,7 @@ LEAST_SPEED_MPS = 1.0
 _SHORT_S = 0.02
 
 
-def range_m(claim: Claim, receiver: Receiver) -> float:
+def claimed_range_m(claim: Claim, receiver: ReceivingVehicle) -> float:
     """How far off it claims to be."""
     return math.hypot(claim.x_m - receiver.x_m, claim.y_m - receiver.y_m)
 
@@ -141,12 +141,12 @@ def size_m(claim: Claim, last: Claim) -> float:
     return float(np.fmax(abs(claim.length_m - last.length_m), abs(claim.width_m - last.width_m)))
 
 
-def appearance_m(claim: Claim, receiver: Receiver, earshot_m: float) -> float:
+def appearance_m(claim: Claim, receiver: ReceivingVehicle, earshot_m: float) -> float:
     """How far within earshot a station is that nobody has heard of."""
-    return max(earshot_m - range_m(claim, receiver), 0.0)
+    return max(earshot_m - claimed_range_m(claim, receiver), 0.0)
 
 
-def box(claim: Claim, at_ns: int) -> tuple[float, ...] | None:
+def claimed_box(claim: Claim, at_ns: int) -> tuple[float, ...] | None:
     """Its box at another time, seen from above: columns of `BOX_COLUMNS`; None where it tells none."""
     dx_mps, dy_mps = velocity_mps(claim)
     later_s = (at_ns - claim.generation_ns) / 1e9

@@ -10,7 +10,7 @@ from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.misbehaviour.roads import NO_ROADS, RoadMap
 from advpipe.pipeline.v2x.codec.codes import DriveDirection
 from advpipe.pipeline.v2x.facilities.cam import Cam
-from advpipe.pipeline.v2x.facilities.ldm import Report, reports_of_cams
+from advpipe.pipeline.v2x.facilities.ldm import LdmReport, reports_of_cams
 
 _TOLD = (
     *("latitude_deg", "longitude_deg", "heading_rad", "speed_mps", "length_m", "width_m"),
@@ -54,7 +54,7 @@ class Claim(NamedTuple):
         return self.station_id >= 0
 
 
-class Receiver(NamedTuple):
+class ReceivingVehicle(NamedTuple):
     """The receiving vehicle as it knows itself when a message arrives: the middle of its box."""
 
     station_id: int
@@ -87,7 +87,7 @@ def claims_of_cams(
     ]
 
 
-def _claim(cam: Cam, report: Report | None, arrival_ns: int) -> Claim:
+def _claim(cam: Cam, report: LdmReport | None, arrival_ns: int) -> Claim:
     invalid = 0
     if cam.roadside is None:
         values = [getattr(cam, name) for name in _TOLD]

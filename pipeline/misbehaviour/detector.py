@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.misbehaviour import checks
-from advpipe.pipeline.misbehaviour.claim import Claim, Receiver
+from advpipe.pipeline.misbehaviour.claim import Claim, ReceivingVehicle
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig, Expectation
 from advpipe.pipeline.misbehaviour.track import Track
 
@@ -43,7 +43,7 @@ class _Station:
     suspect: Track | None = None
 
 
-class Detector:
+class MisbehaviourDetector:
     """Keeps what a receiver remembers; `judge` takes one message after the other.
 
     >>> detector = Detector(config)
@@ -57,7 +57,7 @@ class Detector:
         self._first_ns: int | None = None
         self._swept_ns = 0
 
-    def judge(self, claim: Claim, receiver: Receiver) -> tuple[list[float], bool]:
+    def judge(self, claim: Claim, receiver: ReceivingVehicle) -> tuple[list[float], bool]:
         """Statistics in the order of `CHECKS`, and whether the message is flagged."""
         if self._first_ns is None:
             self._first_ns = claim.arrival_ns
@@ -116,9 +116,9 @@ class Detector:
         # A message that fits what is believed is, even if it fits a lie as well.
         return (suspect, True) if to_suspect <= limit < to_believed else (believed, False)
 
-    def _measure_alone(self, values: dict[str, float], claim: Claim, receiver: Receiver) -> None:
+    def _measure_alone(self, values: dict[str, float], claim: Claim, receiver: ReceivingVehicle) -> None:
         values["identity"] = float(claim.station_id == receiver.station_id)
-        values["range"] = checks.range_m(claim, receiver)
+        values["range"] = checks.claimed_range_m(claim, receiver)
         values["speed"] = abs(claim.speed_mps)
         values["position"] = claim.off_road_m
         if abs(claim.speed_mps) >= checks.LEAST_SPEED_MPS:
@@ -140,9 +140,9 @@ class Detector:
         values["impulse"] = track.impulse(claim, self._config)
         values["kalman"] = track.innovation(claim)
 
-    def _overlap(self, claim: Claim, receiver: Receiver, own: _Station) -> float:
+    def _overlap(self, claim: Claim, receiver: ReceivingVehicle, own: _Station) -> float:
         """With the receiver, and with stations believed: of two, the younger one is in the wrong."""
-        box = checks.box(claim, claim.arrival_ns)
+        box = checks.claimed_box(claim, claim.arrival_ns)
         if box is None:
             return math.nan
         others: list[tuple[float, ...]] = [
@@ -158,7 +158,7 @@ class Detector:
             x_m, y_m = track.last.x_m - claim.x_m, track.last.y_m - claim.y_m
             if x_m * x_m + y_m * y_m > 60.0**2:  # no box reaches so far, with a second of motion
                 continue
-            if (theirs := checks.box(track.last, claim.arrival_ns)) is not None:
+            if (theirs := checks.claimed_box(track.last, claim.arrival_ns)) is not None:
                 others.append(theirs)
         return checks.overlap_share(box, others)
 
@@ -198,9 +198,11 @@ class Detector:
         station.suspect.last_fault_ns = at_ns
 
 
-def judge_all(claims: Sequence[Claim], receivers: Sequence[Receiver], config: DetectorConfig) -> Judgement:
+def judge_all(
+    claims: Sequence[Claim], receivers: Sequence[ReceivingVehicle], config: DetectorConfig
+) -> Judgement:
     """Goes through the messages of one receiver, in order of arrival, with its own pose at each."""
-    detector = Detector(config)
+    detector = MisbehaviourDetector(config)
     statistics = np.full((len(claims), len(CHECKS)), np.nan)
     flagged = np.zeros(len(claims), bool)
     for row, (claim, receiver) in enumerate(zip(claims, receivers, strict=True)):

@@ -21,7 +21,7 @@ from advpipe.pipeline.misbehaviour.catch import (
     catch_flags,
     catch_messages,
 )
-from advpipe.pipeline.misbehaviour.claim import Claim, Receiver
+from advpipe.pipeline.misbehaviour.claim import Claim, ReceivingVehicle
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
 from advpipe.pipeline.misbehaviour.detector import judge_all
 from advpipe.pipeline.misbehaviour.scores import Bools, scores
@@ -40,7 +40,7 @@ class Stream:
     """What one receiver heard in order of arrival, and which of it were lies (M,)."""
 
     claims: Sequence[Claim]
-    receivers: Sequence[Receiver]
+    receivers: Sequence[ReceivingVehicle]
     is_lie: Bools
     attack: str = ""
 

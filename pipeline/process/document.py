@@ -19,19 +19,19 @@ def strict_json(document: Mapping[str, Any]) -> str:
       "ratio": null
     }
     """
-    text = json.dumps(plain(document), indent=2, allow_nan=False)
+    text = json.dumps(plain_document(document), indent=2, allow_nan=False)
     return text.replace("\x7f", "\\u007f")  # the one control character that json leaves as it is
 
 
-def plain(value: Any) -> Any:
+def plain_document(value: Any) -> Any:
     """The value with nothing but what JSON has: dataclasses, paths and numpy's numbers are turned into it."""
     if is_dataclass(value) and not isinstance(value, type):
-        return {one.name: plain(getattr(value, one.name)) for one in fields(value)}
+        return {one.name: plain_document(getattr(value, one.name)) for one in fields(value)}
     if isinstance(value, Mapping):
-        return {plain(str(key)): plain(item) for key, item in value.items()}
+        return {plain_document(str(key)): plain_document(item) for key, item in value.items()}
     if isinstance(value, list | tuple | set | frozenset):
         items = sorted(value) if isinstance(value, set | frozenset) else value
-        return [plain(item) for item in items]
+        return [plain_document(item) for item in items]
     if hasattr(value, "item") and not isinstance(value, str):  # a scalar of numpy's
         value = value.item()
     if isinstance(value, float):

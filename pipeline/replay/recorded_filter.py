@@ -15,7 +15,7 @@ from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.localisation.estimator import Estimator
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.topics import SCENARIO_INFO, VehicleTopics
-from advpipe.pipeline.scenario.map import Origin
+from advpipe.pipeline.scenario.map import GeoOrigin
 from advpipe.pipeline.scenario.sensors import Sensors
 from advpipe.pipeline.scenario.simulation import Simulation
 
@@ -27,7 +27,7 @@ class RecordedFilter:
     """sensors: the models that filters assume. origin: of the map. clock: of the drive."""
 
     sensors: Sensors
-    origin: Origin
+    origin: GeoOrigin
     clock: Simulation
 
     @property

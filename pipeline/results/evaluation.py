@@ -13,7 +13,7 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.tabular import Rows, Tabular, data_frame
 from advpipe.pipeline.results.figures import Record
 from advpipe.pipeline.results.listed import Listed
-from advpipe.pipeline.results.origin import Origin
+from advpipe.pipeline.results.origin import ResultsOrigin
 from advpipe.pipeline.results.records import PrecisionRecord
 from advpipe.pipeline.results.row import ResultRow
 
@@ -37,7 +37,7 @@ class Evaluation(Tabular):
     """
 
     results: tuple[ResultRow, ...]
-    origin: Origin
+    origin: ResultsOrigin
     formulas: Mapping[str, str]
     average_precision: tuple[PrecisionRecord, ...] = ()
     records: Mapping[str, Sequence[Listed]]
@@ -58,7 +58,7 @@ class Evaluation(Tabular):
         if table != "rows" and table not in listed:
             raise UsageError(f"no table {table!r}; this report has {', '.join(['rows', *listed])}")
         rows = self.rows if table == "rows" else [each.record() for each in listed[table]]
-        return [{key: plain(value) for key, value in row.items()} for row in rows]
+        return [{key: plain_value(value) for key, value in row.items()} for row in rows]
 
     def to_pandas(self, table: str = "rows") -> pd.DataFrame:
         """The same table as a `pandas.DataFrame`. Raises UsageError where pandas is not installed."""
@@ -76,23 +76,23 @@ class Evaluation(Tabular):
             "rows": self.rows,
             "schema": SCHEMA,
         }
-        text = json.dumps(plain(document), indent=2, sort_keys=True, allow_nan=False)
+        text = json.dumps(plain_value(document), indent=2, sort_keys=True, allow_nan=False)
         listed = {"average_precision": self.average_precision, **self.records}
         lists = "".join(f'\n  "{key}": {_one_a_line(each)},' for key, each in sorted(listed.items()))
         return f"{{{lists}{text[1:]}\n"
 
 
 def _one_a_line(results: Sequence[Listed]) -> str:
-    lines = [json.dumps(plain(each.record()), sort_keys=True, allow_nan=False) for each in results]
+    lines = [json.dumps(plain_value(each.record()), sort_keys=True, allow_nan=False) for each in results]
     return "[" + ",".join(f"\n    {line}" for line in lines) + "\n  ]"
 
 
-def plain(value: object) -> object:
+def plain_value(value: object) -> object:
     """A value that JSON knows: numbers rounded to `SIGNIFICANT_DIGITS`, None for NaN."""
     if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {str(key): plain_value(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
+        return [plain_value(item) for item in value]
     if isinstance(value, float | np.floating):
         return float(f"{value:.{SIGNIFICANT_DIGITS}g}") if np.isfinite(value) else None
     return value

@@ -39,7 +39,7 @@ class DetectorOrigin:
 
 
 @dataclass(frozen=True)
-class Origin:
+class ResultsOrigin:
     """advpipe: its version. code_sha256: of the code that decides what a report says. device: the kind of
     GPU; None for the CPU, of which a report says nothing."""
 

@@ -15,7 +15,7 @@ from advpipe.pipeline.results.evaluation import SCHEMA
 from advpipe.pipeline.results.figures import CRITERIA, CloudFigures, Precisions, RecountedFigures
 from advpipe.pipeline.results.listed import Flat, LeftOut, key_of, shape
 from advpipe.pipeline.results.localisation import LocalisationRecord
-from advpipe.pipeline.results.origin import Origin
+from advpipe.pipeline.results.origin import ResultsOrigin
 from advpipe.pipeline.results.records import (
     BaselineRecord,
     DefenceRecord,
@@ -60,7 +60,7 @@ def report_schema() -> Schema:
             "schema": {"const": SCHEMA},
             "banners": _list({"type": "string"}),
             "formulas": {"type": "object", "additionalProperties": {"type": "string"}},
-            "provenance": _object(Origin, optional=("device",)),
+            "provenance": _object(ResultsOrigin, optional=("device",)),
             "rows": _list(_row()),
             **{key: _list(_object(record)) for key, record in lists.items()},
             "defences": _list(_defence()),

@@ -47,7 +47,7 @@ class DocumentError(ValueError):
 
 
 @dataclass(frozen=True)
-class Document:
+class ScenarioText:
     """The values of a text, and where they stand; nothing in `tree` is shared, so that it may be changed."""
 
     tree: Any
@@ -72,7 +72,7 @@ class Document:
         return found
 
 
-def read_document(text: str) -> Document:
+def read_document(text: str) -> ScenarioText:
     """The document in a text.
 
     Raises DocumentError for a text that is no YAML or too large with its aliases written out, a tag that is
@@ -93,9 +93,9 @@ def read_document(text: str) -> Document:
             f"not YAML: {cut(str(problem))}", min(mark.line + 1, last) if mark else None
         ) from None
     if root is None:
-        return Document(None, None)
+        return ScenarioText(None, None)
     _Sizes().add(root)
-    return Document(_Plain("").value_of(root), root)
+    return ScenarioText(_Plain("").value_of(root), root)
 
 
 def _check_events(text: str) -> None:

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ValidationError
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.section import IsFile
 from advpipe.pipeline.core.shown import cut, shown
-from advpipe.pipeline.scenario.document import LIMIT_BYTES, Document, DocumentError, read_document
+from advpipe.pipeline.scenario.document import LIMIT_BYTES, DocumentError, ScenarioText, read_document
 from advpipe.pipeline.scenario.map import MAP_SOURCES
 from advpipe.pipeline.scenario.models import Scenario
 
@@ -93,7 +93,7 @@ def _find(name_or_path: str) -> Path:
     )
 
 
-def _read(path: Path) -> Document:
+def _read(path: Path) -> ScenarioText:
     if path.stat().st_size > LIMIT_BYTES:
         raise AdvpipeError(f"{path} is over {LIMIT_BYTES // 1_000_000} MB; that is no scenario file")
     try:
@@ -203,7 +203,7 @@ def _apply(tree: dict[str, Any], place: str, value: object) -> tuple[str, ...]:
 
 
 def _explain(
-    error: ValidationError, path: Path, document: Document, overridden: Sequence[tuple[str, ...]]
+    error: ValidationError, path: Path, document: ScenarioText, overridden: Sequence[tuple[str, ...]]
 ) -> str:
     """The first problem in one line: file and line or `--set`, place, what is wrong, nearest key."""
     first = error.errors()[0]

@@ -12,7 +12,7 @@ from advpipe.pipeline.core.section import File, Number, Positive, Section, Whole
 MAP_SOURCES = ("opendrive", "sumo_net", "generator")
 
 
-class Origin(Section):
+class GeoOrigin(Section):
     """Where the map's origin lies on the Earth."""
 
     latitude_deg: Number = Field(48.1351, ge=-85, le=85)
@@ -42,7 +42,7 @@ class Map(Section):
     opendrive: File | None = Field(None, description="path of an OpenDRIVE .xodr file")
     sumo_net: File | None = Field(None, description="path of a SUMO .net.xml file")
     generator: Generator | None = Field(None, description="settings of a generated network")
-    origin: Origin = Origin()
+    origin: GeoOrigin = GeoOrigin()
 
     @model_validator(mode="after")
     def _one_source(self) -> Map:

@@ -15,7 +15,7 @@ from advpipe.pipeline.localisation.section import (
     WheelOdometrySensor,
 )
 from advpipe.pipeline.sensors.registry import SENSORS
-from advpipe.pipeline.sensors.sensor import Drive, MountedSection, MountedSensor, Sensor
+from advpipe.pipeline.sensors.sensor import DriveSettings, MountedSection, MountedSensor, Sensor
 
 VEHICLE_FRAMES = ("base_link", "imu", "odom")
 """Frames that each vehicle has beside those of its mounted sensors, which have their names."""
@@ -48,7 +48,7 @@ class CarriedSensors(Section):
             if issubclass(kind, MountedSensor) and kind.carried_by(vehicle, getattr(self, key)):
                 yield key, kind
 
-    def mounted_on(self, vehicle: str, drive: Drive) -> list[MountedSensor[Any]]:
+    def mounted_on(self, vehicle: str, drive: DriveSettings) -> list[MountedSensor[Any]]:
         """Those of a vehicle, made for a drive."""
         return [
             kind(vehicle, kind.carried_by(vehicle, getattr(self, key)), drive)

@@ -15,6 +15,7 @@ IMU_BYTES = 380
 class Gnss(OnBoardSensor[GnssSensor]):
     """The satellite receiver."""
 
+    title = "GNSS receiver"
     section = GnssSensor
 
     @classmethod
@@ -37,6 +38,7 @@ class Gnss(OnBoardSensor[GnssSensor]):
 class Imu(OnBoardSensor[ImuSensor]):
     """The inertial measurement unit."""
 
+    title = "IMU"
     section = ImuSensor
 
     @classmethod
@@ -63,6 +65,7 @@ class Imu(OnBoardSensor[ImuSensor]):
 class WheelOdometry(OnBoardSensor[WheelOdometrySensor]):
     """Speed and turn rate from the wheels."""
 
+    title = "wheel odometry"
     section = WheelOdometrySensor
 
     @classmethod

@@ -47,7 +47,7 @@ class Panel:
 
 
 @dataclass(frozen=True)
-class Drive:
+class DriveSettings:
     """What the sensors of a drive are made with. markers: whether truth is drawn for viewers as well."""
 
     seed: int
@@ -83,9 +83,10 @@ class Reading:
 class Sensor(ABC, Generic[SectionT]):
     """One kind of sensor. Its key in the scenario's section `sensors` is that of the registry.
 
-    section: its part of the scenario file.
+    title: what readers of a data set's card know it by. section: its part of the scenario file.
     """
 
+    title: ClassVar[str]
     section: ClassVar[type[Section]]
 
     @classmethod
@@ -152,7 +153,7 @@ class MountedSensor(Sensor[MountedT]):
     mounts: Mapping[str, Float64]
 
     @abstractmethod
-    def __init__(self, vehicle: str, sections: Mapping[str, MountedT], drive: Drive) -> None: ...
+    def __init__(self, vehicle: str, sections: Mapping[str, MountedT], drive: DriveSettings) -> None: ...
 
     @abstractmethod
     def sense(self, instant: Instant) -> Reading:

@@ -13,10 +13,16 @@ import numpy as np
 
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.v2x.codec.cam_error import CamError
-from advpipe.pipeline.v2x.codec.codec import CamTree, decode
+from advpipe.pipeline.v2x.codec.codec import CamTree, decode_cam_tree
 from advpipe.pipeline.v2x.facilities.cam import CamCore
 from advpipe.pipeline.v2x.facilities.cam_tree import core_of_tree
-from advpipe.pipeline.v2x.facilities.ldm import LocalDynamicMap, Report, Snapshot, Verdict, reports_of_cams
+from advpipe.pipeline.v2x.facilities.ldm import (
+    LdmReport,
+    LdmSnapshot,
+    LocalDynamicMap,
+    Verdict,
+    reports_of_cams,
+)
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.load import WINDOW_NS, ChannelLoad
 from advpipe.pipeline.v2x.radio.medium import Medium, Step
@@ -115,7 +121,7 @@ class Channel:
             received += self._receive(outcomes, now_ns, stations)
         return ChannelResult(tuple(received))
 
-    def snapshot(self, listener: str, now_ns: int) -> Snapshot:
+    def snapshot(self, listener: str, now_ns: int) -> LdmSnapshot:
         """The Local Dynamic Map of a listener."""
         return self._maps[listener].snapshot(now_ns)
 
@@ -153,11 +159,13 @@ class Channel:
             sent = self._on_air[reception.message]
             yield Received(listener, sent, tree, arrival_ns, reception.power_dbm, reception.sinr_db, verdict)
 
-    def _open(self, first_arrivals_ns: Mapping[int, int]) -> dict[int, tuple[CamTree | None, Report | None]]:
+    def _open(
+        self, first_arrivals_ns: Mapping[int, int]
+    ) -> dict[int, tuple[CamTree | None, LdmReport | None]]:
         """What messages say, by their numbers: each is decoded once, however many receive it."""
-        opened: dict[int, tuple[CamTree | None, Report | None]] = {}
+        opened: dict[int, tuple[CamTree | None, LdmReport | None]] = {}
         cams: dict[int, CamCore] = {}
-        opens = self._decoder or decode
+        opens = self._decoder or decode_cam_tree
         for number in first_arrivals_ns:
             try:
                 tree = opens(self._on_air[number].payload)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import inspect
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.shown import shown
 from advpipe.pipeline.labels.declaration import Family
 from advpipe.pipeline.labels.quantity import Quantity
 
@@ -51,3 +53,19 @@ def refuse_undeclared(kind: type[Attack]) -> None:
         raise UsageError(f"{name} declares no traits of its own, only its parent's; give it some")
     if not isinstance(found := vars(kind)["traits"], kind.traits_type):
         raise UsageError(f"{name}: traits are {type(found).__name__}, no {kind.traits_type.__name__}")
+
+
+def checked_bounds(
+    attack: str, kind: type[Attack], bounds: Mapping[str, tuple[float, float]]
+) -> dict[str, tuple[float, float]]:
+    """The bounds as numbers. Raises AdvpipeError for a quantity that nobody measures, and for one that is not
+    finite."""
+    checked = {}
+    for name, (least, most) in bounds.items():
+        if name not in kind.quantities:
+            known = ", ".join(kind.quantities)
+            raise UsageError(f"{attack} bounds {shown(name)}, which nobody measures; known: {known}")
+        if not math.isfinite(float(least) - float(most)):
+            raise UsageError(f"{attack} bounds {name} by {least} to {most}, which are no finite numbers")
+        checked[name] = float(least), float(most)
+    return checked

@@ -10,7 +10,7 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.shown import shown
 
 
-def number(attack: str, parameter: str, value: Any, low: float, high: float = math.inf) -> float:
+def checked_number(attack: str, parameter: str, value: Any, low: float, high: float = math.inf) -> float:
     """The value; raises AdvpipeError, with the attack's and the parameter's names, where it is no finite
     number or outside of [low, high]."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not is_within(value, low, high):
@@ -25,7 +25,7 @@ def is_within(value: float, low: float, high: float) -> bool:
 
 def whole(attack: str, parameter: str, value: Any, low: int, high: int) -> int:
     """The same for whole numbers."""
-    if int(number(attack, parameter, value, low, high)) != value:
+    if int(checked_number(attack, parameter, value, low, high)) != value:
         raise UsageError(f"{attack}: {parameter} is {shown(value)}; it takes a whole number")
     return int(value)
 
@@ -33,7 +33,10 @@ def whole(attack: str, parameter: str, value: Any, low: int, high: int) -> int:
 def span(attack: str, parameter: str, low: Any, high: Any, least: float, most: float) -> tuple[float, float]:
     """Both ends of a range to draw from, in order; `{}` in the parameter's name stands for min and max."""
     names = parameter.format("min"), parameter.format("max")
-    ends = number(attack, names[0], low, least, most), number(attack, names[1], high, least, most)
+    ends = (
+        checked_number(attack, names[0], low, least, most),
+        checked_number(attack, names[1], high, least, most),
+    )
     if ends[0] > ends[1]:
         raise UsageError(f"{attack}: {names[0]}, {low:g}, is above {names[1]}, {high:g}")
     return ends

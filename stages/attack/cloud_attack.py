@@ -12,7 +12,7 @@ from advpipe.pipeline.bag.frames import FrameSlice, read_frames
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.detector.batching import run_together
 from advpipe.pipeline.detector.device import CPU
-from advpipe.pipeline.detector.protocol import BatchDetector, Detector
+from advpipe.pipeline.detector.protocol import BatchDetector, ObjectDetector
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.scenario.attacks import AttackSpec
@@ -68,7 +68,7 @@ def cloud_attacker(
         """Members of a group run in threads, and a user's attack may keep things in itself."""
         return build_lidar_attack(attacks[attack])
 
-    def attack_cloud(place: int, attack: LidarAttack, detector: Detector) -> LidarResult:
+    def attack_cloud(place: int, attack: LidarAttack, detector: ObjectDetector) -> LidarResult:
         cloud = clouds[place]
         spec = attacks[cloud.attack]
         only = FrameSlice(cloud.frame, cloud.frame + 1)

@@ -16,7 +16,7 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.scenario.attacks import AttackSpec
-from advpipe.stages.attack.recording import Recording
+from advpipe.stages.attack.recording import RecordedTimes
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class CloudPlan:
 
 
 def plan_clouds(
-    reader: BagReader, attacks: Sequence[AttackSpec], frames: FrameSlice, recording: Recording, seed: int
+    reader: BagReader, attacks: Sequence[AttackSpec], frames: FrameSlice, recording: RecordedTimes, seed: int
 ) -> CloudPlan:
     """Who attacks which clouds; at most one attack for each.
 

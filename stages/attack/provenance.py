@@ -19,7 +19,14 @@ _WHEN = ("pipeline/scenario/attacks.py", "stages/attack/clouds.py", "stages/atta
 
 _LABELS = tuple(f"pipeline/labels/{name}.py" for name in ("points", "quantities", "quantity"))
 
-LIDAR = (*CLOUDS, *_WHEN, *_LABELS, "stages/attack/lidar", "stages/attack/cloud_attack.py")
+LIDAR = (
+    *CLOUDS,
+    *_WHEN,
+    *_LABELS,
+    "stages/attack/bounds.py",
+    "stages/attack/cloud_attack.py",
+    "stages/attack/lidar",
+)
 """The code that decides what becomes of which clouds."""
 
 MESSAGES = (
@@ -37,7 +44,7 @@ MESSAGES = (
 """The code that decides what becomes of messages and fixes."""
 
 
-def provenance_of(reader: BagReader, request: AttackRequest) -> dict[str, str]:
+def job_provenance(reader: BagReader, request: AttackRequest) -> dict[str, str]:
     """The record of the bag that the request makes of this one; raises AdvpipeError for a bad request."""
     headline = request.headline()
     record = attack_provenance(
@@ -63,5 +70,5 @@ def resolved_text(provenance: dict[str, str]) -> str:
         key: value for key, value in provenance.items() if key not in ("kind", "scenario")
     }
     for key in {"parameters", "attacks", "versions", "lidar_topics", "looks"} & plain.keys():
-        plain[key] = plain_json.load(plain[key])
+        plain[key] = plain_json.load_json(plain[key])
     return yaml.safe_dump(plain, sort_keys=True)

@@ -10,7 +10,7 @@ from advpipe.pipeline.scenario.attacks import NS_PER_S, AttackSpec
 
 
 @dataclass(frozen=True)
-class Recording:
+class RecordedTimes:
     """The log times of the first and of the last message of a bag."""
 
     start_ns: int
@@ -30,7 +30,7 @@ class Recording:
             )
 
 
-def recording_of(reader: BagReader) -> Recording:
+def recording_of(reader: BagReader) -> RecordedTimes:
     """Read from the bag's index; raises AdvpipeError for a bag without messages."""
     spans_ns = [
         (int(times_ns[0]), int(times_ns[-1]))
@@ -40,4 +40,4 @@ def recording_of(reader: BagReader) -> Recording:
     if not spans_ns:
         raise UsageError(f"{reader.path} holds no messages")
     starts_ns, ends_ns = zip(*spans_ns, strict=True)
-    return Recording(min(starts_ns), max(ends_ns))
+    return RecordedTimes(min(starts_ns), max(ends_ns))

@@ -49,7 +49,7 @@ def find_attack(word: str) -> type[Attack]:
     raise UsageError(f"unknown attack {word!r}; known: {', '.join(ATTACKS)}, or module:Class of your own")
 
 
-def named(spec: AttackSpec) -> AttackSpec:
+def resolved_name(spec: AttackSpec) -> AttackSpec:
     """The same attack by its own name, where it is given by one of a paper's."""
     if ":" in spec.type or spec.type in ATTACKS:
         return spec
@@ -74,5 +74,5 @@ def usual_budget(word: str) -> dict[str, float]:
 
     Raises AdvpipeError for an unknown attack.
     """
-    kind = find_attack(named(attack_spec({"type": word})).type)
+    kind = find_attack(resolved_name(attack_spec({"type": word})).type)
     return lidar_traits(kind).budget.usual_parameters if issubclass(kind, LidarAttack) else {}

@@ -10,8 +10,9 @@ from typing import Any
 
 from advpipe.pipeline.bag.frames import FrameSlice
 from advpipe.pipeline.core import plain_json
+from advpipe.pipeline.core.attack_options import AttackOptions
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
-from advpipe.pipeline.detector.device import CPU, device_record, frames_at_once, open_device
+from advpipe.pipeline.detector.device import device_record, frames_at_once, open_device
 from advpipe.pipeline.detector.registry import detector_sha256
 from advpipe.pipeline.labels.declaration import Family
 from advpipe.pipeline.scenario.attacks import AttackSpec
@@ -20,7 +21,7 @@ from advpipe.stages.attack.declared import declaration_of
 from advpipe.stages.attack.lidar.base import LidarAttack
 from advpipe.stages.attack.own import source_sha256
 from advpipe.stages.attack.parameters import known_parameters, resolved_parameters, resolved_recipe
-from advpipe.stages.attack.registry import BASES, find_attack, named, refuse_foreign_keys
+from advpipe.stages.attack.registry import BASES, find_attack, refuse_foreign_keys, resolved_name
 
 
 @dataclass(frozen=True)
@@ -31,11 +32,11 @@ class AttackRequest:
     """
 
     attacks: tuple[AttackSpec, ...]
-    seed: int = 0
-    device: str = CPU
+    seed: int = AttackOptions.seed
+    device: str = AttackOptions.device
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "attacks", tuple(map(named, self.attacks)))
+        object.__setattr__(self, "attacks", tuple(map(resolved_name, self.attacks)))
 
     def of(self, family: Family) -> tuple[AttackSpec, ...]:
         """Those of its attacks that belong to a family. Raises AdvpipeError for one that belongs to none."""
@@ -123,7 +124,7 @@ def _resolved(spec: AttackSpec, device: str) -> dict[str, Any]:
     plain["declared"] = declaration_of(spec).plain()
     plain["attack_sha256"] = source_sha256(kind)
     try:
-        plain["parameters"] = plain_json.load(json.dumps(resolved_parameters(spec, kind)))
+        plain["parameters"] = plain_json.load_json(json.dumps(resolved_parameters(spec, kind)))
     except (TypeError, ValueError) as error:  # of a user's own attack
         raise AdvpipeError(f"{spec.type}: parameters cannot be written down as JSON: {error}") from None
     if kind.family != "lidar":

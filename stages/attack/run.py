@@ -15,7 +15,7 @@ from advpipe.pipeline.core.jobs import run_jobs
 from advpipe.pipeline.core.plugins import mistakes_reported, plugin_names, reporting_mistakes
 from advpipe.pipeline.detector.device import frames_at_once
 from advpipe.pipeline.detector.registry import load_detector
-from advpipe.pipeline.labels.clouds import Frame, PointTables
+from advpipe.pipeline.labels.clouds import LabelledFrame, PointTables
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.cloud import StampedCloud, cloud_to_cdr
 from advpipe.stages.attack.change import Change, changed_messages
@@ -25,7 +25,7 @@ from advpipe.stages.attack.contradictions import refuse_contradictions
 from advpipe.stages.attack.job import Job, open_job
 from advpipe.stages.attack.lidar.base import LidarResult, unchanged
 from advpipe.stages.attack.messages import change_messages
-from advpipe.stages.attack.provenance import provenance_of, resolved_text
+from advpipe.stages.attack.provenance import job_provenance, resolved_text
 from advpipe.stages.attack.recording import recording_of
 from advpipe.stages.attack.request import AttackRequest, attack_id
 from advpipe.stages.attack.selected import messages_of_frames
@@ -63,7 +63,7 @@ def attack(
     plan = _plan(reader, request)
     for detector in {spec.detector: None for spec in request.lidar}:
         load_detector(detector, request.device)
-    provenance = provenance_of(reader, request)
+    provenance = job_provenance(reader, request)
     writer = BagWriter(out, provenance=provenance, overwrite=overwrite)  # refuses a bad output at once
     resolved = resolved_text(provenance)
     summary = AttackSummary(out)
@@ -137,7 +137,7 @@ def _write_with_clouds(
             else:
                 result, name = job.require(place), request.lidar[plan.attacked[place].attack].type
             bag.copy(_with_result(message, stamped, result))
-            row = Frame(
+            row = LabelledFrame(
                 *(message.topic.name, frame, name, stamped, len(result.cloud)),
                 *(result.loss_before, result.loss_after, result.note),
             )

@@ -9,12 +9,12 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import window_of
-from advpipe.stages.evaluate.cooperative.section import sections as cooperative
-from advpipe.stages.evaluate.coordinated.section import sections as coordinated
-from advpipe.stages.evaluate.localisation.section import sections as localisation
+from advpipe.stages.evaluate.cooperative.section import cooperative_sections as cooperative
+from advpipe.stages.evaluate.coordinated.section import coordinated_sections as coordinated
+from advpipe.stages.evaluate.localisation.section import localisation_sections as localisation
 from advpipe.stages.evaluate.options import Options
-from advpipe.stages.evaluate.report.section import Family, Section
-from advpipe.stages.evaluate.v2x.section import sections as v2x
+from advpipe.stages.evaluate.report.section import Family, ReportSection
+from advpipe.stages.evaluate.v2x.section import v2x_sections as v2x
 
 OF_WINDOW = (
     "All figures of this part are of the window of {length_s:.1f} s from the first chosen cloud to one "
@@ -42,9 +42,9 @@ def families(clean: Path, options: Options) -> tuple[tuple[Family, str], ...]:
     return (*((family, note) for family in timed), (fused, ""))
 
 
-def added_sections(clean: Path, adversarial: Sequence[Path], options: Options) -> list[Section]:
+def added_sections(clean: Path, adversarial: Sequence[Path], options: Options) -> list[ReportSection]:
     """What all families add; where frames were chosen, with a note on the time of each part."""
-    sections: list[Section] = []
+    sections: list[ReportSection] = []
     for family, note in families(clean, options):
         noted = (note,) if note else ()
         sections += [

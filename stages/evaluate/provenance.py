@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +10,18 @@ import numpy as np
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.core.code import CLOUDS
-from advpipe.pipeline.detector.protocol import Detector
+from advpipe.pipeline.core.code import CLOUDS, code_sha256
+from advpipe.pipeline.core.versions import installed
+from advpipe.pipeline.detector.device import device_record
+from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.detector.registry import detector_sha256
-from advpipe.pipeline.results.origin import CleanBag, ComparedBag, DetectorOrigin
+from advpipe.pipeline.results.origin import CleanBag, ComparedBag, DetectorOrigin, ResultsOrigin
+from advpipe.stages.evaluate.bags import Bags
 from advpipe.stages.evaluate.detection.comparison import Comparison, bag_name
+from advpipe.stages.evaluate.detection.summary import Summary
+from advpipe.stages.evaluate.options import Options
+from advpipe.stages.evaluate.report.clean import of_first_detector
+from advpipe.stages.evaluate.training_map import MapStatus
 
 SCORING = (*CLOUDS, "pipeline/defences", "pipeline/results", "stages/evaluate/detection")
 """The code that decides the figures of detection."""
@@ -34,37 +41,53 @@ REPORTING = (
 """The code that decides what a report says."""
 
 
-def compared_bags(comparisons: Sequence[Comparison], others: Sequence[Path]) -> tuple[ComparedBag, ...]:
-    """The bags beside the clean one, their checksums, and which frames of the clean bag were scored.
+def origin_of(
+    bags: Bags,
+    clean_sha256: str,
+    models: Mapping[str, ObjectDetector],
+    maps: Mapping[str, MapStatus],
+    summaries: Sequence[Summary],
+    options: Options,
+) -> ResultsOrigin:
+    """Bags with their checksums and records, detectors, options and code.
 
-    others: bags whose clouds nobody attacked, and of which none were scored.
+    The bags that were scored come first, each with its frames of the clean bag; then those whose clouds
+    nobody attacked. models, maps: by the name of the detector.
     """
-    unseen = [Comparison(bag, BagReader(bag).provenance, ()) for bag in others]
-    return tuple(
-        ComparedBag(
-            each.name,
-            parent_sha256(each.bag) if each.bag else None,
-            {key: value for key, value in each.provenance.items() if key != "scenario"},
-            tuple(frame.index for frame in each.frames),
-        )
-        for each in (*comparisons, *unseen)
-    )
-
-
-def clean_bag(clean: Path, clean_sha256: str) -> CleanBag:
-    """The clean bag, as its own record has it."""
-    return CleanBag(bag_name(clean), clean_sha256, BagReader(clean).provenance.get("scenario_name"))
-
-
-def detector_origin(name: str, detector: Detector, is_training_map: bool | None = None) -> DetectorOrigin:
-    """The detector by name, checksum (see `detector_sha256`), classes and range, and whether it was trained
-    on drives on the map of the clean bag; None where nobody can say."""
-    return DetectorOrigin(
-        name=Path(name).name,
-        sha256=detector_sha256(name),
-        classes=tuple(detector.classes),
-        range_m=vars(detector.range_m),
-        is_training_map=is_training_map,
+    scored = [summary.comparison for summary in of_first_detector(summaries)]
+    unseen = [
+        Comparison(bag, about, ()) for bag, about in bags.provenances.items() if bag not in bags.on_clouds
+    ]
+    return ResultsOrigin(
+        advpipe=installed("advpipe"),
+        code_sha256=code_sha256(*REPORTING),
+        clean=CleanBag(
+            bag_name(bags.clean), clean_sha256, BagReader(bags.clean).provenance.get("scenario_name")
+        ),
+        compared=tuple(
+            ComparedBag(
+                each.name,
+                parent_sha256(each.bag) if each.bag else None,
+                {key: value for key, value in each.provenance.items() if key != "scenario"},
+                tuple(frame.index for frame in each.frames),
+            )
+            for each in (*scored, *unseen)
+        ),
+        detectors=tuple(
+            DetectorOrigin(
+                name=Path(name).name,
+                sha256=detector_sha256(name),
+                classes=tuple(model.classes),
+                range_m=vars(model.range_m),
+                is_training_map=maps[name].is_training_map,
+            )
+            for name, model in models.items()
+        ),
+        bootstrap_draws=options.bootstrap_draws,
+        seed=options.seed,
+        baseline_tries=options.baseline_tries if options.baseline else 0,
+        defences=options.defences,
+        device=device_record(options.device).get("device"),
     )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from advpipe.pipeline.detector.protocol import Detector
+from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.detector.training_maps import KnowsItsMaps, is_training_map, map_of
 
 
@@ -22,7 +22,7 @@ class MapStatus:
     text: str
 
 
-def map_status(name: str, detector: Detector, clean: Mapping[str, str]) -> MapStatus:
+def map_status(name: str, detector: ObjectDetector, clean: Mapping[str, str]) -> MapStatus:
     """What is known of a detector, named as `load_detector` takes it, and of a clean bag by its record."""
     map_sha256, short = map_of(clean), Path(name).name
     known = is_training_map(detector, map_sha256)

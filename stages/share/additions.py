@@ -15,7 +15,7 @@ from advpipe.stages.share.card import write_card
 from advpipe.stages.share.facts import BagFacts
 from advpipe.stages.share.foxglove import foxglove_layout
 from advpipe.stages.share.options import ShareOptions
-from advpipe.stages.share.pictures import Picture, draw_attack, draw_clean
+from advpipe.stages.share.pictures import SharedPicture, draw_attack, draw_clean
 from advpipe.stages.share.rviz import rviz_config
 from advpipe.stages.share.tracecheck_contract import tracecheck_contract
 
@@ -63,11 +63,11 @@ def _write_messages(folder: Path) -> None:
             (folder / "msg" / file.name).write_bytes(file.read_bytes())
 
 
-def _draw(bags: Sequence[BagFacts], drives: Mapping[str, BagFacts], folder: Path) -> list[Picture]:
+def _draw(bags: Sequence[BagFacts], drives: Mapping[str, BagFacts], folder: Path) -> list[SharedPicture]:
     """Of the first LiDAR by name, and of V2X where there is any. drives: by SHA-256."""
     folder.mkdir()
     clean = bags[0]
-    pictures: list[Picture] = []
+    pictures: list[SharedPicture] = []
     if clean.lidars:
         topic = clean.lidars[0].name
         pictures.append(draw_clean(clean.path, topic, folder))
@@ -78,5 +78,7 @@ def _draw(bags: Sequence[BagFacts], drives: Mapping[str, BagFacts], folder: Path
                 pictures += [picture] if picture else []
     if clean.description.v2x is not None:
         draw_bag(clean.path, folder / "v2x.png")
-        pictures.append(Picture("v2x.png", "The clean drive's V2X: CAM rates, delivery by distance, load."))
+        pictures.append(
+            SharedPicture("v2x.png", "The clean drive's V2X: CAM rates, delivery by distance, load.")
+        )
     return pictures

@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-from advpipe.stages.share.facts import BagFacts, Edge, TopicFacts
+from advpipe.stages.share.facts import BagFacts, TopicFacts, TransformSpan
 
 SLACK = 0.01
 """Bounds are so much wider than what was recorded, for the rounding of figures."""
@@ -56,7 +56,7 @@ def _transforms(bag: BagFacts) -> tuple[list[tuple[str, str]], float]:
     ], stale_ms
 
 
-def _is_tied(above: dict[str, tuple[str, Edge]], frame: str, root: str, start_ns: int) -> bool:
+def _is_tied(above: dict[str, tuple[str, TransformSpan]], frame: str, root: str, start_ns: int) -> bool:
     """Whether a path leads up to the root from the bag's start on."""
     for _ in range(len(above) + 1):  # a tree has no longer path; a loop ends here
         if frame == root:

@@ -12,18 +12,19 @@ import yaml
 from jinja2 import Environment, StrictUndefined
 from pydantic import ConfigDict, Field
 
-from advpipe.pipeline.bag.carried import CLOUD_TYPE
+from advpipe.pipeline.bag.carried import CLOUD_TYPE, CarriedSensor
 from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.document import Document, Number, Text, Word, read_yaml
 from advpipe.pipeline.core.errors import one_line
 from advpipe.pipeline.dataset.layout import Layout
+from advpipe.pipeline.sensors.registry import SENSORS
 from advpipe.stages.share import names
 from advpipe.stages.share.effects import banners, effect_tables
 from advpipe.stages.share.facts import BagFacts, TopicFacts
-from advpipe.stages.share.markdown import Markdown, block, code, escaped, link, literal, own_words
+from advpipe.stages.share.markdown import Markdown, authors_text, block, code, escaped, link, literal
 from advpipe.stages.share.options import ShareOptions
-from advpipe.stages.share.pictures import Picture
+from advpipe.stages.share.pictures import SharedPicture
 
 _HUB_LICENCES = (
     "apache-2.0", "mit", "cc0-1.0", "cc-by-4.0", "cc-by-sa-4.0", "cc-by-nc-4.0", "cc-by-nc-sa-4.0", "odbl",
@@ -100,6 +101,13 @@ class _Attack(NamedTuple):
     frames: str
 
 
+class _Sensor(NamedTuple):
+    title: str
+    name: str
+    vehicle: str
+    topics: list[str]
+
+
 def write_card(
     name: str,
     found: Layout,
@@ -108,7 +116,7 @@ def write_card(
     drives: Mapping[str, BagFacts],
     options: ShareOptions,
     remarks: Sequence[str],
-    pictures: Sequence[Picture],
+    pictures: Sequence[SharedPicture],
 ) -> str:
     """The card's text; bags: the clean one first.
 
@@ -139,6 +147,7 @@ def write_card(
         other_drives=len(drives) - 1,
         rate=_rate,
         lidars=[{"name": name, **dict(lidar)} for name, lidar in scenario.sensors.lidars.items()],
+        sensors=_sensors(clean),
         origin=_origin(clean, scenario),
         banners=banners(found.reports),
         effects=effect_tables(found.reports),
@@ -188,6 +197,19 @@ def _scenario(clean: BagFacts) -> RecordedScenario:
     return found
 
 
+def _sensors(clean: BagFacts) -> list[_Sensor]:
+    """Those of the drive with a topic in the bag, in the order of the registry; none of another tool's."""
+    carried = clean.sensors or {}
+    topics: dict[CarriedSensor, list[str]] = {}
+    for name, sensor in carried.items():
+        if name in clean.topics:
+            topics.setdefault(sensor, []).append(name)
+    return [
+        _Sensor(each.kind.title, each.name, each.vehicle, sorted(topics[each]))
+        for each in sorted(topics, key=lambda each: (list(SENSORS).index(each.key), each.vehicle, each.name))
+    ]
+
+
 def _origin(clean: BagFacts, scenario: RecordedScenario) -> dict[str, str]:
     """Map, seed and versions, as far as the bag says."""
     about, place = clean.provenance, scenario.map
@@ -233,7 +255,7 @@ def _plain(value: object) -> str:
 
 
 def _contents(
-    found: Layout, bags: Sequence[BagFacts], pictures: Sequence[Picture]
+    found: Layout, bags: Sequence[BagFacts], pictures: Sequence[SharedPicture]
 ) -> Iterator[dict[str, str]]:
     for bag in bags:
         what = _WHAT.get(bag.path.name) or (_ATTACK if bag.is_attack else _DRIVE)
@@ -296,4 +318,4 @@ def _numpy_fields(clean: BagFacts, topic: TopicFacts) -> Markdown:
 def _own_words(found: Layout) -> Markdown:
     """What the author wrote into the data set's README.md, unless sharing made that."""
     text = found.card.read_text(encoding="utf-8", errors="replace") if found.card else ""
-    return own_words("" if names.CARD_MARK in text else text.strip())
+    return authors_text("" if names.CARD_MARK in text else text.strip())

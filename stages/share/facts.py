@@ -91,7 +91,7 @@ def _starts_with_header(schema: str) -> bool:
 
 
 @dataclass
-class Edge:
+class TransformSpan:
     """A transform's life: the stamps of its first and last message, and the longest time between two."""
 
     is_static: bool
@@ -112,7 +112,7 @@ class BagFacts:
     description: BagDescription
     provenance: Provenance
     topics: Mapping[str, TopicFacts]
-    transforms: Mapping[tuple[str, str], Edge]
+    transforms: Mapping[tuple[str, str], TransformSpan]
     sensors: Mapping[str, CarriedSensor] | None
 
     @property
@@ -182,7 +182,7 @@ def read_facts(path: Path) -> BagFacts:
     """Read a whole bag, with every checksum that it has; raises AdvpipeError where it is damaged."""
     description, reader = describe(path), BagReader(path)
     topics: dict[str, TopicFacts] = {}
-    transforms: dict[tuple[str, str], Edge] = {}
+    transforms: dict[tuple[str, str], TransformSpan] = {}
     for raw in reader.raw_messages():
         name = raw.topic.name
         if name not in topics:
@@ -195,13 +195,13 @@ def read_facts(path: Path) -> BagFacts:
     return BagFacts(path, description, reader.provenance, by_name, transforms, sensors)
 
 
-def _add_transforms(edges: dict[tuple[str, str], Edge], reader: BagReader, raw: RawMessage) -> None:
+def _add_transforms(edges: dict[tuple[str, str], TransformSpan], reader: BagReader, raw: RawMessage) -> None:
     for transform in reader.decode(raw).transforms:
         pair = (transform.header.frame_id, transform.child_frame_id)
         stamp = transform.header.stamp
         stamp_ns = stamp.sec * NS_PER_S + stamp.nanosec
         if (edge := edges.get(pair)) is None:
-            edges[pair] = Edge(raw.topic.name == TF_STATIC.name, stamp_ns, stamp_ns)
+            edges[pair] = TransformSpan(raw.topic.name == TF_STATIC.name, stamp_ns, stamp_ns)
         else:
             edge.max_gap_ns = max(edge.max_gap_ns, stamp_ns - edge.last_ns)
             edge.last_ns = stamp_ns

@@ -56,7 +56,7 @@ def literal(value: str) -> Markdown:
     return Markdown(json.dumps(text) if text.isascii() else ascii(text))
 
 
-def own_words(text: str) -> Markdown:
+def authors_text(text: str) -> Markdown:
     """What the author of a data set wrote about it in Markdown; as a block of code where it holds HTML."""
     from markdown_it import MarkdownIt
 

@@ -28,24 +28,24 @@ SIDE_IN, HEAD_IN = 6.2, 0.4
 _POINTS = 9.0  # size of the points that an attack took or made
 
 
-class Picture(NamedTuple):
+class SharedPicture(NamedTuple):
     """A PNG under `figures/` and what it shows, in a sentence."""
 
     file_name: str
     caption: str
 
 
-def draw_clean(bag: Path, lidar_topic: str, folder: Path) -> Picture:
+def draw_clean(bag: Path, lidar_topic: str, folder: Path) -> SharedPicture:
     """The middle frame of a clean bag into `folder/clean.png`."""
     frame = _middle_frame(bag, lidar_topic)
     figure = Figure(figsize=(SIDE_IN, SIDE_IN + HEAD_IN), dpi=110, facecolor="white")
     _draw(figure, 0, 1, frame, frame.cloud, f"frame {frame.index}: {len(frame.cloud):,} points")
     _save(figure, folder / "clean.png")
     boxes = "; true boxes in blue" if len(frame.boxes.geometry) else ""
-    return Picture("clean.png", f"Frame {frame.index} of {lidar_topic} from above{boxes}.")
+    return SharedPicture("clean.png", f"Frame {frame.index} of {lidar_topic} from above{boxes}.")
 
 
-def draw_attack(clean: Path, bag: Path, lidar_topic: str, folder: Path) -> Picture | None:
+def draw_attack(clean: Path, bag: Path, lidar_topic: str, folder: Path) -> SharedPicture | None:
     """The middle frame of an adversarial bag beside the clean one; None where no cloud differs there."""
     adversarial = _middle_frame(bag, lidar_topic)
     times_ns = BagReader(clean).log_times_ns(lidar_topic)
@@ -61,7 +61,7 @@ def draw_attack(clean: Path, bag: Path, lidar_topic: str, folder: Path) -> Pictu
     title = f"{bag.name}: {len(adversarial.cloud):,} points"
     _draw(figure, 1, 2, before, adversarial.cloud, title, new, ADDED)
     _save(figure, folder / f"{bag.name}.png")
-    return Picture(
+    return SharedPicture(
         f"{bag.name}.png",
         f"Frame {before.index} before and after {bag.name}: {len(gone):,} points that are gone or changed in "
         f"orange, {len(new):,} new or changed ones in magenta.",

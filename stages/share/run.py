@@ -138,4 +138,4 @@ def _write_sums(made: Path, sums: dict[str, str], options: ShareOptions) -> None
         sums[signature.KEY_FILE] = sha256_of(made / signature.KEY_FILE)
     (made / checksums.FILE).write_bytes(checksums.to_text(sums).encode())
     if options.sign is not None:
-        signature.sign(made, options.sign)
+        signature.sign_folder(made, options.sign)

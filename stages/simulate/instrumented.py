@@ -9,13 +9,13 @@ from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.localisation.measurements import InitialPose
 from advpipe.pipeline.localisation.onboard import OnBoard, OnBoardStep
 from advpipe.pipeline.scenario.models import Scenario
-from advpipe.pipeline.sensors.sensor import Drive, Instant, Reading
+from advpipe.pipeline.sensors.sensor import DriveSettings, Instant, Reading
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 from advpipe.stages.simulate.world.protocol import World
 
 
 @dataclass(frozen=True)
-class Snapshot:
+class VehicleSnapshot:
     """What one instrumented vehicle knows at one instant, and the truth.
 
     initial: with the first snapshot only, where its filter started. readings: of each kind of sensor.
@@ -35,17 +35,21 @@ class Instrumented:
         origin, clock = scenario.map.origin, scenario.simulation
         geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
         self._onboard = OnBoard(name, scenario.sensors, geodesy, clock.step_s, clock.seed)
-        drive = Drive(clock.seed, clock.step_s, scenario.environment.weather, scenario.recording.markers)
+        drive = DriveSettings(
+            clock.seed, clock.step_s, scenario.environment.weather, scenario.recording.markers
+        )
         self._sensors = scenario.sensors.mounted_on(name, drive)
         self.mounts = {place: pose for sensor in self._sensors for place, pose in sensor.mounts.items()}
         self._started = False
 
     def sense(
         self, stamp_ns: int, frame: int, carrier: RoadUser, users: Sequence[RoadUser], world: World
-    ) -> Snapshot:
+    ) -> VehicleSnapshot:
         """Everything that it senses in one step, among all road users that move."""
         onboard = self._onboard.step(stamp_ns, carrier.map_SE3_base, carrier.velocity_mps)
         initial = None if self._started else self._onboard.initial
         self._started = True
         instant = Instant(frame, stamp_ns, onboard.truth, world.around(carrier, users))
-        return Snapshot(self.name, initial, onboard, tuple(sensor.sense(instant) for sensor in self._sensors))
+        return VehicleSnapshot(
+            self.name, initial, onboard, tuple(sensor.sense(instant) for sensor in self._sensors)
+        )

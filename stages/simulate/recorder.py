@@ -28,9 +28,9 @@ from advpipe.pipeline.messages.v2x import (
 )
 from advpipe.pipeline.scenario.load import scenario_tree
 from advpipe.pipeline.scenario.models import Scenario
-from advpipe.pipeline.v2x.facilities.ldm import Snapshot as LdmSnapshot
+from advpipe.pipeline.v2x.facilities.ldm import LdmSnapshot as LdmSnapshot
 from advpipe.pipeline.v2x.statistics import Statistics
-from advpipe.stages.simulate.instrumented import Instrumented, Snapshot
+from advpipe.stages.simulate.instrumented import Instrumented, VehicleSnapshot
 from advpipe.stages.simulate.network.protocol import Exchange
 
 
@@ -73,7 +73,7 @@ class Recorder:
     def record(
         self,
         exchange: Exchange,
-        snapshots: Sequence[Snapshot],
+        snapshots: Sequence[VehicleSnapshot],
         radios: Sequence[RadioPlace],
         local_dynamic_maps: Sequence[tuple[str, LdmSnapshot]],
     ) -> None:
@@ -134,7 +134,7 @@ class Recorder:
             self._step.append((topic.ldm, ldm_snapshot_cdr(known), stamp_ns))
             self._step.append((topic.ldm_objects, ldm_detections_cdr(known), stamp_ns))
 
-    def _record_onboard(self, snapshot: Snapshot) -> None:
+    def _record_onboard(self, snapshot: VehicleSnapshot) -> None:
         topic = VehicleTopics(snapshot.vehicle)
         if snapshot.initial is not None:
             stamp_ns = snapshot.onboard.measured.stamp_ns
@@ -145,7 +145,7 @@ class Recorder:
         for message in stamped:
             self._write(*message)
 
-    def _record_truth(self, stamp_ns: int, snapshot: Snapshot) -> None:
+    def _record_truth(self, stamp_ns: int, snapshot: VehicleSnapshot) -> None:
         topic, truth = VehicleTopics(snapshot.vehicle), snapshot.onboard.truth
         odometry = build.odometry(
             stamp_ns,

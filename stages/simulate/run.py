@@ -19,7 +19,7 @@ from advpipe.pipeline.core.tabular import Rows, Tabular
 from advpipe.pipeline.scenario import Scenario, dump_scenario
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.bodies import Variant, draw_variants
-from advpipe.stages.simulate.instrumented import Instrumented, Snapshot
+from advpipe.stages.simulate.instrumented import Instrumented, VehicleSnapshot
 from advpipe.stages.simulate.network.registry import open_network
 from advpipe.stages.simulate.recorder import Recorder
 from advpipe.stages.simulate.road_network.network import RoadNetwork, load_network
@@ -89,7 +89,7 @@ class _Tally:
     points: int = 0
     road_users: set[str] = field(default_factory=set)
 
-    def add(self, snapshots: Sequence[Snapshot]) -> None:
+    def add(self, snapshots: Sequence[VehicleSnapshot]) -> None:
         for reading in (reading for snapshot in snapshots for reading in snapshot.readings):
             self.clouds += reading.clouds
             self.points += reading.points

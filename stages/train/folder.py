@@ -125,7 +125,7 @@ class RunFolder:
     def _is_run(self) -> bool:
         """Whether the folder's config.json is one of ours; others use that name too."""
         try:
-            about = plain_json.load(self.config.read_bytes())
+            about = plain_json.load_json(self.config.read_bytes())
         except (OSError, ValueError):
             return False
         return isinstance(about, dict) and about.keys() >= {"bags", "preset", "origin"}

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.detector.checkpoint import load_checkpoint
-from advpipe.pipeline.detector.training_maps import KEY, listed, map_of
+from advpipe.pipeline.detector.training_maps import KEY, listed_maps, map_of
 
 
 def training_maps(bags: Iterable[Path], start: Path | None) -> str:
@@ -19,7 +19,7 @@ def training_maps(bags: Iterable[Path], start: Path | None) -> str:
     """
     maps = {map_of(BagReader(bag).provenance) for bag in bags}
     if start is not None:
-        known = listed(load_checkpoint(start).provenance.get(KEY))
+        known = listed_maps(load_checkpoint(start).provenance.get(KEY))
         maps |= {None} if known is None else set(known)
     named = sorted(each for each in maps if each is not None)
     return json.dumps([*named, *([None] if None in maps else [])])

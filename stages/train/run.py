@@ -21,7 +21,7 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.core.tabular import Rows, Tabular
 from advpipe.pipeline.detector.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
-from advpipe.pipeline.detector.common.network import Network
+from advpipe.pipeline.detector.common.network import DetectionNetwork
 from advpipe.pipeline.detector.device import device_record, open_device
 from advpipe.pipeline.detector.families import family_named
 from advpipe.pipeline.detector.registry import detector_sha256
@@ -89,7 +89,7 @@ def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
 
 def _train(
     folder: RunFolder,
-    net: Network,
+    net: DetectionNetwork,
     store: FrameStore,
     config: TrainConfig,
     drive: ValidationDrive | None,
@@ -100,7 +100,7 @@ def _train(
     steps = config.steps or max(1, round(config.epochs * len(store) / config.batch_size))
     workers = min(config.batch_size, config.workers or os.cpu_count() or 1)
     maps = training_maps([labelled_bag(bag) for bag in config.bags], config.start)
-    provenance = provenance_of(config, origin, len(store), steps) | {KEY: maps}
+    provenance = training_provenance(config, origin, len(store), steps) | {KEY: maps}
 
     state = TrainState.new(net, config.learning_rate, config.weight_decay)
     if folder.state.is_file():
@@ -154,7 +154,7 @@ def labelled_bag(path: Path) -> Path:
     return bag
 
 
-def new_net(config: TrainConfig) -> Network:
+def new_net(config: TrainConfig) -> DetectionNetwork:
     """The network before the first step: random weights, or those of the checkpoint to start from."""
     net = family_named(config.family).network(config.preset)
     if config.start is not None:
@@ -162,11 +162,11 @@ def new_net(config: TrainConfig) -> Network:
         if start.preset != net.preset:
             raise UsageError(f"{config.start} holds {_named(start)}, not {_named(net)}")
         net.load_state_dict(start.state_dict())
-    channels_last: Network = net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    channels_last: DetectionNetwork = net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     return channels_last
 
 
-def _named(net: Network) -> str:
+def _named(net: DetectionNetwork) -> str:
     family = "" if net.preset.family == "second" else f" of family {net.preset.family!r}"
     return f"preset {net.preset.name!r}{family}"
 
@@ -199,7 +199,9 @@ def origin_of(config: TrainConfig, digests: dict[Path, str]) -> dict[str, str]:
     }
 
 
-def provenance_of(config: TrainConfig, origin: dict[str, str], frames: int, steps: int) -> dict[str, str]:
+def training_provenance(
+    config: TrainConfig, origin: dict[str, str], frames: int, steps: int
+) -> dict[str, str]:
     """What the checkpoint says about how it was trained."""
     return {
         **origin,

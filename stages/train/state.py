@@ -10,19 +10,19 @@ import torch
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.whole_file import write_whole
-from advpipe.pipeline.detector.common.network import Network
+from advpipe.pipeline.detector.common.network import DetectionNetwork
 
 
 @dataclass
 class TrainState:
     """The network, the optimiser and the next step."""
 
-    net: Network
+    net: DetectionNetwork
     optimiser: torch.optim.AdamW
     step: int = 0
 
     @classmethod
-    def new(cls, net: Network, learning_rate: float, weight_decay: float) -> TrainState:
+    def new(cls, net: DetectionNetwork, learning_rate: float, weight_decay: float) -> TrainState:
         optimiser = torch.optim.AdamW(
             net.parameters(), learning_rate, betas=(0.9, 0.99), weight_decay=weight_decay
         )

@@ -10,7 +10,7 @@ import numpy as np
 
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
 from advpipe.pipeline.core.progress import track
-from advpipe.pipeline.detector.protocol import Detector
+from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.geometry.boxes import CLASSES, count_points
 from advpipe.pipeline.messages.cloud import xyz
 from advpipe.pipeline.metrics.average_precision import LOOSE_IOU, STRICT_IOU, average_precision, match_frame
@@ -34,7 +34,7 @@ class ValidationDrive:
     frames: range
     min_points: int
 
-    def precision(self, detector: Detector, at_most: int | None = None) -> dict[str, ClassPrecision]:
+    def precision(self, detector: ObjectDetector, at_most: int | None = None) -> dict[str, ClassPrecision]:
         """Average precision by class, on all chosen frames or on about so many, equally spaced."""
         frames = self.frames[:: max(1, round(len(self.frames) / (at_most or len(self.frames))))]
         chosen = FrameSlice(frames.start, frames.stop, frames.step)
@@ -50,7 +50,7 @@ def strict_percents(precision: dict[str, ClassPrecision]) -> list[float]:
 
 
 def validate(
-    detector: Detector, frames: Iterable[LabelledCloud], min_points: int
+    detector: ObjectDetector, frames: Iterable[LabelledCloud], min_points: int
 ) -> dict[str, ClassPrecision]:
     """Average precision by class; boxes out of range or with too few points count neither way."""
     truths, found = [], []

@@ -19,7 +19,7 @@ from torch import Tensor, multiprocessing, nn
 
 from advpipe.pipeline.core import signals
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.detector.common.network import Network
+from advpipe.pipeline.detector.common.network import DetectionNetwork
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.families import family_named
 from advpipe.stages.train.examples import Examples
@@ -35,10 +35,10 @@ class Gradients(Protocol):
 class Replica:
     """A network that shares its weights with another one and has batch norm averages of its own."""
 
-    def __init__(self, net: Network, examples: Examples) -> None:
+    def __init__(self, net: DetectionNetwork, examples: Examples) -> None:
         self.source, self.examples = net, examples
         replica = family_named(net.preset.family).network(net.preset.name)
-        self.net: Network = replica.to(net.device, memory_format=torch.channels_last).train()  # type: ignore[call-overload]
+        self.net: DetectionNetwork = replica.to(net.device, memory_format=torch.channels_last).train()  # type: ignore[call-overload]
         for mine, shared in zip(self.net.parameters(), net.parameters(), strict=True):
             mine.data = shared.data
 
@@ -60,11 +60,11 @@ def averages(net: nn.Module) -> list[Tensor]:
     return [b for name, b in net.named_buffers() if name.endswith(("running_mean", "running_var"))]
 
 
-def row_length(net: Network) -> int:
+def row_length(net: DetectionNetwork) -> int:
     return len(net.LOSS_PARTS) + sum(t.numel() for t in [*net.parameters(), *averages(net)])
 
 
-def take(row: Tensor, net: Network) -> Tensor:
+def take(row: Tensor, net: DetectionNetwork) -> Tensor:
     """Set gradients and batch norm averages of the network from a row; return the losses."""
     at = len(net.LOSS_PARTS)
     for parameter in net.parameters():
@@ -77,7 +77,7 @@ def take(row: Tensor, net: Network) -> Tensor:
 
 
 @contextmanager
-def gradients(net: Network, examples: Examples, workers: int) -> Iterator[Gradients]:
+def gradients(net: DetectionNetwork, examples: Examples, workers: int) -> Iterator[Gradients]:
     """The gradients of `net` on its examples, computed by so many processes; one works in this one."""
     batch, device = examples.config.batch_size, net.device
     rows = torch.zeros(batch, row_length(net), device=device)
@@ -133,7 +133,7 @@ def gradients(net: Network, examples: Examples, workers: int) -> Iterator[Gradie
 
 
 def _work(
-    net: Network,
+    net: DetectionNetwork,
     examples: Examples,
     rows: Tensor,
     share: range,

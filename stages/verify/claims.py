@@ -17,7 +17,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from advpipe.pipeline.mcap.records import Record, parse
+from advpipe.pipeline.mcap.records import Record, parse_record
 
 if TYPE_CHECKING:
     from advpipe.stages.verify.mcap_scanner import McapScanner
@@ -33,7 +33,7 @@ def check_claims(scanner: McapScanner, records: Iterable[Record], summary_start:
     groups: list[SummaryOffset] = []
     offset_start, footer = 0, None
     for record in records:
-        parsed = parse(record.opcode, record.body)
+        parsed = parse_record(record.opcode, record.body)
         if parsed is None:
             scanner.faults.append(f"a record of kind {record.opcode:#04x} lies in the summary")
             continue

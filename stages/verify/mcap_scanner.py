@@ -32,10 +32,10 @@ from advpipe.pipeline.mcap.records import (
     HEAD,
     Record,
     inner_records,
-    parse,
     parse_chunk,
     parse_message,
     parse_message_index,
+    parse_record,
     read_records,
 )
 from advpipe.pipeline.mcap.unpacking import UnpackBudget
@@ -95,7 +95,7 @@ class McapScanner:
             for record in read_records(stream, len(MCAP0_MAGIC), end):
                 if record.opcode == Opcode.DATA_END:
                     self._end_chunk(record.start)
-                    told = parse(record.opcode, record.body)
+                    told = parse_record(record.opcode, record.body)
                     if isinstance(told, DataEnd) and told.data_section_crc not in (0, crc):
                         self.faults.append("the checksum of the data section is wrong")
                     self.check_bytes(record, told)
@@ -117,7 +117,7 @@ class McapScanner:
         elif record.opcode == Opcode.MESSAGE:
             yield from self._message(memoryview(record.body))
         else:
-            told = parse(record.opcode, record.body)
+            told = parse_record(record.opcode, record.body)
             self.check_bytes(record, told)
             self._define(record, told)
 
@@ -171,7 +171,7 @@ class McapScanner:
                     places.extend((raw.log_time_ns, offset))
                     yield raw
             else:
-                told = parse(opcode, body)
+                told = parse_record(opcode, body)
                 if not isinstance(told, (Schema, Channel)) or _bytes_of(told)[HEAD.size :] != body:
                     raise ValueError(f"a record in the chunk at {record.start} is none that belongs there")
                 self._add_definition(told)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from advpipe.stages.verify.checks.base import BagCheck, FolderCheck
 from advpipe.stages.verify.checks.beside import FilesBeside
 from advpipe.stages.verify.checks.boxes import BoxesHoldPoints
-from advpipe.stages.verify.checks.cams import Cams
+from advpipe.stages.verify.checks.cams import CamsCheck
 from advpipe.stages.verify.checks.checksums import Checksums
 from advpipe.stages.verify.checks.container import Container
 from advpipe.stages.verify.checks.copies import Copies
@@ -13,10 +13,10 @@ from advpipe.stages.verify.checks.crcs import Crcs
 from advpipe.stages.verify.checks.fixes import Fixes
 from advpipe.stages.verify.checks.metadata import MetadataYaml
 from advpipe.stages.verify.checks.points import Points
-from advpipe.stages.verify.checks.provenance import Provenance
+from advpipe.stages.verify.checks.provenance import ProvenanceCheck
 from advpipe.stages.verify.checks.qos import QualityOfService
 from advpipe.stages.verify.checks.rates import Rates
-from advpipe.stages.verify.checks.receptions import Receptions
+from advpipe.stages.verify.checks.receptions import ReceptionsCheck
 from advpipe.stages.verify.checks.reports import Reports
 from advpipe.stages.verify.checks.scenario import ScenarioFiles
 from advpipe.stages.verify.checks.signature import Signature
@@ -33,17 +33,17 @@ CHECKS: dict[str, type[FolderCheck] | type[BagCheck]] = {
     "metadata": MetadataYaml,
     "beside": FilesBeside,
     "scenario": ScenarioFiles,
-    "provenance": Provenance,
+    "provenance": ProvenanceCheck,
     "types": Types,
     "qos": QualityOfService,
     "rates": Rates,
     "time": Time,
     "transforms": Transforms,
     "boxes": BoxesHoldPoints,
-    "receptions": Receptions,
+    "receptions": ReceptionsCheck,
     "copies": Copies,
     "points": Points,
-    "cams": Cams,
+    "cams": CamsCheck,
     "fixes": Fixes,
 }
 

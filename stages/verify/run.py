@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from advpipe.pipeline.bag.locate import named
+from advpipe.pipeline.bag.locate import bag_named
 from advpipe.pipeline.core.errors import AdvpipeError, os_error_line
 from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.core.scratch import scratch_folder
@@ -36,7 +36,7 @@ def verify(path: Path, *, quick: bool = False, key: Path | None = None) -> Verif
         from advpipe.pipeline.dataset.signature import load_public_key
 
         load_public_key(key)
-    path = named(Path(path))
+    path = bag_named(Path(path))
     result = Verification(str(path), QUICK if quick else tuple(CHECKS))
     with _opened(path, result) as subject:
         if subject is not None:
@@ -62,7 +62,7 @@ def _opened(path: Path, result: Verification) -> Iterator[Subject | None]:
         return
     with scratch_folder() as scratch:
         try:
-            folder = archive.unpack(path, scratch / whole.stem)
+            folder = archive.unpack_archive(path, scratch / whole.stem)
         except archive.NoRoomError:
             raise
         except AdvpipeError as error:

@@ -20,7 +20,7 @@ from mcap.records import DataEnd, Footer, Header
 from mcap.writer import MCAP0_MAGIC
 
 from advpipe.pipeline.mcap.reader import DAMAGE
-from advpipe.pipeline.mcap.records import HEAD, parse, read_records
+from advpipe.pipeline.mcap.records import HEAD, parse_record, read_records
 from advpipe.pipeline.mcap.summary import FOOTER_BYTES
 
 BLOCK_BYTES = 1 << 20
@@ -112,13 +112,13 @@ def _spans(stream: IO[bytes]) -> Iterator[_Span]:
     if stream.read(_MAGIC_BYTES) != MCAP0_MAGIC:
         raise ValueError("wrong first bytes")
     footer_start, end = size - _MAGIC_BYTES - FOOTER_BYTES, size - _MAGIC_BYTES
-    footer = parse(*_record(stream, footer_start, end))
+    footer = parse_record(*_record(stream, footer_start, end))
     if not isinstance(footer, Footer):
         raise ValueError("its footer is missing")
     data_end_start = (footer.summary_start or footer_start) - _DATA_END_BYTES
     if data_end_start < _MAGIC_BYTES:
         raise ValueError("its footer names a place that is none")
-    data_end = parse(*_record(stream, data_end_start, data_end_start + _DATA_END_BYTES))
+    data_end = parse_record(*_record(stream, data_end_start, data_end_start + _DATA_END_BYTES))
     if not isinstance(data_end, DataEnd):
         raise ValueError("the data section does not end where the summary begins")
     yield _Span("data section", 0, data_end_start, data_end.data_section_crc)
@@ -138,5 +138,5 @@ def _is_own(stream: IO[bytes]) -> bool:
     """Whether advpipe wrote the file, as far as its header is to be believed."""
     end = stream.seek(0, 2)
     first = next(read_records(stream, _MAGIC_BYTES, end, (Opcode.HEADER,)))
-    header = parse(first.opcode, first.body) if first.body else None
+    header = parse_record(first.opcode, first.body) if first.body else None
     return isinstance(header, Header) and header.library == OWN_LIBRARY

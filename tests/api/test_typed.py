@@ -30,7 +30,7 @@ class Nothing(LidarAttack):
         self,
         cloud: np.ndarray[tuple[int], np.dtype[np.void]],
         boxes: advpipe.Boxes,
-        detector: advpipe.Detector,
+        detector: advpipe.ObjectDetector,
         rng: np.random.Generator,
     ) -> LidarResult:
         return advpipe.unchanged(cloud, "as it was")
@@ -57,7 +57,7 @@ reveal_type(advpipe.open_bag(drive).frame(0).boxes.geometry.shape)
 reveal_type(advpipe.verify(drive).is_good)
 advpipe.attack(drive, frames=5)
 advpipe.simulate(3)
-found: advpipe.Detector = Still()
+found: advpipe.ObjectDetector = Still()
 '''
 
 

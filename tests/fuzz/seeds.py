@@ -23,6 +23,9 @@ from tests.fuzz.values import Raw, document
 
 DEEP = Raw("[" * 100_000 + "]" * 100_000)
 BOMB_ROWS = 30_000_000
+BOMB_MESSAGES = 6_000_000
+"""Rows of which each is many values: as Python's own they take more than any input may."""
+
 Edit = Callable[[Any], Any]
 
 
@@ -164,12 +167,12 @@ def setting(call: str, *settings: str) -> Callable[[Path], Case]:
     return lambda folder: Case(call, scenarios.SETTINGS, json.dumps(settings).encode())
 
 
-def parquet_bomb(call: str, place: str) -> Callable[[Path], Case]:
-    """A table of thirty million equal rows."""
+def parquet_bomb(call: str, place: str, rows: int = BOMB_ROWS) -> Callable[[Path], Case]:
+    """A table of millions of equal rows."""
 
     def make(folder: Path) -> Case:
         data = (folder / base.DRIVE / place).read_bytes()
-        return Case(call, place, tables.repeated(tables.read(data), BOMB_ROWS))
+        return Case(call, place, tables.bomb(data, rows))
 
     return make
 
@@ -190,13 +193,13 @@ def trajectory_bomb(folder: Path) -> Case:
 
 
 def zip_bomb(folder: Path) -> Case:
-    """A checkpoint of three megabytes that unpacks to three gigabytes."""
+    """A checkpoint of two megabytes that unpacks to more than two gigabytes."""
     import zipfile
 
     with zipfile.ZipFile(folder / base.WEIGHTS / checkpoint.THEIRS) as file:
         entries = {name: file.read(name) for name in file.namelist()}
     largest = next(name for name in entries if name.endswith("/data/0"))
-    return Case("import", checkpoint.THEIRS, checkpoint.torch_file(entries, largest, 3 << 30))
+    return Case("import", checkpoint.THEIRS, checkpoint.torch_file(entries, largest, 9 << 28))
 
 
 def checkpoint_about(edit: Edit) -> Callable[[Path], Case]:
@@ -268,6 +271,7 @@ def laughs(levels: int = 9) -> str:
 
 INFO, STATISTICS, BUILDINGS = embedded_text.TOPICS
 EMBEDDED, CDR = "embedded_text", "cdr"
+MESSAGES = "cam/v2x_labels.parquet"
 SEEDS = (
     Seed("deep scenario, replay", EMBEDDED, text_in_bag("replay", INFO, lambda tree: DEEP)),
     Seed("deep scenario, cam", EMBEDDED, text_in_bag("cam", INFO, lambda tree: DEEP)),
@@ -307,8 +311,8 @@ SEEDS = (
     Seed("alias of itself", "scenario", setting("attack", "rate_hz=&a [*a]")),
     Seed("tag in a parameter", "scenario", setting("attack", "rate_hz=!!int ''")),
     Seed("many trajectories", "trajectories", trajectory_bomb),
-    Seed("many messages, verify", "parquet", parquet_bomb("verify cam", "cam/v2x_labels.parquet")),
-    Seed("many messages, export", "parquet", parquet_bomb("export cam", "cam/v2x_labels.parquet")),
+    Seed("many messages, verify", "parquet", parquet_bomb("verify cam", MESSAGES, BOMB_MESSAGES)),
+    Seed("many messages, export", "parquet", parquet_bomb("export cam", MESSAGES, BOMB_MESSAGES)),
     Seed("many points, verify", "parquet", parquet_bomb("verify detach", "detach/labels.parquet")),
     Seed(
         "group of other names, export",

@@ -26,7 +26,7 @@ def udp_packet(stamp_ns: int, payload: bytes, *, frame_id: str = "", address: st
     Its data: destination port 2001 and port info (BTP-B, big endian, 4 bytes), then the CAM.
     """
     return message_class(UDP_TYPE)(
-        header=build.header(stamp_ns, frame_id),
+        header=build.message_header(stamp_ns, frame_id),
         address=address,
         src_port=0,
         data=np.frombuffer(btp_packet(payload), np.uint8),

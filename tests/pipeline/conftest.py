@@ -66,7 +66,7 @@ def record() -> Callable[..., Path]:
                 bag.write(EGO.gnss_fix, build.nav_sat_fix(stamp_ns, 50.1, 8.6, 100.0), stamp_ns)
                 cdr = cloud_to_cdr(cloud_of(frame), stamp_ns, EGO.lidar_frame)
                 bag.write_cdr(EGO.lidar_points, cdr, stamp_ns)
-                bag.write(EGO.objects, build.detections(stamp_ns, "map", CAR), stamp_ns)
+                bag.write(EGO.objects, build.detections_message(stamp_ns, "map", CAR), stamp_ns)
                 bag.write(EGO.road_users, build.road_users(stamp_ns, "map", CAR, [12], [0.5]), stamp_ns)
                 bag.write(EGO.markers, markers(stamp_ns, "map", CAR), stamp_ns)
         return path
@@ -91,7 +91,7 @@ def record_foreign() -> Callable[..., Path]:
             for frame in range(3):
                 stamp_ns = START_NS + frame * STEP_NS
                 tf = build.transforms(stamp_ns, [("map", "hero/lidar", se3_from_yaw([frame, 0, 2], 0))])
-                labels = build.detections(stamp_ns, "map", CAR)
+                labels = build.detections_message(stamp_ns, "map", CAR)
                 for delay, name, cdr in (
                     (0, "/tf", serialise(tf, "tf2_msgs/msg/TFMessage")),
                     (1, "/carla/hero/lidar", carla_cloud(cloud_of(frame), stamp_ns)),
@@ -108,7 +108,7 @@ def carla_cloud(cloud: Cloud, stamp_ns: int) -> bytes:
     PointField = message_class("sensor_msgs/msg/PointField")
     points = np.stack([cloud[name] for name in ("x", "y", "z", "intensity")], axis=-1)
     message = message_class("sensor_msgs/msg/PointCloud2")(
-        header=build.header(stamp_ns, "hero/lidar"),
+        header=build.message_header(stamp_ns, "hero/lidar"),
         height=1,
         width=len(cloud),
         fields=[
@@ -153,7 +153,7 @@ def record_fleet() -> Callable[..., Path]:
                         stamp_ns, pose, [0] * 3, [0] * 3, child_frame_id=vehicle.base_frame
                     )
                     bag.write(vehicle.true_odometry, odometry, stamp_ns)
-                    bag.write(vehicle.objects, build.detections(stamp_ns, "map", boxes), stamp_ns)
+                    bag.write(vehicle.objects, build.detections_message(stamp_ns, "map", boxes), stamp_ns)
         return path
 
     return record_fleet

@@ -15,6 +15,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from mutated_messages import SENSED, SMALL, V2X, WHOLE, Mutation, failures, mutations_of, write_mutated
 
+NIGHTLY = pytest.mark.nightly
 ON_THE_AIR = ("inspect", "verify", "export", "cam", "gnss", "evaluate")
 ON_BOARD = ("inspect", "verify", "gnss", "evaluate", "evaluate alone", "share")
 
@@ -40,20 +41,20 @@ def test_what_becomes_of_messages_on_the_air(clean: Path, tmp_path: Path, topic:
     try_all(clean, tmp_path, [Mutation(topic, name, WHOLE[name])], ON_THE_AIR)
 
 
-@pytest.mark.parametrize("place", range(5))
+@pytest.mark.parametrize("place", [0, *(pytest.param(each, marks=NIGHTLY) for each in range(1, 5))])
 @pytest.mark.parametrize("topic", V2X)
 def test_fields_of_messages_on_the_air(clean: Path, tmp_path: Path, topic: str, place: int) -> None:
     mutations = list(mutations_of(BagReader(clean), topic))
     try_all(clean, tmp_path, mutations[place :: len(mutations) // 4], ("verify", "export", "cam", "gnss"))
 
 
-@pytest.mark.nightly
+@NIGHTLY
 @pytest.mark.parametrize("topic", V2X)
 def test_all_fields_of_messages_on_the_air(clean: Path, tmp_path: Path, topic: str) -> None:
     try_all(clean, tmp_path, list(mutations_of(BagReader(clean), topic)), ON_THE_AIR)
 
 
-@pytest.mark.nightly
+@NIGHTLY
 @pytest.mark.parametrize("topic", SENSED)
 def test_fields_of_what_is_sensed(clean: Path, tmp_path: Path, topic: str) -> None:
     try_all(clean, tmp_path, list(mutations_of(BagReader(clean), topic))[::3], ON_BOARD)

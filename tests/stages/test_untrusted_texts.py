@@ -118,14 +118,14 @@ TEXTS: dict[str, tuple[str, ...]] = {
 }
 
 
-@pytest.mark.parametrize("text", some(NOT_JSON, 3))
+@pytest.mark.parametrize("text", some(NOT_JSON, 5))
 @pytest.mark.parametrize("topic", TEXTS)
 def test_texts_that_are_no_such_document(drive: Path, tmp_path: Path, topic: str, text: str) -> None:
     write_text(drive / "clean", tmp_path / "bag", topic, text)
     assert failures(drive / "clean", tmp_path / "bag", TEXTS[topic]) == []
 
 
-@pytest.mark.parametrize("number", range(0, 2 * len(ODD), 4))
+@pytest.mark.parametrize("number", range(0, 2 * len(ODD), 7))
 @pytest.mark.parametrize("topic", TEXTS)
 def test_documents_with_an_odd_value(drive: Path, tmp_path: Path, topic: str, number: int) -> None:
     texts = {"/v2x/buildings": BUILDINGS}

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.campaigns.sweep.budgets import AXES, Budget
+from advpipe.pipeline.campaigns.sweep.budgets import AXES, SweepBudget
 from advpipe.pipeline.campaigns.sweep.cell import Cell, Settings, Times
 from advpipe.pipeline.campaigns.sweep.scored import scored_cell
 from advpipe.pipeline.campaigns.sweep.variants import HIDE, split_recipe, steps_factor
@@ -17,7 +17,7 @@ from advpipe.pipeline.core.partial import remove_output
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.stages.attack.lidar.build import build_lidar_attack
-from advpipe.stages.attack.provenance import provenance_of, resolved_text
+from advpipe.stages.attack.provenance import job_provenance, resolved_text
 from advpipe.stages.attack.run import AttackRequest, attack
 
 
@@ -32,7 +32,7 @@ class Bench:
     keep_bags: bool = False
     device: str = CPU
 
-    def request(self, budget: Budget, recipe: str, settings: Settings) -> AttackRequest:
+    def request(self, budget: SweepBudget, recipe: str, settings: Settings) -> AttackRequest:
         """The attack of a budget, by a recipe and its variants."""
         base, variants = split_recipe(recipe)
         parameters: dict[str, Any] = {**budget.parameters, **({"goal": "hide"} if HIDE in variants else {})}
@@ -54,17 +54,17 @@ class Bench:
         )
         return AttackRequest((spec,), settings.seed, self.device)
 
-    def attack(self, budget: Budget, recipe: str, settings: Settings, bag: Path) -> None:
+    def attack(self, budget: SweepBudget, recipe: str, settings: Settings, bag: Path) -> None:
         """The bag of a budget; one that a killed run has finished is taken as it is."""
         request, made = self.request(budget, recipe, settings), bag / "attack.yaml"
         if made.is_file():
-            wanted = resolved_text(provenance_of(BagReader(self.clean), request))
+            wanted = resolved_text(job_provenance(BagReader(self.clean), request))
             if made.read_text(encoding="utf-8") == wanted:
                 return
         with writing(bag):
             attack(self.clean, bag, request, overwrite=bag.exists(), workers=self.workers)
 
-    def run(self, budget: Budget, recipe: str, settings: Settings) -> tuple[Cell, Times]:
+    def run(self, budget: SweepBudget, recipe: str, settings: Settings) -> tuple[Cell, Times]:
         """A cell, from the attack to the figures, and what it took."""
         bag = self.out / "bags" / f"{recipe}-{budget.name}"
         begin_s = time.perf_counter()

@@ -21,7 +21,7 @@ AXES: Mapping[str, Axis] = {
 
 
 @dataclass(frozen=True)
-class Budget:
+class SweepBudget:
     """One budget of an attack, and what the paper reports for it."""
 
     attack: str
@@ -46,9 +46,9 @@ class Budget:
         return {axis.parameter: round(self.printed * axis.scale, 9), **dict(axis.others)}
 
 
-TABLES: dict[str, tuple[Budget, ...]] = {
+TABLES: dict[str, tuple[SweepBudget, ...]] = {
     "paper": tuple(
-        Budget(attack, figure.printed, figure.map_ratio_percent, figure.chamfer_distance_m2)
+        SweepBudget(attack, figure.printed, figure.map_ratio_percent, figure.chamfer_distance_m2)
         for attack, axis in AXES.items()
         for figure in axis.published
     )
@@ -63,7 +63,7 @@ TABLE_ONE = tuple(
 """The budgets of Table I, in its order: what an attack gets where the user names none."""
 
 
-def choose_budgets(table: str, names: Sequence[str] = ()) -> tuple[Budget, ...]:
+def choose_budgets(table: str, names: Sequence[str] = ()) -> tuple[SweepBudget, ...]:
     """The budgets of a table, or those that are named, in the table's order.
 
     Raises AdvpipeError for an unknown table or name, with the known ones.
@@ -77,7 +77,7 @@ def choose_budgets(table: str, names: Sequence[str] = ()) -> tuple[Budget, ...]:
     return tuple(budget for name, budget in known.items() if not names or name in names)
 
 
-def budget_named(name: str) -> Budget:
+def budget_named(name: str) -> SweepBudget:
     """The budget of that name."""
     (budget,) = choose_budgets("paper", [name])
     return budget

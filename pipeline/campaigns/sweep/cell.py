@@ -8,7 +8,7 @@ from typing import Any
 
 from advpipe.pipeline.core import plain_json
 from advpipe.pipeline.detector.device import CPU
-from advpipe.pipeline.results.evaluation import plain
+from advpipe.pipeline.results.evaluation import plain_value
 from advpipe.pipeline.results.figures import CloudFigures
 from advpipe.pipeline.results.row import ResultRow
 from advpipe.pipeline.results.stored import stored_row
@@ -90,12 +90,12 @@ class Cell:
 
     def _record(self) -> dict[str, Any]:
         record = {each.name: getattr(self, each.name) for each in fields(self)}
-        return record | {"settings": asdict(self.settings), "row": plain(self.row.record())}
+        return record | {"settings": asdict(self.settings), "row": plain_value(self.row.record())}
 
     @staticmethod
     def from_json(text: str) -> Cell:
         """Raises ValueError, KeyError or TypeError for what is no cell."""
-        stored = plain_json.load(text, LIMIT_BYTES)
+        stored = plain_json.load_json(text, LIMIT_BYTES)
         settings = Settings(**stored.pop("settings"))
         for key in ("frames", "found_objects", "lost_objects", "map_ratio_draws"):
             stored[key] = tuple(stored[key])

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from advpipe.pipeline.campaigns.sweep.bench import Bench
-from advpipe.pipeline.campaigns.sweep.budgets import Budget
-from advpipe.pipeline.campaigns.sweep.compare import differences
+from advpipe.pipeline.campaigns.sweep.budgets import SweepBudget
+from advpipe.pipeline.campaigns.sweep.compare import cell_differences
 from advpipe.pipeline.campaigns.sweep.settings import refuse_other_work, with_this_code
 from advpipe.pipeline.campaigns.sweep.store import Store
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
@@ -16,7 +16,7 @@ from advpipe.pipeline.core.verbosity import say
 
 
 def check_cells(
-    bench: Bench, store: Store, places: Sequence[tuple[str, Budget]], count: int, seed: int
+    bench: Bench, store: Store, places: Sequence[tuple[str, SweepBudget]], count: int, seed: int
 ) -> list[str]:
     """Compute some of the stored cells again, as they were made; raises AdvpipeError where one differs.
 
@@ -33,7 +33,7 @@ def check_cells(
     for cell, budget in (stored[place] for place in sorted(drawn)):
         refuse_other_work(cell, bench.clean, bench.detector, bench.device)
         now = with_this_code(cell.settings)
-        found = differences(cell, again.run(budget, cell.recipe, now)[0])
+        found = cell_differences(cell, again.run(budget, cell.recipe, now)[0])
         same = "the same" if now == cell.settings else "the same, though other code of advpipe made it"
         say(f"{cell.name}: {'; '.join(found[:5]) or same}")
         checked.append(cell.name)

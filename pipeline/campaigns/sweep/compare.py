@@ -11,7 +11,7 @@ MISSING = "nothing"
 TELL_THE_CODE = ("settings.code_sha256", "settings.advpipe", "bag_sha256")
 
 
-def differences(stored: Cell, again: Cell) -> list[str]:
+def cell_differences(stored: Cell, again: Cell) -> list[str]:
     """What is not the same, such as `row.map_adv 0.5, again 0.4`; the time taken is not compared.
 
     Nor is, where other code made the stored one, what tells of the code alone: the bag names it, too.

@@ -9,17 +9,17 @@ from typing import Any
 
 from advpipe.pipeline.campaigns.sweep.budgets import AXES
 from advpipe.pipeline.campaigns.sweep.cell import Cell
-from advpipe.pipeline.campaigns.sweep.curves import draw_convergence, draw_curves
+from advpipe.pipeline.campaigns.sweep.curves import draw_budget_curves, draw_convergence
 from advpipe.pipeline.campaigns.sweep.ingredients import ingredients_tables, measured
-from advpipe.pipeline.campaigns.sweep.remarks import remarks
+from advpipe.pipeline.campaigns.sweep.remarks import sweep_warnings
 from advpipe.pipeline.campaigns.sweep.tables import (
     ON_THE_TERMINAL,
     baselines_table,
+    budget_table,
     convergence_table,
     loose_table,
     paper_tables,
     records,
-    steps_table,
     table_one,
     table_two,
 )
@@ -27,7 +27,7 @@ from advpipe.pipeline.core.whole_file import write_whole
 from advpipe.stages.evaluate.report.page import rendered
 from advpipe.stages.evaluate.report.pictures import to_png
 from advpipe.stages.evaluate.report.report import FORMULAS
-from advpipe.stages.evaluate.report.section import OVERVIEW, Picture, Table
+from advpipe.stages.evaluate.report.section import OVERVIEW, ReportPicture, Table
 
 TEMPLATE = Path(__file__).with_name("sweep.html")
 
@@ -37,7 +37,7 @@ def write_document(
     cells: Sequence[Cell],
     recipes: Sequence[str],
     command: str,
-    panels: Sequence[Picture] = (),
+    panels: Sequence[ReportPicture] = (),
     banners: Sequence[str] = (),
 ) -> None:
     """Write report.json, report.html and figures/ of all cells; those of an earlier run are replaced.
@@ -53,15 +53,17 @@ def write_document(
     write_whole(folder / "report.html", _html(cells, recipes, command, pictures, banners).encode())
 
 
-def _curves(cells: Sequence[Cell]) -> list[Picture]:
+def _curves(cells: Sequence[Cell]) -> list[ReportPicture]:
     caption = "mAP ratio over budget and over Chamfer distance, with 95 % intervals: "
     pictures = [
-        Picture(OVERVIEW, "", f"{attack}.png", caption + axis.title, to_png(draw_curves(cells, attack)))
+        ReportPicture(
+            OVERVIEW, "", f"{attack}.png", caption + axis.title, to_png(draw_budget_curves(cells, attack))
+        )
         for attack, axis in AXES.items()
     ]
     if (figure := draw_convergence(cells)) is not None:
         title = "More steps: mAP ratio over the number of steps, with 95 % intervals"
-        pictures.append(Picture(OVERVIEW, "", "convergence.png", title, to_png(figure)))
+        pictures.append(ReportPicture(OVERVIEW, "", "convergence.png", title, to_png(figure)))
     return pictures
 
 
@@ -72,7 +74,7 @@ def to_json(cells: Sequence[Cell], recipes: Sequence[str], command: str, banners
         "banners": list(banners),
         "command": command,
         "formulas": formulas,
-        "remarks": remarks(cells),
+        "remarks": sweep_warnings(cells),
         "provenance": provenance(cells),
         "cells": records(cells, recipes),
         "ingredients": measured(cells),
@@ -101,17 +103,17 @@ def _html(
     cells: Sequence[Cell],
     recipes: Sequence[str],
     command: str,
-    pictures: Sequence[Picture],
+    pictures: Sequence[ReportPicture],
     banners: Sequence[str],
 ) -> str:
     details = (
-        *(baselines_table(cells), loose_table(cells), steps_table(cells), convergence_table(cells)),
+        *(baselines_table(cells), loose_table(cells), budget_table(cells), convergence_table(cells)),
         *ingredients_tables(cells),
     )
     return rendered(
         TEMPLATE.read_text(encoding="utf-8"),
         banners=banners,
-        remarks=remarks(cells),
+        remarks=sweep_warnings(cells),
         tables=paper_tables(cells, recipes),
         details=[table for table in details if table.lines],
         pictures=pictures,
@@ -139,7 +141,7 @@ def print_document(cells: Sequence[Cell], recipes: Sequence[str], banners: Seque
         table = table_two(cells, recipes, attack)
         lines = tuple(tuple(line[place] for place in ON_THE_TERMINAL) for line in table.lines)
         console.print(_rich(Table(table.title, tuple(ON_THE_TERMINAL.values()), lines)))
-    for remark in remarks(cells):
+    for remark in sweep_warnings(cells):
         console.print(remark, highlight=False, markup=False)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from advpipe.pipeline.campaigns.sweep.budgets import AXES
 from advpipe.pipeline.campaigns.sweep.cell import Cell
 from advpipe.pipeline.core import plain_json
-from advpipe.stages.evaluate.report.numbers import number
+from advpipe.stages.evaluate.report.numbers import formatted_number
 from advpipe.stages.evaluate.report.section import Table
 
 PATH = Path(__file__).with_name("ingredients.json")
@@ -28,7 +28,7 @@ COLUMNS: dict[str, tuple[str, int]] = {
 
 def measured(cells: Sequence[Cell]) -> dict[str, Any]:
     """By attack, what was measured of the detector of these cells; of another one it says nothing."""
-    stored: dict[str, Any] = plain_json.load(PATH.read_text(encoding="utf-8"))
+    stored: dict[str, Any] = plain_json.load_json(PATH.read_text(encoding="utf-8"))
     detectors = {cell.settings.detector_sha256 for cell in cells}
     return {
         attack: stored[attack]
@@ -50,7 +50,7 @@ def ingredients_tables(cells: Sequence[Cell]) -> list[Table]:
             f"{len(about['frame_list'])} frames of a validation drive",
             ("recipe best, but", *(head for head, _ in COLUMNS.values())),
             tuple(
-                (line["line"], *(number(line[key], digits) for key, (_, digits) in COLUMNS.items()))
+                (line["line"], *(formatted_number(line[key], digits) for key, (_, digits) in COLUMNS.items()))
                 for line in about["lines"]
             ),
         )

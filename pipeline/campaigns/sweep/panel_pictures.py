@@ -9,10 +9,10 @@ from advpipe.pipeline.campaigns.sweep.budgets import budget_named
 from advpipe.pipeline.campaigns.sweep.panels import PANELS, RULE, draw_panels, load_scenes, median_frame
 from advpipe.pipeline.campaigns.sweep.store import Store
 from advpipe.stages.evaluate.report.pictures import to_png
-from advpipe.stages.evaluate.report.section import OVERVIEW, Picture
+from advpipe.stages.evaluate.report.section import OVERVIEW, ReportPicture
 
 
-def panel_pictures(bench: Bench, store: Store, recipe: str, is_new: bool) -> list[Picture]:
+def panel_pictures(bench: Bench, store: Store, recipe: str, is_new: bool) -> list[ReportPicture]:
     """The four-panel figure of a recipe whose three cells were run; drawn again if any cell is new."""
 
     by_name = {cell.budget: cell for cell in store.cells() if cell.recipe == recipe}
@@ -28,7 +28,7 @@ def panel_pictures(bench: Bench, store: Store, recipe: str, is_new: bool) -> lis
     if not is_new and path.is_file():
         for bag in bags:  # of a run that was killed while it drew
             bench.tidy(bag)
-        return [Picture(OVERVIEW, "", path.name, caption, path.read_bytes())]
+        return [ReportPicture(OVERVIEW, "", path.name, caption, path.read_bytes())]
     for cell, bag in zip(chosen, bags, strict=True):
         bench.attack(budget_named(cell.budget), recipe, replace(cell.settings, frames=str(frame)), bag)
     scenes = load_scenes(bench.clean, bags, bench.detector, frame, chosen, bench.device)
@@ -36,4 +36,4 @@ def panel_pictures(bench: Bench, store: Store, recipe: str, is_new: bool) -> lis
         bench.tidy(bag)
     titles = [f"{budget.attack} {budget.title}" for budget in map(budget_named, PANELS)]
     figure = draw_panels(scenes, titles, f"Recipe {recipe}, frame {frame}")
-    return [Picture(OVERVIEW, "", path.name, caption, to_png(figure))]
+    return [ReportPicture(OVERVIEW, "", path.name, caption, to_png(figure))]

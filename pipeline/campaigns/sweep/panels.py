@@ -18,7 +18,7 @@ from advpipe.stages.evaluate.detection.detection_run import DetectionRun
 from advpipe.stages.evaluate.detection.scoring import known_classes
 from advpipe.stages.evaluate.detection.summary import summarise
 from advpipe.stages.evaluate.report.birds_eye import draw_view, legend
-from advpipe.stages.evaluate.report.scene import Scene, crop, load_scene
+from advpipe.stages.evaluate.report.scene import ReportScene, crop, load_scene
 from advpipe.stages.evaluate.report.style import INK
 
 RULE = (
@@ -50,7 +50,7 @@ def median_frame(cells: Sequence[Cell]) -> int | None:
 
 def load_scenes(
     clean: Path, bags: Sequence[Path], detector: str, frame: int, cells: Sequence[Cell], device: str = CPU
-) -> list[Scene]:
+) -> list[ReportScene]:
     """The frame before and after each attack; boxes are those above the working score of the cells."""
     settings = cells[0].settings
     looking = DetectionRun(
@@ -73,7 +73,7 @@ def load_scenes(
     return scenes
 
 
-def draw_panels(scenes: Sequence[Scene], titles: Sequence[str], headline: str) -> Figure:
+def draw_panels(scenes: Sequence[ReportScene], titles: Sequence[str], headline: str) -> Figure:
     """Four panels: clean, then each scene after its attack."""
     first = scenes[0]
     clean = replace(first, lost=np.zeros_like(first.lost), after=None, change=None)

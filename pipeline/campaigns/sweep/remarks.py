@@ -8,7 +8,7 @@ from advpipe.pipeline.campaigns.sweep.budgets import AXES
 from advpipe.pipeline.campaigns.sweep.cell import Cell
 from advpipe.pipeline.campaigns.sweep.ingredients import lines_of, measured
 from advpipe.pipeline.campaigns.sweep.variants import split_recipe
-from advpipe.stages.evaluate.report.numbers import number
+from advpipe.stages.evaluate.report.numbers import formatted_number
 from advpipe.stages.evaluate.report.wording import OVERLAPS, RANDOM_BEST, WHITE_BOX
 
 SAME_DATA = (
@@ -23,7 +23,7 @@ NOT_SURE = (
 )
 
 
-def remarks(cells: Sequence[Cell]) -> list[str]:
+def sweep_warnings(cells: Sequence[Cell]) -> list[str]:
     """Sentences for the page, the terminal and report.json."""
     return [
         SAME_DATA,
@@ -44,7 +44,7 @@ def _random_best_measured(cells: Sequence[Cell]) -> list[str]:
         if {"recipe best", "recipe random-best"} <= lines.keys():
             best, random = (lines[f"recipe {each}"] for each in ("best", "random-best"))
             budget = f"{AXES[attack].title.partition(', ')[2]} {best['budget']:g}"
-            ratios = (number(each["map_ratio_plain_percent"], 1) for each in (random, best))
+            ratios = (formatted_number(each["map_ratio_plain_percent"], 1) for each in (random, best))
             told.append(f"{attack} ({budget}) {' % against '.join(ratios)} %")
     if not told:
         return []
@@ -55,7 +55,7 @@ def _random_best_measured(cells: Sequence[Cell]) -> list[str]:
 
 
 def _lost(cells: Sequence[Cell]) -> list[str]:
-    scores = sorted({number(cell.row.counts.working_score, 2) for cell in cells})
+    scores = sorted({formatted_number(cell.row.counts.working_score, 2) for cell in cells})
     if not scores:
         return []
     return [

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.campaigns.sweep.bench import Bench
-from advpipe.pipeline.campaigns.sweep.budgets import Budget, choose_budgets
+from advpipe.pipeline.campaigns.sweep.budgets import SweepBudget, choose_budgets
 from advpipe.pipeline.campaigns.sweep.cell import Cell, Settings, Times
 from advpipe.pipeline.campaigns.sweep.check import check_cells
 from advpipe.pipeline.campaigns.sweep.document import print_document, write_document
@@ -22,8 +22,8 @@ from advpipe.pipeline.core.errors import wrong_use
 from advpipe.pipeline.core.tabular import Rows, Tabular, html_paragraph, html_table
 from advpipe.pipeline.core.verbosity import detail, say
 from advpipe.pipeline.detector.registry import load_detector
-from advpipe.pipeline.results.evaluation import plain
-from advpipe.stages.evaluate.report.numbers import number
+from advpipe.pipeline.results.evaluation import plain_value
+from advpipe.stages.evaluate.report.numbers import formatted_number
 from advpipe.stages.evaluate.training_map import map_status
 
 
@@ -35,7 +35,7 @@ class Sweep:
     store: Store
     bench: Bench
     settings: Settings
-    budgets: tuple[Budget, ...]
+    budgets: tuple[SweepBudget, ...]
     options: SweepOptions
 
     @classmethod
@@ -53,7 +53,7 @@ class Sweep:
         detail(f"{count} cells of {clean}: {options.detector} on {options.device}, seed {options.seed}")
         return prepared
 
-    def places(self) -> Iterator[tuple[str, Budget]]:
+    def places(self) -> Iterator[tuple[str, SweepBudget]]:
         """The cells by recipe and budget."""
         return ((recipe, budget) for recipe in self.options.recipes for budget in self.budgets)
 
@@ -80,7 +80,7 @@ class Sweep:
         write_document(report.folder, done, shown, commands, pictures, report.banners)
         return report
 
-    def _run_missing(self, recipe: str, budget: Budget) -> bool:
+    def _run_missing(self, recipe: str, budget: SweepBudget) -> bool:
         if self.store.load(recipe, budget.name) is not None:
             say(f"{recipe}-{budget.name}: kept")
             return False
@@ -110,7 +110,7 @@ class SweepReport(Tabular):
             figures = record.get("row")
             if isinstance(figures, Mapping):
                 about = {key: value for key, value in record.items() if key != "row"}
-                rows.append({key: plain(value) for key, value in {**figures, **about}.items()})
+                rows.append({key: plain_value(value) for key, value in {**figures, **about}.items()})
         return rows
 
     def _repr_html_(self) -> str:
@@ -125,9 +125,9 @@ class SweepReport(Tabular):
         print_document(self.cells, self.recipes, self.banners)
 
 
-def _line(cell: Cell, budget: Budget, times: Times) -> str:
+def _line(cell: Cell, budget: SweepBudget, times: Times) -> str:
     return (
-        f"{cell.name}: mAP ratio {number(cell.attacked.map_ratio_percent, 2)} % (the paper: "
+        f"{cell.name}: mAP ratio {formatted_number(cell.attacked.map_ratio_percent, 2)} % (the paper: "
         f"{budget.paper_map_ratio_percent:.2f} %), {len(cell.frames)} frames, "
         f"attack {times.attack_s:.0f} s, evaluation {times.evaluate_s:.0f} s"
     )

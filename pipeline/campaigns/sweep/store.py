@@ -52,7 +52,7 @@ class Store:
         if not path.is_file():
             return {}
         try:
-            stored = plain_json.load(path.read_bytes())
+            stored = plain_json.load_json(path.read_bytes())
             return {name: Times(float(t["attack_s"]), float(t["evaluate_s"])) for name, t in stored.items()}
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             raise AdvpipeError(f"{path} is damaged; remove it, no figure depends on it") from None

@@ -8,14 +8,20 @@ from math import isnan
 
 import numpy as np
 
-from advpipe.pipeline.campaigns.sweep.budgets import AXES, TABLE_ONE, TABLES, Budget
+from advpipe.pipeline.campaigns.sweep.budgets import AXES, TABLE_ONE, TABLES, SweepBudget
 from advpipe.pipeline.campaigns.sweep.cell import Cell
 from advpipe.pipeline.campaigns.sweep.variants import by_steps, split_recipe, steps_factor
 from advpipe.pipeline.metrics.bootstrap import percentile_interval
-from advpipe.pipeline.results.evaluation import plain
+from advpipe.pipeline.results.evaluation import plain_value
 from advpipe.pipeline.results.figures import CloudFigures
 from advpipe.stages.evaluate.detection.baseline import BEST, baseline_title
-from advpipe.stages.evaluate.report.numbers import NOTHING, interval, number, short_name, with_interval
+from advpipe.stages.evaluate.report.numbers import (
+    NOTHING,
+    formatted_number,
+    interval,
+    short_name,
+    with_interval,
+)
 from advpipe.stages.evaluate.report.section import Table
 from advpipe.stages.evaluate.report.table import changed_percent
 from advpipe.stages.evaluate.report.wording import PLAIN_RANDOM
@@ -55,8 +61,8 @@ def table_one(cells: Sequence[Cell], recipes: Sequence[str]) -> Table:
     budgets = {budget.name: budget for budget in TABLES["paper"]}
     for name in TABLE_ONE:
         lines[0] += [
-            number(budgets[name].paper_chamfer_distance_m2, 5),
-            number(budgets[name].paper_map_ratio_percent, 2),
+            formatted_number(budgets[name].paper_chamfer_distance_m2, 5),
+            formatted_number(budgets[name].paper_map_ratio_percent, 2),
         ]
     for recipe in recipes:
         here = [found.get((recipe, name)) for name in TABLE_ONE]
@@ -71,7 +77,7 @@ def table_one(cells: Sequence[Cell], recipes: Sequence[str]) -> Table:
                 continue
             lines[-2] += _distance_and_ratio(cell.attacked)
             lines[-1] += _distance_and_ratio(cell.strongest_random)
-    return Table("Table I", tuple(heads), tuple(tuple(line) for line in lines))
+    return Table("Table I", tuple(heads), tuple(tuple(cell_line) for cell_line in lines))
 
 
 def paper_tables(cells: Sequence[Cell], recipes: Sequence[str]) -> list[Table]:
@@ -86,7 +92,7 @@ def table_two(cells: Sequence[Cell], recipes: Sequence[str], attack: str) -> Tab
     """
     found = {(cell.recipe, cell.budget): cell for cell in cells}
     lines = [
-        line(budget, recipe, found.get((recipe, budget.name)))
+        cell_line(budget, recipe, found.get((recipe, budget.name)))
         for budget in TABLES["paper"]
         if budget.attack == attack
         for recipe in recipes
@@ -95,12 +101,12 @@ def table_two(cells: Sequence[Cell], recipes: Sequence[str], attack: str) -> Tab
     return Table(f"Table II: {AXES[attack].title}", HEADS, tuple(lines))
 
 
-def line(budget: Budget, recipe: str, cell: Cell | None) -> tuple[str, ...]:
+def cell_line(budget: SweepBudget, recipe: str, cell: Cell | None) -> tuple[str, ...]:
     """The cells of `HEADS`; of the plain random baselines, the strongest."""
     known = (
         f"{budget.title}, {recipe}",
-        number(budget.paper_map_ratio_percent, 2),
-        number(budget.paper_chamfer_distance_m2, 5),
+        formatted_number(budget.paper_map_ratio_percent, 2),
+        formatted_number(budget.paper_chamfer_distance_m2, 5),
     )
     if cell is None:
         return (*known, NOT_RUN, *[NOTHING] * (len(HEADS) - len(known) - 1))
@@ -108,23 +114,23 @@ def line(budget: Budget, recipe: str, cell: Cell | None) -> tuple[str, ...]:
     random = cell.row.baselines[word] if word else None
     return (
         *known,
-        number(attacked.map_ratio_percent, 2),
+        formatted_number(attacked.map_ratio_percent, 2),
         interval(attacked.map_ratio_ci95),
-        number(attacked.chamfer_distance_m2, 5),
+        formatted_number(attacked.chamfer_distance_m2, 5),
         ANSWER[below_paper(budget, cell)],
-        number(random.figures.map_ratio_percent, 2) if random else NOTHING,
-        number(random.map_ratio_minus, 2) if random else NOTHING,
+        formatted_number(random.figures.map_ratio_percent, 2) if random else NOTHING,
+        formatted_number(random.map_ratio_minus, 2) if random else NOTHING,
         interval(random.map_ratio_minus_ci95) if random else NOTHING,
         ANSWER[cell.row.beats_random],
-        number(max(attacked.max_displacement_m, attacked.max_added_m), 4),
-        number(attacked.rms_displacement_m or None, 4),
+        formatted_number(max(attacked.max_displacement_m, attacked.max_added_m), 4),
+        formatted_number(attacked.rms_displacement_m or None, 4),
         changed_percent(
             attacked.points_removed,
             attacked.points_added,
             attacked.points_moved,
             cell.row.counts.points_clean,
         ),
-        number(cell.row.counts.frames, 0),
+        formatted_number(cell.row.counts.frames, 0),
     )
 
 
@@ -146,9 +152,9 @@ def convergence_table(cells: Sequence[Cell]) -> Table:
                 is_large = bounds[0] > SMALL_CHANGE_POINTS or bounds[1] < -SMALL_CHANGE_POINTS
             lines.append(
                 (
-                    *(name, f"x {factor:g}", number(cell.attacked.map_ratio_percent, 2)),
+                    *(name, f"x {factor:g}", formatted_number(cell.attacked.map_ratio_percent, 2)),
                     interval(cell.attacked.map_ratio_ci95),
-                    *(number(points, 2), interval(bounds), ANSWER[is_small], ANSWER[is_large]),
+                    *(formatted_number(points, 2), interval(bounds), ANSWER[is_small], ANSWER[is_large]),
                 )
             )
     title = (
@@ -172,12 +178,14 @@ def loose_table(cells: Sequence[Cell]) -> Table:
     lines = [
         (
             cell.name,
-            number(cell.attacked.map_ratio_percent, 2),
-            number(cell.attacked.map_loose_ratio_percent, 2),
-            number(random.map_loose_ratio_percent, 2) if (random := cell.strongest_random) else NOTHING,
-            number(sum(cell.lost_objects), 0),
-            number(sum(cell.found_objects), 0),
-            number(cell.row.counts.working_score, 2),
+            formatted_number(cell.attacked.map_ratio_percent, 2),
+            formatted_number(cell.attacked.map_loose_ratio_percent, 2),
+            formatted_number(random.map_loose_ratio_percent, 2)
+            if (random := cell.strongest_random)
+            else NOTHING,
+            formatted_number(sum(cell.lost_objects), 0),
+            formatted_number(sum(cell.found_objects), 0),
+            formatted_number(cell.row.counts.working_score, 2),
         )
         for cell in cells
     ]
@@ -194,11 +202,11 @@ def baselines_table(cells: Sequence[Cell]) -> Table:
         (
             cell.name,
             baseline_title(word),
-            number(cell.row.attack.baseline_tries if word.endswith(BEST) else 1, 0),
-            number(cell.row.attack.looks, 0),
-            number(baseline.figures.map_ratio_percent, 2),
+            formatted_number(cell.row.attack.baseline_tries if word.endswith(BEST) else 1, 0),
+            formatted_number(cell.row.attack.looks, 0),
+            formatted_number(baseline.figures.map_ratio_percent, 2),
             interval(baseline.figures.map_ratio_ci95),
-            number(baseline.map_ratio_minus, 2),
+            formatted_number(baseline.map_ratio_minus, 2),
             interval(baseline.map_ratio_minus_ci95),
             ANSWER[baseline.is_beaten],
         )
@@ -208,7 +216,7 @@ def baselines_table(cells: Sequence[Cell]) -> Table:
     return Table("Against the same budget spent plainly at random", heads, tuple(lines))
 
 
-def steps_table(cells: Sequence[Cell]) -> Table:
+def budget_table(cells: Sequence[Cell]) -> Table:
     """From each budget that was run to the next: what it does to the mAP ratio, drawn together."""
     heads = ("recipe", "from", "to", "change in mAP ratio", "95 %", "rises beyond it")
     lines = []
@@ -219,7 +227,7 @@ def steps_table(cells: Sequence[Cell]) -> Table:
             for before, after in pairwise(run):
                 points, bounds = step(before, after)
                 rises = None if bounds is None else bounds[0] > 0
-                change = (number(points, 2), interval(bounds), ANSWER[rises])
+                change = (formatted_number(points, 2), interval(bounds), ANSWER[rises])
                 lines.append((recipe, before.budget, after.budget, *change))
     return Table("From budget to budget", heads, tuple(lines))
 
@@ -238,7 +246,7 @@ def step(before: Cell, after: Cell) -> tuple[float | None, tuple[float, float] |
     return points, percentile_interval(draws[1] - draws[0])
 
 
-def below_paper(budget: Budget, cell: Cell) -> bool | None:
+def below_paper(budget: SweepBudget, cell: Cell) -> bool | None:
     """Whether the mAP ratio is below the paper's, and the Chamfer distance not above; None if undefined."""
     ratio, distance = cell.attacked.map_ratio_percent, cell.attacked.chamfer_distance_m2
     if isnan(ratio) or isnan(distance):
@@ -274,7 +282,7 @@ def records(cells: Sequence[Cell], recipes: Sequence[str]) -> list[Mapping[str, 
                     "strongest_baseline": cell.row.strongest_baseline,
                     "bag_sha256": cell.bag_sha256,
                     "frames": cell.settings.frames,
-                    "row": plain(cell.row.record()),
+                    "row": plain_value(cell.row.record()),
                 }
             listed.append(about)
     return listed
@@ -284,4 +292,4 @@ def _distance_and_ratio(figures: CloudFigures | None) -> list[str]:
     if figures is None:
         return [NOTHING, NOTHING]
     ratio = with_interval(figures.map_ratio_percent, figures.map_ratio_ci95, 2)
-    return [number(figures.chamfer_distance_m2, 5), ratio]
+    return [formatted_number(figures.chamfer_distance_m2, 5), ratio]

@@ -132,7 +132,7 @@ def _overlap(centre: Tensor, length: Tensor, anchor_centre: Tensor, anchor_lengt
     return (high - low).clamp(min=0)
 
 
-def encode(boxes: Tensor, anchors: Tensor) -> Tensor:
+def encode_boxes(boxes: Tensor, anchors: Tensor) -> Tensor:
     """The code (K, 7) of boxes (K, 7) relative to anchors (K, 7) (Yan et al. 2018, section 3.2.2)."""
     diagonal = torch.hypot(anchors[:, 3], anchors[:, 4])
     scale = torch.stack([diagonal, diagonal, anchors[:, 5]], dim=1)
@@ -146,8 +146,8 @@ def encode(boxes: Tensor, anchors: Tensor) -> Tensor:
     )
 
 
-def decode(code: Tensor, anchors: Tensor) -> Tensor:
-    """The boxes (K, 7) that a code (K, 7) means; the inverse of `encode`."""
+def decode_boxes(code: Tensor, anchors: Tensor) -> Tensor:
+    """The boxes (K, 7) that a code (K, 7) means; the inverse of `encode_boxes`."""
     diagonal = torch.hypot(anchors[:, 3], anchors[:, 4])
     scale = torch.stack([diagonal, diagonal, anchors[:, 5]], dim=1)
     return torch.cat(

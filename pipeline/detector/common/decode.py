@@ -9,7 +9,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from advpipe.pipeline.detector.common.anchors import AnchorGrid, decode
+from advpipe.pipeline.detector.common.anchors import AnchorGrid, decode_boxes
 from advpipe.pipeline.detector.common.head import Predictions
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.geometry.iou import iou_bev
@@ -19,7 +19,7 @@ SCORE_THRESHOLD = 0.1
 
 
 @torch.no_grad()
-def detections(predictions: Predictions, batch: int, grid: AnchorGrid) -> Detections:
+def decode_detections(predictions: Predictions, batch: int, grid: AnchorGrid) -> Detections:
     """The boxes of cloud `batch` whose class scores at least 0.1, best first, at most as many as the preset
     says.
 
@@ -39,7 +39,7 @@ def detections(predictions: Predictions, batch: int, grid: AnchorGrid) -> Detect
         scores = scores * torch.sigmoid(predictions.qualities[batch][anchors]) ** preset.quality_power
     order = torch.sort(scores, descending=True, stable=True).indices[: preset.max_candidates]
     chosen = anchors[order]
-    boxes = decode(predictions.codes[batch][chosen], grid.boxes(chosen))
+    boxes = decode_boxes(predictions.codes[batch][chosen], grid.boxes(chosen))
     boxes = _with_direction(boxes, predictions.directions[batch][chosen], preset.direction_offset_rad)
     geometry = boxes.cpu().numpy().astype(np.float64)
     geometry[:, 6] = wrap_angle(geometry[:, 6])

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from advpipe.pipeline.detector.common.anchors import AnchorGrid, Targets, decode, encode
+from advpipe.pipeline.detector.common.anchors import AnchorGrid, Targets, decode_boxes, encode_boxes
 from advpipe.pipeline.detector.common.head import Predictions
 
 SCORE_WEIGHT, BOX_WEIGHT, DIRECTION_WEIGHT, QUALITY_WEIGHT = 1.0, 2.0, 0.2, 0.5
@@ -62,7 +62,7 @@ def _of_cloud(predictions: Predictions, b: int, target: Targets, grid: AnchorGri
     count = max(1, len(target.positive))
     score = focal_loss(predictions.scores[b], target) / count
     anchors = grid.boxes(target.positive)
-    wanted = encode(target.boxes, anchors)
+    wanted = encode_boxes(target.boxes, anchors)
     code = predictions.codes[b][target.positive]
     # The heading counts as sin(difference), so that a box turned by pi costs nothing here.
     turn = torch.sin(code[:, 6] - wanted[:, 6])
@@ -75,7 +75,7 @@ def _of_cloud(predictions: Predictions, b: int, target: Targets, grid: AnchorGri
     if predictions.qualities is not None:
         logits = predictions.qualities[b][target.positive]
         # What a quality should be counts as given: boxes are not made worse to be judged well.
-        iou = aligned_iou(decode(code.detach(), anchors), target.boxes)
+        iou = aligned_iou(decode_boxes(code.detach(), anchors), target.boxes)
         quality = F.binary_cross_entropy_with_logits(logits, iou, reduction="sum") / count
     return torch.stack([score, box, direction, quality])
 

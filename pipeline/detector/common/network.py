@@ -15,8 +15,8 @@ from torch import Tensor, nn
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.common.preset import Preset
-from advpipe.pipeline.detector.protocol import Detections, Detector, Range
-from advpipe.pipeline.detector.training_maps import KEY, listed
+from advpipe.pipeline.detector.protocol import Detections, ObjectDetector, Range
+from advpipe.pipeline.detector.training_maps import KEY, listed_maps
 from advpipe.pipeline.messages.cloud import xyzi
 
 
@@ -39,7 +39,7 @@ class LabelledPoints:
         )
 
 
-class Network(nn.Module, ABC):
+class DetectionNetwork(nn.Module, ABC):
     """A network that can be trained, saved in a checkpoint, and asked for boxes.
 
     LOSS_PARTS: what its training loss is the sum of, as the columns of the training log are named; each ends
@@ -63,7 +63,7 @@ class Network(nn.Module, ABC):
         """The objects in each of the clouds (N_i, 4), labels by the preset's classes, best first."""
 
     @abstractmethod
-    def detector(self, provenance: Mapping[str, str]) -> Detector:
+    def detector(self, provenance: Mapping[str, str]) -> ObjectDetector:
         """The network, trained, as a detector: a `NetworkDetector` where it can say no more."""
 
     @property
@@ -71,11 +71,11 @@ class Network(nn.Module, ABC):
         return next(self.parameters()).device
 
 
-N = TypeVar("N", bound=Network)
+N = TypeVar("N", bound=DetectionNetwork)
 
 
 class NetworkDetector(Generic[N]):
-    """A trained network as a `Detector`: frozen weights, frozen batch norm.
+    """A trained network as a `ObjectDetector`: frozen weights, frozen batch norm.
 
     It computes where its network is. Tensors may come from anywhere, and those that it returns are where the
     points came from.
@@ -88,7 +88,7 @@ class NetworkDetector(Generic[N]):
     @property
     def training_maps_sha256(self) -> Sequence[str | None] | None:
         """The maps of the drives that it was trained on, as `KnowsItsMaps` has them."""
-        return listed(self.provenance.get(KEY))
+        return listed_maps(self.provenance.get(KEY))
 
     @property
     def device(self) -> torch.device:
@@ -112,7 +112,7 @@ class NetworkDetector(Generic[N]):
         return self.net.detections([cloud.to(self.device) for cloud in clouds])
 
     def loss(self, points: Tensor, boxes: Tensor, labels: Tensor) -> Tensor:
-        """The training loss of one cloud, as `Detector.loss`; all boxes in range count.
+        """The training loss of one cloud, as `ObjectDetector.loss`; all boxes in range count.
 
         Raises AdvpipeError for points that are not finite.
         """

@@ -10,17 +10,22 @@ from torch import Tensor
 
 from advpipe.pipeline.detector.common.anchors import AnchorGrid
 from advpipe.pipeline.detector.common.backbone2d import Backbone2d
-from advpipe.pipeline.detector.common.decode import detections
+from advpipe.pipeline.detector.common.decode import decode_detections
 from advpipe.pipeline.detector.common.head import Head, Predictions
 from advpipe.pipeline.detector.common.loss import LOSS_PARTS, losses, losses_by_cloud
-from advpipe.pipeline.detector.common.network import LabelledPoints, Network, NetworkDetector, require_finite
+from advpipe.pipeline.detector.common.network import (
+    DetectionNetwork,
+    LabelledPoints,
+    NetworkDetector,
+    require_finite,
+)
 from advpipe.pipeline.detector.protocol import Detections, LossInput, VoxelGrid
 from advpipe.pipeline.detector.second.backbone3d import Backbone3d
 from advpipe.pipeline.detector.second.presets import SecondPreset
 from advpipe.pipeline.detector.second.voxels import Voxels, voxelise
 
 
-class SecondNet(Network):
+class SecondNet(DetectionNetwork):
     """Voxels, sparse 3D backbone, bird's-eye backbone, anchor head."""
 
     LOSS_PARTS = LOSS_PARTS
@@ -61,7 +66,7 @@ class SecondNet(Network):
         empty = torch.bincount(voxels.sites.bzyx()[0], minlength=len(clouds)) == 0
         none = Detections(np.zeros((0, 7)), np.zeros(0), np.zeros(0, np.int64))
         grid = self.anchor_grid()
-        return [none if empty[b] else detections(predictions, b, grid) for b in range(len(clouds))]
+        return [none if empty[b] else decode_detections(predictions, b, grid) for b in range(len(clouds))]
 
     def detector(self, provenance: Mapping[str, str]) -> Second:
         return Second(self, provenance)

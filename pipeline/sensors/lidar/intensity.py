@@ -31,7 +31,7 @@ DETECTED_AT_RANGE = 0.9
 of detection for which makers state the range."""
 
 
-def signal(hits: Hits, seen: npt.NDArray[np.intp], attenuation_per_m: float) -> Float32:
+def return_signal(hits: Hits, seen: npt.NDArray[np.intp], attenuation_per_m: float) -> Float32:
     """Signal (len(seen),) float32 of the rays `seen`, as that of a diffuse target: 1 is a white one, facing.
 
     Reflectivity x incidence (Oren-Nayar) x what panes on the way leave x exp(-a d), as CARLA has it.

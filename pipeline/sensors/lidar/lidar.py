@@ -15,9 +15,9 @@ from advpipe.pipeline.sensors.lidar.atmosphere import (
     atmosphere_of,
     transmission,
 )
-from advpipe.pipeline.sensors.lidar.intensity import detected_share, kept_share, noise_floor, signal
+from advpipe.pipeline.sensors.lidar.intensity import detected_share, kept_share, noise_floor, return_signal
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
-from advpipe.pipeline.sensors.lidar.sweep import Sweep, mounting
+from advpipe.pipeline.sensors.lidar.sweep import LidarSweep, mounting
 from advpipe.pipeline.sensors.weather import Weather
 from advpipe.pipeline.sensors.world import Hits
 
@@ -47,7 +47,7 @@ class Lidar:
         self, sensor: LidarSensor, step_s: float | None = None, weather: Weather | None = None
     ) -> None:
         self._sensor = sensor
-        self._sweep = Sweep(sensor)
+        self._sweep = LidarSweep(sensor)
         self._air = atmosphere_of(weather or Weather(), sensor)
         self._turn_steps = 1 if step_s is None else round(1 / (sensor.rotation_frequency * step_s))
         self._times_s = (
@@ -82,7 +82,7 @@ class Lidar:
         chance = rng.random(len(hits.range_m), dtype=np.float32)
         rays = np.flatnonzero((hits.range_m >= MIN_RANGE_M) & (hits.range_m <= self._sensor.range))
         range_m = hits.range_m[rays]
-        clear = signal(hits, rays, self._sensor.atmosphere_attenuation_rate)
+        clear = return_signal(hits, rays, self._sensor.atmosphere_attenuation_rate)
         answer, share, stddev_m = self._received(clear, range_m)
         share *= kept_share(self._sensor, np.minimum(answer, 1))
         kept = np.flatnonzero(chance[rays] < share)

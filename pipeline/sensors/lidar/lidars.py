@@ -8,7 +8,7 @@ from typing import ClassVar
 from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
-from advpipe.pipeline.sensors.sensor import Cadence, Drive, Instant, MountedSensor, Panel, Reading
+from advpipe.pipeline.sensors.sensor import Cadence, DriveSettings, Instant, MountedSensor, Panel, Reading
 
 MOST_RAYS = 10_000_000
 """Of one turn of all LiDARs together; a few hundred bytes of memory each."""
@@ -19,11 +19,12 @@ POINT_BYTES = 22
 class Lidars(MountedSensor[LidarSensor]):
     """All LiDARs of one vehicle."""
 
+    title = "LiDAR"
     section = LidarSensor
     default: ClassVar = {"lidar": LidarSensor()}
     needs = frozenset({"road users", "rays"})
 
-    def __init__(self, vehicle: str, sections: Mapping[str, LidarSensor], drive: Drive) -> None:
+    def __init__(self, vehicle: str, sections: Mapping[str, LidarSensor], drive: DriveSettings) -> None:
         from advpipe.pipeline.sensors.lidar.rig import Rig
 
         self._vehicle, self._drive = vehicle, drive

@@ -14,11 +14,11 @@ from advpipe.pipeline.geometry.transforms import Float64, invert
 from advpipe.pipeline.messages.cloud import Cloud
 from advpipe.pipeline.sensors.lidar.lidar import Lidar
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
-from advpipe.pipeline.sensors.sensor import Drive, Instant
+from advpipe.pipeline.sensors.sensor import DriveSettings, Instant
 
 
 @dataclass(frozen=True)
-class View:
+class LidarView:
     """What the LiDARs of a vehicle saw: `clouds` by LiDAR, and the truth about M road users in range.
 
     boxes: in the map's frame. lidar_points: (M,) int64, returns on each, of all clouds. occlusion: (M,) in
@@ -34,14 +34,14 @@ class View:
 class Rig:
     """The LiDARs of one vehicle, by name."""
 
-    def __init__(self, vehicle: str, sections: Mapping[str, LidarSensor], drive: Drive) -> None:
+    def __init__(self, vehicle: str, sections: Mapping[str, LidarSensor], drive: DriveSettings) -> None:
         self._vehicle, self._seed = vehicle, drive.seed
         self.lidars = {
             name: Lidar(section, drive.step_s, drive.weather) for name, section in sections.items()
         }
         self._range_m = max((section.range for section in sections.values()), default=0.0)
 
-    def look(self, instant: Instant) -> View | None:
+    def look(self, instant: Instant) -> LidarView | None:
         """Turns those LiDARs whose turn ends at this instant; None where there is none."""
         due = {name: lidar for name, lidar in self.lidars.items() if lidar.is_due(instant.frame)}
         if not due:
@@ -59,4 +59,4 @@ class Rig:
             in_lidar = boxes.transformed(invert(map_SE3_lidar))
             points += count_points(lidar.undistorted(clouds[name], twist), in_lidar.geometry)
             occlusion = np.minimum(occlusion, hits.occlusion)
-        return View(clouds, boxes, points, occlusion)
+        return LidarView(clouds, boxes, points, occlusion)

@@ -11,7 +11,7 @@ from advpipe.pipeline.sensors.lidar.section import LidarSensor
 Float32 = npt.NDArray[np.float32]
 
 
-class Sweep:
+class LidarSweep:
     """R = columns x channels rays, column by column; the channels of a column leave at once.
 
     Seen from above the turn is clockwise, as most sensors', and starts and ends at the rear, so that the

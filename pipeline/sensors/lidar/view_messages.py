@@ -8,17 +8,17 @@ from advpipe.pipeline.messages.cloud import cloud_to_cdr
 from advpipe.pipeline.messages.markers import markers
 from advpipe.pipeline.messages.topics import MAP_FRAME, VehicleTopics
 from advpipe.pipeline.messages.types import serialise
-from advpipe.pipeline.sensors.lidar.rig import View
+from advpipe.pipeline.sensors.lidar.rig import LidarView
 
 
-def view_messages(vehicle: str, stamp_ns: int, view: View, with_markers: bool) -> list[StampedCdr]:
+def view_messages(vehicle: str, stamp_ns: int, view: LidarView, with_markers: bool) -> list[StampedCdr]:
     """The clouds, then boxes, road users, and markers where they are wanted; all with one stamp."""
     messages = []
     for name, cloud in view.clouds.items():
         topic = VehicleTopics(vehicle, name)
         messages.append((topic.lidar_points, cloud_to_cdr(cloud, stamp_ns, topic.lidar_frame), stamp_ns))
     topic, boxes = VehicleTopics(vehicle), view.boxes
-    objects = build.detections(stamp_ns, MAP_FRAME, boxes)
+    objects = build.detections_message(stamp_ns, MAP_FRAME, boxes)
     road_users = build.road_users(stamp_ns, MAP_FRAME, boxes, view.lidar_points, view.occlusion)
     truth = [(topic.objects, objects), (topic.road_users, road_users)]
     if with_markers:

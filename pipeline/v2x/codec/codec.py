@@ -39,7 +39,7 @@ def _uper() -> Uper:
     return Uper(asn1_cam())
 
 
-def encode(tree: CamTree) -> bytes:
+def encode_cam_tree(tree: CamTree) -> bytes:
     """The CAM in UPER. Raises CamError for values that the ASN.1 does not allow."""
     with suppress(Exception):  # whatever it is, pycrate finds it again
         return _uper().encode(tree)
@@ -51,7 +51,7 @@ def encode(tree: CamTree) -> bytes:
             raise CamError(f"these values make no CAM: {_reason(error)}") from None
 
 
-def decode(payload: bytes) -> CamTree:
+def decode_cam_tree(payload: bytes) -> CamTree:
     """The values of a CAM in UPER.
 
     Raises CamError for anything but one whole CAM of this protocol version: truncated or malformed

@@ -18,7 +18,7 @@ _ROUNDING_NOISE = 1e-6
 
 
 @dataclass(frozen=True)
-class Quantity:
+class CamQuantity:
     """A number: `code = value * per_unit`, rounded to the nearest, or up where `ceil` is set.
 
     low, high: the codes of plain values. beyond: the code of values above `high`; without one, values
@@ -105,39 +105,41 @@ def _classes(name: str, prefix: str, scale: float, *bounds: str) -> Classes:
     return Classes(name, values, tuple(f"{prefix}-{bound}" for bound in bounds))
 
 
-LATITUDE = Quantity("latitude_deg", 1e7, -900_000_000, 900_000_000, 900_000_001)
-LONGITUDE = Quantity("longitude_deg", 1e7, -1_800_000_000, 1_800_000_000, 1_800_000_001)
-SEMI_AXIS = Quantity("semi-axis of the position in metres", 100, 0, 4093, 4095, beyond=4094, ceil=True)
-ALTITUDE = Quantity("altitude_m", 100, -100_000, 800_000, 800_001, clamp=True)
+LATITUDE = CamQuantity("latitude_deg", 1e7, -900_000_000, 900_000_000, 900_000_001)
+LONGITUDE = CamQuantity("longitude_deg", 1e7, -1_800_000_000, 1_800_000_000, 1_800_000_001)
+SEMI_AXIS = CamQuantity("semi-axis of the position in metres", 100, 0, 4093, 4095, beyond=4094, ceil=True)
+ALTITUDE = CamQuantity("altitude_m", 100, -100_000, 800_000, 800_001, clamp=True)
 ALTITUDE_CONFIDENCE = _classes(
     *("altitude_confidence_m", "alt", 1),
     *("000-01", "000-02", "000-05", "000-10", "000-20", "000-50", "001-00"),
     *("002-00", "005-00", "010-00", "020-00", "050-00", "100-00", "200-00"),
 )
-HEADING = Quantity("heading_rad", 10 * _PER_DEGREE, 0, 3599, 3601, cycle=3600)  # 3600 is never to be used
-HEADING_CONFIDENCE = Quantity("heading_confidence_rad", 10 * _PER_DEGREE, 1, 125, 127, beyond=126, ceil=True)
-SPEED = Quantity("speed_mps", 100, 0, 16381, 16383, beyond=16382, ceil=True)
-SPEED_CONFIDENCE = Quantity("speed_confidence_mps", 100, 1, 125, 127, beyond=126, ceil=True)
-ACCELERATION = Quantity("acceleration in m/s2", 10, -160, 160, 161, ceil=True, clamp=True)
-ACCELERATION_CONFIDENCE = Quantity(
+HEADING = CamQuantity("heading_rad", 10 * _PER_DEGREE, 0, 3599, 3601, cycle=3600)  # 3600 is never to be used
+HEADING_CONFIDENCE = CamQuantity(
+    "heading_confidence_rad", 10 * _PER_DEGREE, 1, 125, 127, beyond=126, ceil=True
+)
+SPEED = CamQuantity("speed_mps", 100, 0, 16381, 16383, beyond=16382, ceil=True)
+SPEED_CONFIDENCE = CamQuantity("speed_confidence_mps", 100, 1, 125, 127, beyond=126, ceil=True)
+ACCELERATION = CamQuantity("acceleration in m/s2", 10, -160, 160, 161, ceil=True, clamp=True)
+ACCELERATION_CONFIDENCE = CamQuantity(
     "confidence of an acceleration in m/s2", 10, 0, 100, 102, beyond=101, ceil=True
 )
-CURVATURE = Quantity("curvature_per_m", 10_000, -1023, 1022, 1023, clamp=True)
+CURVATURE = CamQuantity("curvature_per_m", 10_000, -1023, 1022, 1023, clamp=True)
 CURVATURE_CONFIDENCE = _classes(
     *("curvature_confidence_per_m", "onePerMeter", 1),
     *("0-00002", "0-0001", "0-0005", "0-002", "0-01", "0-1"),
 )
-YAW_RATE = Quantity("yaw_rate_radps", 100 * _PER_DEGREE, -32766, 32766, 32767, clamp=True)
+YAW_RATE = CamQuantity("yaw_rate_radps", 100 * _PER_DEGREE, -32766, 32766, 32767, clamp=True)
 YAW_RATE_CONFIDENCE = _classes(
     *("yaw_rate_confidence_radps", "degSec", 1 / _PER_DEGREE),
     *("000-01", "000-05", "000-10", "001-00", "005-00", "010-00", "100-00"),
 )
-STEERING_ANGLE = Quantity("steering_wheel_rad", _PER_DEGREE / 1.5, -511, 511, 512, clamp=True)
-STEERING_ANGLE_CONFIDENCE = Quantity(
+STEERING_ANGLE = CamQuantity("steering_wheel_rad", _PER_DEGREE / 1.5, -511, 511, 512, clamp=True)
+STEERING_ANGLE_CONFIDENCE = CamQuantity(
     "steering_wheel_confidence_rad", _PER_DEGREE / 1.5, 1, 125, 127, beyond=126, ceil=True
 )
-LENGTH = Quantity("length_m", 10, 1, 1021, 1023, beyond=1022, ceil=True)
-WIDTH = Quantity("width_m", 10, 1, 60, 62, beyond=61, ceil=True)
-DELTA_DEGREES = Quantity("degrees to a path point", 1e7, -131_071, 131_071, 131_072)
-DELTA_ALTITUDE = Quantity("altitude to a path point in metres", 100, -12_700, 12_799, 12_800)
-DELTA_TIME = Quantity("seconds to a path point", 100, 1, 65_535, clamp=True)
+LENGTH = CamQuantity("length_m", 10, 1, 1021, 1023, beyond=1022, ceil=True)
+WIDTH = CamQuantity("width_m", 10, 1, 60, 62, beyond=61, ceil=True)
+DELTA_DEGREES = CamQuantity("degrees to a path point", 1e7, -131_071, 131_071, 131_072)
+DELTA_ALTITUDE = CamQuantity("altitude to a path point in metres", 100, -12_700, 12_799, 12_800)
+DELTA_TIME = CamQuantity("seconds to a path point", 100, 1, 65_535, clamp=True)

@@ -7,7 +7,13 @@ from typing import Any, NamedTuple
 
 from advpipe.pipeline.v2x.codec import quantities as q
 from advpipe.pipeline.v2x.codec.cam_error import CamError
-from advpipe.pipeline.v2x.codec.codec import MESSAGE_ID_CAM, PROTOCOL_VERSION, CamTree, decode, encode
+from advpipe.pipeline.v2x.codec.codec import (
+    MESSAGE_ID_CAM,
+    PROTOCOL_VERSION,
+    CamTree,
+    decode_cam_tree,
+    encode_cam_tree,
+)
 from advpipe.pipeline.v2x.codec.codes import (
     AccelerationControl,
     CurvatureCalculationMode,
@@ -42,9 +48,9 @@ class _Measured(NamedTuple):
 
     name: str
     field: str
-    quantity: q.Quantity
+    quantity: q.CamQuantity
     confidence_field: str
-    confidence: q.Quantity | q.Classes
+    confidence: q.CamQuantity | q.Classes
 
     def tree(self, cam: Cam) -> CamTree:
         return {
@@ -94,12 +100,12 @@ _OPTIONAL = (
 
 def encode_cam(cam: Cam) -> bytes:
     """The CAM in UPER. Raises CamError for a value that a CAM cannot tell."""
-    return encode(cam_tree(cam))
+    return encode_cam_tree(cam_tree(cam))
 
 
 def decode_cam(payload: bytes) -> Cam:
     """Raises CamError for bytes that are no CAM (see `codec.decode`)."""
-    return cam_of_tree(decode(payload))
+    return cam_of_tree(decode_cam_tree(payload))
 
 
 def cam_tree(cam: Cam) -> CamTree:

@@ -12,13 +12,13 @@ from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.v2x.codec import quantities as q
 from advpipe.pipeline.v2x.codec.cam_error import CamError
-from advpipe.pipeline.v2x.codec.codec import CamTree, decode
+from advpipe.pipeline.v2x.codec.codec import CamTree, decode_cam_tree
 
 HIGH, VEHICLE_HIGH = "highFrequencyContainer", "basicVehicleContainerHighFrequency"
 
 _POSITION = ("cam", "camParameters", "basicContainer", "referencePosition")
 _FAST = ("cam", "camParameters", HIGH)
-QUANTITIES: dict[str, tuple[tuple[str, ...], q.Quantity]] = {
+QUANTITIES: dict[str, tuple[tuple[str, ...], q.CamQuantity]] = {
     "latitude_deg": ((*_POSITION, "latitude"), q.LATITUDE),
     "longitude_deg": ((*_POSITION, "longitude"), q.LONGITUDE),
     "altitude_m": ((*_POSITION, "altitude", "altitudeValue"), q.ALTITUDE),
@@ -84,7 +84,7 @@ def values(tree: CamTree) -> dict[str, Any]:
 def values_of_payload(payload: bytes) -> Values | None:
     """The same of a message's bytes; None for what is no vehicle's CAM."""
     try:
-        tree = decode(payload)
+        tree = decode_cam_tree(payload)
     except CamError:
         return None
     return values(tree) if is_vehicle(tree) else None

@@ -35,7 +35,7 @@ class Verdict(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class LdmReport:
     """What a CAM says, on the map; the same for all its receivers.
 
     generation_ns: UTC since 1970. front_m: x, y, z of the ground below the middle of the vehicle's front
@@ -62,7 +62,7 @@ class Report:
         return x_m - back_m * math.cos(self.yaw_rad), y_m - back_m * math.sin(self.yaw_rad), z_m
 
 
-def report_of_cam(cam: Cam | CamCore, received_ns: int, geodesy: Geodesy) -> Report | None:
+def report_of_cam(cam: Cam | CamCore, received_ns: int, geodesy: Geodesy) -> LdmReport | None:
     """The CAM on the map; None where it tells no position, or one on the other side of the Earth.
 
     Without an altitude it is on the map's zero level. Of the times that its generationDeltaTime may mean,
@@ -73,7 +73,7 @@ def report_of_cam(cam: Cam | CamCore, received_ns: int, geodesy: Geodesy) -> Rep
 
 def reports_of_cams(
     cams: Sequence[Cam | CamCore], received_ns: Sequence[int], geodesy: Geodesy
-) -> list[Report | None]:
+) -> list[LdmReport | None]:
     """`report_of_cam` of each; the projection takes many places in little more time than one."""
     places = np.array(
         [(_number(cam.latitude_deg), _number(cam.longitude_deg), _number(cam.altitude_m)) for cam in cams]
@@ -86,18 +86,18 @@ def reports_of_cams(
         places[2, is_flat] = geodesy.to_geographic([0.0, 0.0, 0.0])[2]
     northward = places + np.array([[_NORTHWARD_DEG], [0.0], [0.0]])
     fronts_m, norths_m = np.split(geodesy.to_map(np.hstack([places, northward])), 2, axis=1)
-    reports: list[Report | None] = [None] * len(cams)
+    reports: list[LdmReport | None] = [None] * len(cams)
     for index, front_m, north_m in zip(told.tolist(), fronts_m.T.tolist(), norths_m.T.tolist(), strict=True):
         if math.isfinite(front_m[0] + front_m[1]):  # a projection knows one side of the Earth
             reports[index] = _report(cams[index], received_ns[index], front_m, north_m)
     return reports
 
 
-def _report(cam: Cam | CamCore, received_ns: int, front_m: list[float], north_m: list[float]) -> Report:
+def _report(cam: Cam | CamCore, received_ns: int, front_m: list[float], north_m: list[float]) -> LdmReport:
     """north_m: a place a little to the north of the front."""
     x_m, y_m, z_m = front_m
     yaw_rad = math.atan2(north_m[1] - y_m, north_m[0] - x_m) - _number(cam.heading_rad)
-    return Report(
+    return LdmReport(
         station_id=cam.station_id,
         station_type=cam.station_type,
         generation_ns=generation_time_ns(cam.generation_delta_time_ms, received_ns),
@@ -113,12 +113,12 @@ def _report(cam: Cam | CamCore, received_ns: int, front_m: list[float], north_m:
 class Entry:
     """The report that stands for a station, and when it was received."""
 
-    report: Report
+    report: LdmReport
     received_ns: int
 
 
 @dataclass(frozen=True)
-class Snapshot:
+class LdmSnapshot:
     """All entries at one time, by station id, as they were received: nothing is extrapolated.
 
     verdicts: how many messages have met each, since the map began.
@@ -147,7 +147,7 @@ class LocalDynamicMap:
         self._entries: dict[int, Entry] = {}
         self._verdicts: Counter[Verdict] = Counter()
 
-    def receive(self, report: Report | None, received_ns: int) -> Verdict:
+    def receive(self, report: LdmReport | None, received_ns: int) -> Verdict:
         """Takes a received CAM's report; None stands for a CAM without a position."""
         verdict = Verdict.UNPLACED if report is None else self._judge(report, received_ns)
         if report is not None and verdict is Verdict.ACCEPTED:
@@ -160,7 +160,7 @@ class LocalDynamicMap:
         self._verdicts[Verdict.CORRUPT] += 1
         return Verdict.CORRUPT
 
-    def snapshot(self, now_ns: int) -> Snapshot:
+    def snapshot(self, now_ns: int) -> LdmSnapshot:
         """Lets entries expire, and returns the others."""
         self._entries = {
             station: entry
@@ -168,9 +168,9 @@ class LocalDynamicMap:
             if not self._is_expired(entry.report, now_ns)
         }
         counts = {verdict: self._verdicts[verdict] for verdict in Verdict}
-        return Snapshot(now_ns, tuple(self._entries.values()), counts)
+        return LdmSnapshot(now_ns, tuple(self._entries.values()), counts)
 
-    def _judge(self, report: Report, now_ns: int) -> Verdict:
+    def _judge(self, report: LdmReport, now_ns: int) -> Verdict:
         if self._is_expired(report, now_ns):
             return Verdict.EXPIRED
         if report.generation_ns > now_ns + self._keep_ns:
@@ -181,7 +181,7 @@ class LocalDynamicMap:
         is_older = report.generation_ns < known.report.generation_ns
         return Verdict.SUPERSEDED if is_older else Verdict.ACCEPTED
 
-    def _is_expired(self, report: Report, now_ns: int) -> bool:
+    def _is_expired(self, report: LdmReport, now_ns: int) -> bool:
         return report.generation_ns + self._keep_ns < now_ns
 
 

@@ -13,7 +13,7 @@ from collections import deque
 
 import numpy as np
 
-from advpipe.pipeline.v2x.radio.frame import Frame
+from advpipe.pipeline.v2x.radio.frame import RadioFrame
 from advpipe.pipeline.v2x.radio.ofdm import Ofdm
 from advpipe.pipeline.v2x.radio.stations import Bool, Int64
 
@@ -27,7 +27,7 @@ class _Contender:
 
     __slots__ = ("countdown_ns", "frame", "start_ns")
 
-    def __init__(self, frame: Frame) -> None:
+    def __init__(self, frame: RadioFrame) -> None:
         self.frame, self.start_ns, self.countdown_ns = frame, 0, 0
 
     def contend(self, now_ns: int, free_ns: int, ofdm: Ofdm) -> None:
@@ -49,16 +49,16 @@ class Access:
         self._ofdm = ofdm
         self._queue_delay_max_ns = queue_delay_max_ns
         self._contenders: dict[int, _Contender] = {}
-        self._queues: dict[int, deque[Frame]] = {}
+        self._queues: dict[int, deque[RadioFrame]] = {}
         self._free_ns = np.empty(0, np.int64)
 
-    def waiting(self) -> list[Frame]:
+    def waiting(self) -> list[RadioFrame]:
         """All messages that are not on the air yet."""
         queued = [frame for queue in self._queues.values() for frame in queue]
         return [*(contender.frame for contender in self._contenders.values()), *queued]
 
-    def rearrange(self, columns: Int64) -> list[Frame]:
-        """Follow a change of the stations (see `Frame.rearrange`); the messages of those that have gone.
+    def rearrange(self, columns: Int64) -> list[RadioFrame]:
+        """Follow a change of the stations (see `RadioFrame.rearrange`); the messages of those that have gone.
 
         Call it when the frames have been rearranged.
         """
@@ -69,13 +69,13 @@ class Access:
             dropped += [self._contenders.pop(sender).frame, *self._queues.pop(sender, ())]
         return dropped
 
-    def run(self, requests: list[Frame], until_ns: int) -> tuple[list[Frame], list[Frame]]:
+    def run(self, requests: list[RadioFrame], until_ns: int) -> tuple[list[RadioFrame], list[RadioFrame]]:
         """Lets time pass: the messages sent before `until_ns`, by start, and those dropped.
 
         requests: messages handed over before `until_ns`, in order of that time.
         """
-        sent: list[Frame] = []
-        dropped: list[Frame] = []
+        sent: list[RadioFrame] = []
+        dropped: list[RadioFrame] = []
         arriving = deque(requests)
         while True:
             head = min(self._contenders.values(), key=lambda c: c.start_ns, default=None)
@@ -86,17 +86,17 @@ class Access:
             else:
                 return sent, dropped
 
-    def _arrive(self, frame: Frame) -> None:
+    def _arrive(self, frame: RadioFrame) -> None:
         if frame.sender_id in self._contenders:
             self._queues.setdefault(frame.sender_id, deque()).append(frame)
         else:
             self._enter(frame, frame.request_ns)
 
-    def _enter(self, frame: Frame, now_ns: int) -> None:
+    def _enter(self, frame: RadioFrame, now_ns: int) -> None:
         contender = self._contenders[frame.sender_id] = _Contender(frame)
         contender.contend(now_ns, int(self._free_ns[frame.sender]), self._ofdm)
 
-    def _leave(self, head: _Contender, sent: list[Frame], dropped: list[Frame]) -> None:
+    def _leave(self, head: _Contender, sent: list[RadioFrame], dropped: list[RadioFrame]) -> None:
         frame, now_ns = head.frame, head.start_ns
         del self._contenders[frame.sender_id]
         if now_ns - frame.request_ns > self._queue_delay_max_ns:

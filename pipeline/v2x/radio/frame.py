@@ -13,7 +13,7 @@ NOT_SENT = -1
 
 
 @dataclass(slots=True, eq=False)
-class Frame:
+class RadioFrame:
     """power_dbm, distance_m: (S,), at each station. hearing: (S,), whom it keeps silent.
 
     sender: column of the station, -1 once that has gone. slots: those of its backoff still to count.

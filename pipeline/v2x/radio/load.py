@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.pipeline.v2x.radio.frame import Frame
+from advpipe.pipeline.v2x.radio.frame import RadioFrame
 from advpipe.pipeline.v2x.radio.stations import Int64
 
 WINDOW_NS = 100_000_000
@@ -24,7 +24,7 @@ class ChannelLoad:
     busy_ratio: Float64
 
 
-def busy_ratio(frames: Sequence[Frame], stations: int, end_ns: int) -> Float64:
+def busy_ratio(frames: Sequence[RadioFrame], stations: int, end_ns: int) -> Float64:
     """The ratio (S,) over the window that ends then.
 
     frames: those sent before `end_ns` and on the air in the window, by start. A station counts what it hears

@@ -9,7 +9,7 @@ import numpy as np
 from advpipe.pipeline.v2x.radio.access import Access
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.draws import Draws
-from advpipe.pipeline.v2x.radio.frame import Frame
+from advpipe.pipeline.v2x.radio.frame import RadioFrame
 from advpipe.pipeline.v2x.radio.link import Link
 from advpipe.pipeline.v2x.radio.load import WINDOW_NS, ChannelLoad, busy_ratio
 from advpipe.pipeline.v2x.radio.ofdm import CONTENTION_SLOTS, Ofdm
@@ -45,7 +45,7 @@ class Medium:
         self._access = Access(self._ofdm, round(radio.queue_delay_max_s * 1e9))
         self._receiver = Receiver(radio, draws)
         self._stations = Stations(np.empty(0, np.int64), np.empty((0, 3)))
-        self._sent: list[Frame] = []
+        self._sent: list[RadioFrame] = []
         self._now_ns: int | None = None
 
     def advance(self, until_ns: int, stations: Stations, transmissions: Transmissions) -> Step:
@@ -73,7 +73,7 @@ class Medium:
         self._forget(ended, until_ns)
         return Step(outcomes, loads)
 
-    def _rearrange(self, stations: Stations) -> list[Frame]:
+    def _rearrange(self, stations: Stations) -> list[RadioFrame]:
         """Takes over the stations of this step; the messages of those that have gone."""
         former, self._stations = self._stations, stations
         if np.array_equal(former.ids, stations.ids):
@@ -84,7 +84,7 @@ class Medium:
             frame.rearrange(columns, places.get(frame.sender_id, -1))
         return self._access.rearrange(columns)
 
-    def _frames(self, stations: Stations, transmissions: Transmissions) -> list[Frame]:
+    def _frames(self, stations: Stations, transmissions: Transmissions) -> list[RadioFrame]:
         """The new messages, in order of their requests."""
         radio, keys = self._radio, transmissions.keys
         senders = stations.columns_of(transmissions.senders)
@@ -108,7 +108,7 @@ class Medium:
         )
         scalars = zip(*(column.tolist() for column in columns), strict=True)
         frames = [
-            Frame(*values, *rows)
+            RadioFrame(*values, *rows)
             for values, *rows in zip(scalars, received_dbm, distance_m, hearing, strict=True)
         ]
         return [frames[index] for index in np.argsort(transmissions.request_ns, kind="stable")]
@@ -117,7 +117,7 @@ class Medium:
         frames = [f for f in self._sent if f.start_ns < end_ns and f.end_ns > end_ns - WINDOW_NS]
         return ChannelLoad(end_ns, self._stations.ids, busy_ratio(frames, len(self._stations.ids), end_ns))
 
-    def _forget(self, ended: list[Frame], until_ns: int) -> None:
+    def _forget(self, ended: list[RadioFrame], until_ns: int) -> None:
         """Keeps what is still on the air, what overlaps with that, and the current window of the load."""
         for frame in ended:
             frame.is_reported = True

@@ -9,7 +9,7 @@ import numpy as np
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.v2x.radio.draws import Draws
 from advpipe.pipeline.v2x.radio.error_rate import flawless_db, success_rate
-from advpipe.pipeline.v2x.radio.frame import Frame
+from advpipe.pipeline.v2x.radio.frame import RadioFrame
 from advpipe.pipeline.v2x.radio.path_loss import SPEED_OF_LIGHT_MPS
 from advpipe.pipeline.v2x.radio.stations import (
     Bool,
@@ -39,7 +39,7 @@ class Receiver:
         self._flawless_db = max(flawless_db(self._channel_bitrate_mbps), radio.snir_threshold_db)
 
     def outcomes(
-        self, final: Sequence[Frame], on_air: Sequence[Frame], stations: Stations, dropped: Int64
+        self, final: Sequence[RadioFrame], on_air: Sequence[RadioFrame], stations: Stations, dropped: Int64
     ) -> ReceptionOutcomes:
         """Of the messages `final`; `on_air` are these and all others that overlap with them."""
         radio, count = self._radio, len(stations.ids)
@@ -90,7 +90,7 @@ class Receiver:
         )
 
     def _overlaps(
-        self, final: Sequence[Frame], on_air: Sequence[Frame], power_dbm: Float64
+        self, final: Sequence[RadioFrame], on_air: Sequence[RadioFrame], power_dbm: Float64
     ) -> tuple[Float64, Bool, Bool]:
         """Interference in mW, whether the receiver is at an earlier message, whether it sends: (M, S)."""
         interference_mw = np.zeros_like(power_dbm)
@@ -136,5 +136,5 @@ def _rows(rows: Sequence[Float64], count: int) -> Float64:
     return np.array(rows).reshape(len(rows), count)
 
 
-def _columns(frames: Sequence[Frame], *names: str) -> list[Int64]:
+def _columns(frames: Sequence[RadioFrame], *names: str) -> list[Int64]:
     return [np.array([getattr(frame, name) for frame in frames], np.int64) for name in names]

@@ -9,7 +9,7 @@ import numpy as np
 
 from advpipe.pipeline.labels.fix_quantities import FIX_DISPLACEMENT, FIX_HEIGHT_CHANGE
 from advpipe.pipeline.localisation.gnss import HEIGHT_FACTOR
-from advpipe.stages.attack.bounds import number
+from advpipe.stages.attack.bounds import checked_number
 from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext
 
 
@@ -29,8 +29,8 @@ class Bias(GnssAttack):
     bound_up_m: float = 3.0 * HEIGHT_FACTOR
 
     def __post_init__(self) -> None:
-        number("gnss-bias", "bound_m", self.bound_m, 0, 1e6)
-        number("gnss-bias", "bound_up_m", self.bound_up_m, 0, 1e4)
+        checked_number("gnss-bias", "bound_m", self.bound_m, 0, 1e6)
+        checked_number("gnss-bias", "bound_up_m", self.bound_up_m, 0, 1e4)
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.pipeline.labels.fix_quantities import FIX_DISPLACEMENT, FIX_HEIGHT_CHANGE
-from advpipe.stages.attack.bounds import number
+from advpipe.stages.attack.bounds import checked_number
 from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext, level
 
 
@@ -28,9 +28,9 @@ class Drift(GnssAttack):
     most_m: float = 50.0
 
     def __post_init__(self) -> None:
-        number("gnss-drift", "rate_mps", self.rate_mps, 0, 1e4)
-        number("gnss-drift", "angle_deg", self.angle_deg, -360.0, 360.0)
-        number("gnss-drift", "most_m", self.most_m, 0, 1e6)
+        checked_number("gnss-drift", "rate_mps", self.rate_mps, 0, 1e4)
+        checked_number("gnss-drift", "angle_deg", self.angle_deg, -360.0, 360.0)
+        checked_number("gnss-drift", "most_m", self.most_m, 0, 1e6)
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:

@@ -10,7 +10,7 @@ import numpy as np
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.labels.fix_quantities import FIX_DISPLACEMENT, FIX_HEIGHT_CHANGE
 from advpipe.pipeline.localisation.estimate import Innovation
-from advpipe.stages.attack.bounds import number
+from advpipe.stages.attack.bounds import checked_number
 from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext, level
 
 
@@ -35,11 +35,11 @@ class DriftAware(GnssAttack):
     gate_probability: float = 0.999
 
     def __post_init__(self) -> None:
-        number("gnss-drift-aware", "rate_mps", self.rate_mps, 0, 1e4)
-        number("gnss-drift-aware", "angle_deg", self.angle_deg, -360.0, 360.0)
-        number("gnss-drift-aware", "most_m", self.most_m, 0, 1e6)
-        number("gnss-drift-aware", "share", self.share, 0.01, 1.0)
-        number("gnss-drift-aware", "gate_probability", self.gate_probability, 0.5, 1 - 1e-9)
+        checked_number("gnss-drift-aware", "rate_mps", self.rate_mps, 0, 1e4)
+        checked_number("gnss-drift-aware", "angle_deg", self.angle_deg, -360.0, 360.0)
+        checked_number("gnss-drift-aware", "most_m", self.most_m, 0, 1e6)
+        checked_number("gnss-drift-aware", "share", self.share, 0.01, 1.0)
+        checked_number("gnss-drift-aware", "gate_probability", self.gate_probability, 0.5, 1 - 1e-9)
 
     @property
     def allowed_nis(self) -> float:

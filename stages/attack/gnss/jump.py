@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.pipeline.labels.fix_quantities import FIX_DISPLACEMENT, FIX_HEIGHT_CHANGE
-from advpipe.stages.attack.bounds import number, one_of
+from advpipe.stages.attack.bounds import checked_number, one_of
 from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext, any_direction
 
 MODES = ("glitch", "step")
@@ -29,8 +29,8 @@ class Jump(GnssAttack):
 
     def __post_init__(self) -> None:
         one_of("gnss-jump", "mode", self.mode, MODES)
-        number("gnss-jump", "distance_m", self.distance_m, 0, 1e6)
-        number("gnss-jump", "probability", self.probability, 0, 1.0)
+        checked_number("gnss-jump", "distance_m", self.distance_m, 0, 1e6)
+        checked_number("gnss-jump", "probability", self.probability, 0, 1.0)
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:

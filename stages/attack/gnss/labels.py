@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.pipeline.labels.columns import schema
+from advpipe.pipeline.labels.columns import arrow_schema
 from advpipe.pipeline.labels.fixes import FIX_COLUMNS, GEOGRAPHIC, OFFSETS
 from advpipe.pipeline.localisation.gnss import squared_sigmas
 from advpipe.pipeline.v2x.facilities.effect import fix_matters
@@ -22,7 +22,7 @@ def write_labels(vehicles: Sequence[SpoofedVehicle], path: Path) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    pq.write_table(pa.Table.from_pylist(list(_rows(vehicles)), schema(FIX_COLUMNS)), str(path))
+    pq.write_table(pa.Table.from_pylist(list(_rows(vehicles)), arrow_schema(FIX_COLUMNS)), str(path))
 
 
 def _rows(vehicles: Sequence[SpoofedVehicle]) -> Iterator[Row]:

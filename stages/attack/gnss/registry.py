@@ -14,7 +14,7 @@ def _fill(add: Add[GnssAttack]) -> None:
     from advpipe.stages.attack.gnss.jam import Jam
     from advpipe.stages.attack.gnss.jump import Jump
     from advpipe.stages.attack.gnss.relocate import Relocate
-    from advpipe.stages.attack.gnss.replay import Replay
+    from advpipe.stages.attack.gnss.replay import GnssReplay
     from advpipe.stages.attack.gnss.walk import RandomWalk
 
     add("gnss-bias", Bias)
@@ -23,7 +23,7 @@ def _fill(add: Add[GnssAttack]) -> None:
     add("gnss-drift-aware", DriftAware)
     add("gnss-jump", Jump)
     add("gnss-walk", RandomWalk)
-    add("gnss-replay", Replay)
+    add("gnss-replay", GnssReplay)
     add("gnss-freeze", Freeze)
     add("gnss-jam", Jam)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.labels.fix_quantities import FIX_DISPLACEMENT, FIX_HEIGHT_CHANGE
-from advpipe.stages.attack.bounds import number, one_of
+from advpipe.stages.attack.bounds import checked_number, one_of
 from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext, any_direction
 
 MODES = ("offset", "place")
@@ -33,8 +33,8 @@ class Relocate(GnssAttack):
 
     def __post_init__(self) -> None:
         one_of("gnss-relocate", "mode", self.mode, MODES)
-        number("gnss-relocate", "least_m", self.least_m, 10.0, 1e6)
-        number("gnss-relocate", "most_m", self.most_m, 10.0, 1e6)
+        checked_number("gnss-relocate", "least_m", self.least_m, 10.0, 1e6)
+        checked_number("gnss-relocate", "most_m", self.most_m, 10.0, 1e6)
         if self.least_m > self.most_m:
             raise UsageError(f"gnss-relocate: least_m {self.least_m:g} is above most_m {self.most_m:g}")
 

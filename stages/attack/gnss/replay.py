@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from advpipe.stages.attack.bounds import number
+from advpipe.stages.attack.bounds import checked_number
 from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext
 
 NS_PER_S = 1e9
 
 
 @dataclass(frozen=True, kw_only=True)
-class Replay(GnssAttack):
+class GnssReplay(GnssAttack):
     """The place of the latest genuine fix that is at least delay_s old, or of the first one of all.
 
     delay_s: the 2 s of TDRobertson's REPLAY for CARLA. The message keeps its own stamp: the receiver does
@@ -26,7 +26,7 @@ class Replay(GnssAttack):
     delay_s: float = 2.0
 
     def __post_init__(self) -> None:
-        number("gnss-replay", "delay_s", self.delay_s, 0, 1e6)
+        checked_number("gnss-replay", "delay_s", self.delay_s, 0, 1e6)
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
         """Draws nothing."""

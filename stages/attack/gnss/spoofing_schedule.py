@@ -18,7 +18,7 @@ from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.gnss.base import Spoofer, SpoofingContext, TrueFix
 from advpipe.stages.attack.gnss.registry import GNSS_ATTACKS
 from advpipe.stages.attack.parameters import resolved_parameters
-from advpipe.stages.attack.recording import Recording
+from advpipe.stages.attack.recording import RecordedTimes
 
 
 class Lie(NamedTuple):
@@ -47,7 +47,7 @@ class SpoofingSchedule:
     whose schedules overlap: a receiver reports one place.
     """
 
-    def __init__(self, victim: str, specs: Sequence[AttackSpec], recording: Recording, seed: int) -> None:
+    def __init__(self, victim: str, specs: Sequence[AttackSpec], recording: RecordedTimes, seed: int) -> None:
         self.victim = victim
         self.name = "+".join(dict.fromkeys(spec.type for spec in specs))
         self._genuine: list[TrueFix] = []

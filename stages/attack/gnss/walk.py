@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.pipeline.labels.fix_quantities import FIX_DISPLACEMENT, FIX_HEIGHT_CHANGE
-from advpipe.stages.attack.bounds import number
+from advpipe.stages.attack.bounds import checked_number
 from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext
 
 
@@ -27,8 +27,8 @@ class RandomWalk(GnssAttack):
     most_m: float = 50.0
 
     def __post_init__(self) -> None:
-        number("gnss-walk", "stddev_m", self.stddev_m, 0, 1e6)
-        number("gnss-walk", "most_m", self.most_m, 0, 1e6)
+        checked_number("gnss-walk", "stddev_m", self.stddev_m, 0, 1e6)
+        checked_number("gnss-walk", "most_m", self.most_m, 0, 1e6)
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:

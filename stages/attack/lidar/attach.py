@@ -10,12 +10,12 @@ import torch
 from scipy.spatial import cKDTree
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
+from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.labels.points import ADDED, PointLabels
 from advpipe.pipeline.labels.quantities import ADDED_DISTANCE, POINTS_ADDED, POINTS_MOVED, POINTS_REMOVED
 from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
-from advpipe.stages.attack.bounds import number, one_of, whole
+from advpipe.stages.attack.bounds import checked_number, one_of, whole
 from advpipe.stages.attack.lidar.attach_game import AttachGame
 from advpipe.stages.attack.lidar.attach_paper import salient_copies
 from advpipe.stages.attack.lidar.attach_places import Places, ball_places, joined, voxel_places
@@ -134,7 +134,7 @@ class Attach(LidarAttack):
         if not self.decay_m > 0:
             raise UsageError(f"attach: decay_m is {self.decay_m}, but must be above 0")
         one_of("attach", "recipe", self.recipe, RECIPES)
-        number("attach", "weight", self.weight, 0)
+        checked_number("attach", "weight", self.weight, 0)
         self.points = whole("attach", "points", self.points, 1, MAX_POINTS)
         self.rounds = whole("attach", "rounds", self.rounds, 1, MAX_ROUNDS)
         self.constraints = Constraints.among(vars(self))
@@ -153,7 +153,7 @@ class Attach(LidarAttack):
         return queries(self.rounds) if self.recipe in QUERYING else 1
 
     def __call__(
-        self, cloud: Cloud, boxes: Boxes, detector: Detector, rng: np.random.Generator
+        self, cloud: Cloud, boxes: Boxes, detector: ObjectDetector, rng: np.random.Generator
     ) -> LidarResult:
         """The cloud with the new points at its end; unchanged, with a note, where there is nothing to do."""
         scene = cloud[np.isfinite(xyzi(cloud)).all(axis=1)]
@@ -180,7 +180,7 @@ class Attach(LidarAttack):
         return LidarResult(adversarial, _labels(scene, added), loss_before, loss_after, note)
 
     def _places(
-        self, clean: Float32, goal: Goal, detector: Detector, rules: Rules, rng: np.random.Generator
+        self, clean: Float32, goal: Goal, detector: ObjectDetector, rules: Rules, rng: np.random.Generator
     ) -> tuple[Places, str]:
         """Where the new points stand, and what the user must know."""
         boxes = goal.targets.boxes.double().numpy()
@@ -215,7 +215,7 @@ class Attach(LidarAttack):
         clean: Float32,
         sources: Int64,
         boxes: Float64,
-        detector: Detector,
+        detector: ObjectDetector,
         rules: Rules,
         rng: np.random.Generator,
     ) -> tuple[Places, str]:
@@ -239,7 +239,7 @@ class Attach(LidarAttack):
 
 
 def _with_intensity(
-    clean: Float32, places: Places, goal: Goal, judge: AttackObjective, detector: Detector
+    clean: Float32, places: Places, goal: Goal, judge: AttackObjective, detector: ObjectDetector
 ) -> Places:
     """The places with intensities of 0 or 1, whichever the gradient asks for, where that does more harm."""
 

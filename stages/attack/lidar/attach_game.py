@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
+from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
 from advpipe.stages.attack.lidar.attach_places import Places
 from advpipe.stages.attack.lidar.attack_objective import AttackObjective
 from advpipe.stages.attack.lidar.goal import Goal
@@ -40,7 +40,7 @@ class AttachGame:
     places: Places
     goal: Goal
     judge: AttackObjective
-    detector: Detector
+    detector: ObjectDetector
     rng: np.random.Generator
     decay_m: float
     jitter_m: float = 0.0

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from advpipe.pipeline.baselines import move_within
-from advpipe.pipeline.detector.protocol import Detector
+from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.stages.attack.lidar.attach_places import HAIR, Places
 from advpipe.stages.attack.lidar.constraints import Rules, along_rays
 from advpipe.stages.attack.lidar.goal import Goal
@@ -27,7 +27,7 @@ STEP_SHARE = 1 / 30
 def salient_copies(
     clean: Float32,
     goal: Goal,
-    detector: Detector,
+    detector: ObjectDetector,
     rules: Rules,
     count: int,
     eps_m: float,
@@ -65,7 +65,7 @@ def salient_copies(
     return Places(points, source, distance_m, np.full(count, -1, np.int64))
 
 
-def _gradient(clean: Float32, added: Float32, goal: Goal, detector: Detector) -> Float64:
+def _gradient(clean: Float32, added: Float32, goal: Goal, detector: ObjectDetector) -> Float64:
     """dL_det / d(x, y, z) of the added points (K, 3)."""
     leaf: Tensor = torch.from_numpy(added).requires_grad_()
     points = torch.cat([torch.from_numpy(clean), leaf])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.detector.protocol import Detector
+from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.stages.attack.lidar.goal import Goal
 from advpipe.stages.attack.lidar.per_object_best import cloud_of
 
@@ -31,11 +31,11 @@ class AttackObjective:
     """
 
     goal: Goal
-    detector: Detector
+    detector: ObjectDetector
     clean_success: Float64
 
     @staticmethod
-    def of(goal: Goal, detector: Detector, clean: Float32) -> AttackObjective:
+    def of(goal: Goal, detector: ObjectDetector, clean: Float32) -> AttackObjective:
         """The judge of changes of these clean points (N, 4)."""
         return AttackObjective(goal, detector, goal.success(detector.detect(cloud_of(clean))))
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from advpipe.pipeline.detector.protocol import Detector
+from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.labels.points import PointLabels
 from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES
@@ -126,7 +126,7 @@ class LidarAttack(Attack):
 
     @abstractmethod
     def __call__(
-        self, cloud: Cloud, boxes: Boxes, detector: Detector, rng: np.random.Generator
+        self, cloud: Cloud, boxes: Boxes, detector: ObjectDetector, rng: np.random.Generator
     ) -> LidarResult:
         """Attack one cloud (N,) with its ground truth `boxes` in the cloud's frame."""
 

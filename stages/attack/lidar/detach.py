@@ -9,7 +9,7 @@ import numpy as np
 
 from advpipe.pipeline.baselines import remove_random_points
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
+from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.labels.points import PointLabels
 from advpipe.pipeline.labels.quantities import POINTS_ADDED, POINTS_MOVED, SHARE_REMOVED
@@ -33,7 +33,7 @@ from advpipe.stages.attack.lidar.detach_game import DetachGame
 from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners
 from advpipe.stages.attack.lidar.greedy_allocation import greedy_allocation, queries
 from advpipe.stages.attack.lidar.selection import Indices, NoGradientError, choose_salient_points
-from advpipe.stages.attack.lidar.targets import Targets, detection_loss
+from advpipe.stages.attack.lidar.targets import AttackTargets, detection_loss
 
 RECIPES = ("best", "robust", "paper", "random", "random-near", "random-best")
 
@@ -117,7 +117,7 @@ class Detach(LidarAttack):
         return min(wanted, self.constraints.max_points or wanted, max(points - 1, 0))
 
     def __call__(
-        self, cloud: Cloud, boxes: Boxes, detector: Detector, rng: np.random.Generator
+        self, cloud: Cloud, boxes: Boxes, detector: ObjectDetector, rng: np.random.Generator
     ) -> LidarResult:
         """The cloud without the chosen points; unchanged, with a note, where there is nothing to attack."""
         finite = np.flatnonzero(np.isfinite(xyzi(cloud)).all(axis=1))
@@ -150,7 +150,7 @@ class Detach(LidarAttack):
         allowed: Indices,
         budget: int,
         goal: Goal,
-        detector: Detector,
+        detector: ObjectDetector,
         rng: np.random.Generator,
     ) -> tuple[Indices, str]:
         """Which `budget` of the allowed points of a scene to remove; and what the user must know."""
@@ -185,8 +185,8 @@ class Detach(LidarAttack):
         scene: Cloud,
         allowed: Indices,
         budget: int,
-        targets: Targets,
-        detector: Detector,
+        targets: AttackTargets,
+        detector: ObjectDetector,
         rng: np.random.Generator,
     ) -> tuple[Indices, str]:
         """The most salient points, ranked again after each round; and what went short."""

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
+from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
 from advpipe.stages.attack.lidar.attack_objective import AttackObjective
 from advpipe.stages.attack.lidar.goal import Goal
 from advpipe.stages.attack.lidar.gradient import gradients_of
@@ -36,7 +36,7 @@ class DetachGame:
     owner: Int64
     goal: Goal
     judge: AttackObjective
-    detector: Detector
+    detector: ObjectDetector
     rng: np.random.Generator
     jitter_m: float = 0.0
     blind: bool = False

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.detector.protocol import Detector
+from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
 
 SIZES_M = {
@@ -51,7 +51,7 @@ class Ghost:
         except ValueError:
             raise UsageError(f"ghost is {text!r}, but must read CLASS:X:Y or CLASS:X:Y:YAW") from None
 
-    def check(self, detector: Detector) -> None:
+    def check(self, detector: ObjectDetector) -> None:
         """Raises AdvpipeError if the detector does not find its class, or does not look at its place."""
         if self.name not in detector.classes:
             known = ", ".join(detector.classes)

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from advpipe.pipeline.detector.protocol import Detections, Detector
+from advpipe.pipeline.detector.protocol import Detections, ObjectDetector
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes, points_in_boxes
 from advpipe.pipeline.geometry.iou import iou_3d, iou_bev
 from advpipe.pipeline.messages.cloud import Cloud, xyz
@@ -20,7 +20,7 @@ from advpipe.pipeline.metrics.average_precision import LOOSE_IOU, STRICT_IOU
 from advpipe.pipeline.metrics.matching import match_overlaps
 from advpipe.stages.attack.lidar.base import join_notes
 from advpipe.stages.attack.lidar.constraints import Constraints
-from advpipe.stages.attack.lidar.targets import Targets, find_targets
+from advpipe.stages.attack.lidar.targets import AttackTargets, find_targets
 
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
@@ -42,13 +42,15 @@ class Goal:
     an object where the detector sees one already, if faintly; to make it surer is worth something, too.
     """
 
-    targets: Targets
-    loss_targets: Targets
+    targets: AttackTargets
+    loss_targets: AttackTargets
     sign: float
     kind: str
     classes: tuple[str, ...]
     note: str = ""
-    decoys: Targets = field(default_factory=lambda: Targets(torch.zeros(0, 7), torch.zeros(0).long()))
+    decoys: AttackTargets = field(
+        default_factory=lambda: AttackTargets(torch.zeros(0, 7), torch.zeros(0).long())
+    )
 
     @property
     def regions(self) -> Float64:
@@ -90,7 +92,7 @@ class Goal:
         return np.concatenate([on_objects, seen_decoys])
 
 
-def goal_of(constraints: Constraints, detector: Detector, cloud: Cloud, boxes: Boxes) -> Goal:
+def goal_of(constraints: Constraints, detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> Goal:
     """The goal under these constraints; of no objects, with a note, where there is nothing to fight over.
 
     Every object's detection is broken or, on demand, hidden: the loss of the truth goes up. Chosen objects
@@ -115,14 +117,14 @@ def goal_of(constraints: Constraints, detector: Detector, cloud: Cloud, boxes: B
     return Goal(everyone, everyone, 1.0, constraints.goal, classes, note)
 
 
-def with_decoys(goal: Goal, detector: Detector, cloud: Cloud, boxes: Boxes) -> Goal:
+def with_decoys(goal: Goal, detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> Goal:
     """The goal with what the detector finds in the clean cloud where none of the true boxes is."""
     if goal.kind != "break":
         return goal
     found = detector.detect(cloud)
     away = iou_bev(found.boxes, boxes.geometry).max(axis=1, initial=0.0) <= 0
     places = torch.from_numpy(found.boxes[away].astype(np.float32))
-    return replace(goal, decoys=Targets(places, torch.from_numpy(found.labels[away])))
+    return replace(goal, decoys=AttackTargets(places, torch.from_numpy(found.labels[away])))
 
 
 def owners(points: npt.NDArray[np.float32], boxes: Float64, margin_m: float) -> Int64:
@@ -144,19 +146,19 @@ def owners(points: npt.NDArray[np.float32], boxes: Float64, margin_m: float) -> 
     return owner
 
 
-def _known(boxes: Boxes, detector: Detector) -> Targets:
+def _known(boxes: Boxes, detector: ObjectDetector) -> AttackTargets:
     """The boxes of classes that the detector has, however few points they hold."""
     names = [CLASSES[label] for label in boxes.labels]
     wanted = [i for i, name in enumerate(names) if name in detector.classes]
     labels = [detector.classes.index(names[i]) for i in wanted]
     geometry = boxes.geometry[wanted].reshape(-1, 7).astype(np.float32)
-    return Targets(torch.from_numpy(geometry), torch.tensor(labels, dtype=torch.int64))
+    return AttackTargets(torch.from_numpy(geometry), torch.tensor(labels, dtype=torch.int64))
 
 
-def _joined(a: Targets, b: Targets) -> Targets:
-    return Targets(torch.cat([a.boxes, b.boxes]), torch.cat([a.labels, b.labels]))
+def _joined(a: AttackTargets, b: AttackTargets) -> AttackTargets:
+    return AttackTargets(torch.cat([a.boxes, b.boxes]), torch.cat([a.labels, b.labels]))
 
 
-def _without(everyone: Targets, chosen: Targets) -> Targets:
+def _without(everyone: AttackTargets, chosen: AttackTargets) -> AttackTargets:
     rest = ~(everyone.boxes[:, None] == chosen.boxes[None]).all(2).any(1)
-    return Targets(everyone.boxes[rest], everyone.labels[rest])
+    return AttackTargets(everyone.boxes[rest], everyone.labels[rest])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.detector.protocol import Detector
+from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud
 from advpipe.stages.attack.lidar.goal import Goal
 
@@ -24,7 +24,7 @@ class PerObjectBest:
     def __init__(
         self,
         goal: Goal,
-        detector: Detector,
+        detector: ObjectDetector,
         clean: Float32,
         owner: Int64,
         jitter_m: float,

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.detector.protocol import Detector, VoxelDetector
+from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.labels.points import MOVED, PointLabels
 from advpipe.pipeline.labels.quantities import MAX_DISPLACEMENT, POINTS_ADDED, POINTS_REMOVED
 from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
-from advpipe.stages.attack.bounds import number, one_of, whole
+from advpipe.stages.attack.bounds import checked_number, one_of, whole
 from advpipe.stages.attack.lidar.base import (
     MAX_ROUNDS,
     NO_GRADIENT,
@@ -117,7 +117,7 @@ class Perturb(LidarAttack):
                 f"perturb: eps_cm is {self.eps_cm}, but must lie above 0 and up to {MAX_EPS_CM:g}"
             )
         one_of("perturb", "recipe", self.recipe, RECIPES)
-        number("perturb", "weight", self.weight, 0)
+        checked_number("perturb", "weight", self.weight, 0)
         self.eps_m = float(self.eps_cm) / 100
         self.steps = whole("perturb", "steps", self.steps, 0, MAX_ROUNDS) or RECIPES[self.recipe]
         self.tactics = TACTICS.get(self.recipe, TACTICS["best"])
@@ -137,7 +137,7 @@ class Perturb(LidarAttack):
         return self.steps if self.recipe in QUERYING else 1
 
     def __call__(
-        self, cloud: Cloud, boxes: Boxes, detector: Detector, rng: np.random.Generator
+        self, cloud: Cloud, boxes: Boxes, detector: ObjectDetector, rng: np.random.Generator
     ) -> LidarResult:
         """The cloud with points moved; unchanged, with a note, where there is nothing to attack."""
         # Prepare: the points that exist, whom to fight, and what may be touched.

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from advpipe.pipeline.baselines import move_within
-from advpipe.pipeline.detector.protocol import Detector
+from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.stages.attack.lidar.constraints import Constraints, Rules
 from advpipe.stages.attack.lidar.crossings import HAIR
 from advpipe.stages.attack.lidar.goal import Goal
@@ -39,7 +39,7 @@ class Descent:
 
     points: Float32
     goal: Goal
-    detector: Detector
+    detector: ObjectDetector
     rules: Rules
     near: Bool
     reach_m: float
@@ -74,7 +74,7 @@ class Descent:
         """It goes on from its latest iterate."""
 
 
-def loss_gradient(start: Tensor, offset: Tensor, goal: Goal, detector: Detector) -> Tensor:
+def loss_gradient(start: Tensor, offset: Tensor, goal: Goal, detector: ObjectDetector) -> Tensor:
     """The gradient (N, 3) of the detector's loss to the points (N, 4) displaced by an offset (N, 3)."""
     leaf = start.clone()
     leaf[:, :3] += offset

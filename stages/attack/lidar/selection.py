@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from advpipe.pipeline.detector.protocol import Detector
+from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.stages.attack.lidar.gradient import gradients_of
-from advpipe.stages.attack.lidar.targets import Targets
+from advpipe.stages.attack.lidar.targets import AttackTargets
 
 Points = npt.NDArray[np.float32]
 Indices = npt.NDArray[np.int64]
@@ -20,8 +20,8 @@ class NoGradientError(Exception):
 
 def choose_salient_points(
     points: Points,
-    targets: Targets,
-    detector: Detector,
+    targets: AttackTargets,
+    detector: ObjectDetector,
     count: int,
     rng: np.random.Generator,
     among: Indices,

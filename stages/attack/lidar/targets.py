@@ -8,13 +8,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from advpipe.pipeline.detector.protocol import Detector
+from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS, Boxes, count_points
 from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
 
 
 @dataclass(frozen=True)
-class Targets:
+class AttackTargets:
     """M objects in a detector's own terms: boxes (M, 7) float32 and labels (M,) int64."""
 
     boxes: Tensor
@@ -24,7 +24,7 @@ class Targets:
         return len(self.boxes)
 
 
-def find_targets(detector: Detector, cloud: Cloud, boxes: Boxes) -> Targets:
+def find_targets(detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> AttackTargets:
     """Boxes of the detector's classes and range that hold at least `MIN_POINTS` points of the cloud."""
     label_of = np.array([detector.classes.index(c) if c in detector.classes else -1 for c in CLASSES])
     labels = label_of[boxes.labels]
@@ -33,13 +33,13 @@ def find_targets(detector: Detector, cloud: Cloud, boxes: Boxes) -> Targets:
         & detector.range_m.contains_centres(boxes.geometry)
         & (count_points(xyz(cloud), boxes.geometry) >= MIN_POINTS)
     )
-    return Targets(
+    return AttackTargets(
         torch.from_numpy(boxes.geometry[wanted].astype(np.float32)),
         torch.from_numpy(labels[wanted].astype(np.int64)),
     )
 
 
-def detection_loss(detector: Detector, cloud: Cloud, targets: Targets) -> float:
+def detection_loss(detector: ObjectDetector, cloud: Cloud, targets: AttackTargets) -> float:
     """The detector's loss on the finite points of a cloud; NaN without targets."""
     if not len(targets):
         return float("nan")

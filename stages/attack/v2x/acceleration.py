@@ -7,9 +7,9 @@ from typing import Any
 
 from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.v2x.codec.codes import AccelerationControl
-from advpipe.stages.attack.bounds import number, span
+from advpipe.stages.attack.bounds import checked_number, span
 from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
-from advpipe.stages.attack.v2x.draws import Draws
+from advpipe.stages.attack.v2x.draws import AttackDraws
 from advpipe.stages.attack.v2x.falsification import Falsification, OwnMessage
 
 _FIELD = "longitudinal_acceleration_mps2"
@@ -45,7 +45,7 @@ class FeignedBraking(Falsification):
     ) -> None:
         super().__init__(context)
         self._factors = _factors(context, factor_min, factor_max)
-        self._least_mps2 = number(context.name, "least_mps2", least_mps2, 0, 16)
+        self._least_mps2 = checked_number(context.name, "least_mps2", least_mps2, 0, 16)
 
     def lie(self, message: OwnMessage) -> Mapping[str, Any]:
         told_mps2 = message.says(_FIELD) or 0.0
@@ -56,5 +56,5 @@ class FeignedBraking(Falsification):
 
 
 def _factors(context: AttackContext, least: float, most: float) -> dict[int, float]:
-    ends, draws = span(context.name, "factor_{}", least, most, 0, 1000), Draws(context)
+    ends, draws = span(context.name, "factor_{}", least, most, 0, 1000), AttackDraws(context)
     return {one: float(draws.of(one).uniform(*ends)) for one in context.attackers}

@@ -45,7 +45,7 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.core.shown import shown
 from advpipe.pipeline.labels.claims import ALL_CLAIMS, Claim
-from advpipe.pipeline.labels.declaration import Part, Published
+from advpipe.pipeline.labels.declaration import DeclaredPart, Published
 from advpipe.pipeline.labels.message_quantities import MESSAGE_QUANTITIES
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace
@@ -54,7 +54,7 @@ from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.section import V2x
 from advpipe.stages.attack.base import Attack, Traits
-from advpipe.stages.attack.v2x.cams import Cams
+from advpipe.stages.attack.v2x.cams import CamEditor
 
 
 class MessageEditor(Protocol):
@@ -94,7 +94,7 @@ class AttackContext:
     start_ns: int
     v2x: V2x
     geodesy: Geodesy
-    cams: Cams
+    cams: CamEditor
     numbers: Numbers
     _copies: count[int] = field(default_factory=lambda: count(1))
 
@@ -187,7 +187,7 @@ class V2xAttack(Attack):
         return self.context.name
 
     @classmethod
-    def parts(cls, name: str, parameters: Mapping[str, Any]) -> tuple[Part, ...]:
+    def parts(cls, name: str, parameters: Mapping[str, Any]) -> tuple[DeclaredPart, ...]:
         """The attacks that attackers of a mix of this name draw from, by `acting.drawn_parts`; none of
         others. Raises AdvpipeError for what is no attack to mix."""
         return ()

@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from advpipe.pipeline.v2x.codec.cam_error import CamError
-from advpipe.pipeline.v2x.codec.codec import CamTree, decode, encode
+from advpipe.pipeline.v2x.codec.codec import CamTree, decode_cam_tree, encode_cam_tree
 from advpipe.pipeline.v2x.codec.codes import AccelerationControl
 from advpipe.pipeline.v2x.facilities.cam_values import FIELDS, HIGH, PEDALS, PLAIN, QUANTITIES, is_vehicle
 
 LOW, VEHICLE_LOW = "lowFrequencyContainer", "basicVehicleContainerLowFrequency"
 
 
-class Cams:
+class CamEditor:
     """The codec with a memory of one step; what it hands out is shared, and not to be changed in place."""
 
     def __init__(self) -> None:
@@ -22,7 +22,7 @@ class Cams:
         """The values of a vehicle's CAM; None for bytes that are none."""
         if payload not in self._trees:
             try:
-                tree = decode(payload)
+                tree = decode_cam_tree(payload)
                 self._trees[payload] = tree if is_vehicle(tree) else None
             except CamError:
                 self._trees[payload] = None
@@ -30,11 +30,11 @@ class Cams:
 
     def decode(self, payload: bytes) -> CamTree:
         """As `codec.decode`, also for those who receive what was opened or closed here."""
-        return self._trees.get(payload) or decode(payload)
+        return self._trees.get(payload) or decode_cam_tree(payload)
 
     def close(self, tree: CamTree) -> bytes:
         """The CAM in UPER. Raises CamError for values that the ASN.1 does not allow."""
-        payload = encode(tree)
+        payload = encode_cam_tree(tree)
         self._trees[payload] = tree
         return payload
 

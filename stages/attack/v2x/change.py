@@ -27,12 +27,12 @@ from advpipe.pipeline.replay.v2x_drive import V2xDrive, V2xStep
 from advpipe.pipeline.scenario.acting import acting_on_messages
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.pipeline.v2x.channel import Channel, Sent
-from advpipe.stages.attack.declared import declaration_of
 from advpipe.stages.attack.parameters import resolved_parameters
 from advpipe.stages.attack.recording import recording_of
 from advpipe.stages.attack.v2x.base import AttackContext, MessageEditor, Numbers, V2xAttack
-from advpipe.stages.attack.v2x.cams import Cams
+from advpipe.stages.attack.v2x.cams import CamEditor
 from advpipe.stages.attack.v2x.congestion import Congestion
+from advpipe.stages.attack.v2x.declared import declaration_of_messages
 from advpipe.stages.attack.v2x.labels import Labels
 from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
 
@@ -66,7 +66,7 @@ def forge(
     recording, selection = recording_of(reader), AttackerSelection(drive, str(reader.path), seed)
     origin = drive.origin
     geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
-    cams, numbers = Cams(), Numbers(last + 1, set(drive.stations))
+    cams, numbers = CamEditor(), Numbers(last + 1, set(drive.stations))
     made: list[V2xAttack] = []
     for spec in attacks:
         recording.refuse_outside(spec)
@@ -85,7 +85,10 @@ def forge(
         )
         made.append(_build(spec, context))
     numbers.station_ids |= set(selection.names)
-    declared = {place: declaration_of(spec) for place, spec in enumerate(attacks, len(editors))}
+    declared = {
+        place: declaration_of_messages(spec, V2X_ATTACKS.find(spec.type))
+        for place, spec in enumerate(attacks, len(editors))
+    }
     labels = Labels(cams, geodesy, selection.names, drive.v2x.ldm.expiry_s, declared)
     attackers = frozenset(number for attack in made for number in attack.context.attackers)
     congestion = Congestion(drive.v2x.cam, attackers) if dcc_reacts else None

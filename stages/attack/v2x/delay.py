@@ -13,7 +13,7 @@ from advpipe.pipeline.labels.message_quantities import DELAY
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.codec.codec import CamTree
-from advpipe.stages.attack.bounds import number, span, whole
+from advpipe.stages.attack.bounds import checked_number, span, whole
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import field_of, with_fields
 from advpipe.stages.attack.v2x.overheard_messages import is_time_untrue, later
@@ -93,7 +93,7 @@ class Stale(V2xAttack):
         super().__init__(context)
         self._messages = whole(context.name, "messages", messages, 1, 100_000)
         self._restamp = bool(restamp)
-        self._ahead_ns = round(number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
+        self._ahead_ns = round(checked_number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
         self._said: dict[int, deque[CamTree]] = {}
 
     @classmethod

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from advpipe.stages.attack.bounds import number
+from advpipe.stages.attack.bounds import checked_number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
 from advpipe.stages.attack.v2x.falsification import Falsification, OwnMessage
 
@@ -22,8 +22,8 @@ class Dimensions(Falsification):
 
     def __init__(self, context: AttackContext, *, length_m: float = 4.0, width_m: float = 1.0) -> None:
         super().__init__(context)
-        self._length_m = number(context.name, "length_m", length_m, -MAX_LENGTH_M, MAX_LENGTH_M)
-        self._width_m = number(context.name, "width_m", width_m, -MAX_WIDTH_M, MAX_WIDTH_M)
+        self._length_m = checked_number(context.name, "length_m", length_m, -MAX_LENGTH_M, MAX_LENGTH_M)
+        self._width_m = checked_number(context.name, "width_m", width_m, -MAX_WIDTH_M, MAX_WIDTH_M)
 
     def lie(self, message: OwnMessage) -> Mapping[str, Any]:
         fields = {}

@@ -7,7 +7,7 @@ import numpy as np
 from advpipe.stages.attack.v2x.base import AttackContext
 
 
-class Draws:
+class AttackDraws:
     """One generator for each attacker, under the attack's name."""
 
     def __init__(self, context: AttackContext) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
-from advpipe.stages.attack.bounds import number
+from advpipe.stages.attack.bounds import checked_number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import field_of
 
@@ -34,9 +34,11 @@ class Drop(V2xAttack):
     ) -> None:
         super().__init__(context)
         name = context.name
-        self._probability = number(name, "probability", probability, 0, 1)
-        self._near_m = None if near_m is None else number(name, "near_m", near_m, 0)
-        self._braking_mps2 = None if braking_mps2 is None else number(name, "braking_mps2", braking_mps2, 0)
+        self._probability = checked_number(name, "probability", probability, 0, 1)
+        self._near_m = None if near_m is None else checked_number(name, "near_m", near_m, 0)
+        self._braking_mps2 = (
+            None if braking_mps2 is None else checked_number(name, "braking_mps2", braking_mps2, 0)
+        )
         if near_m is not None and context.victim is None:
             raise UsageError(f"{name}: near_m is a distance to the victim; name one")
         self._rngs: dict[int, np.random.Generator] = {}

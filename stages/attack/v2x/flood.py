@@ -20,7 +20,7 @@ from advpipe.pipeline.v2x.codec.timestamps import generation_delta_time_ms
 from advpipe.pipeline.v2x.facilities.cam import Cam
 from advpipe.pipeline.v2x.facilities.cam_tree import cam_tree
 from advpipe.pipeline.v2x.facilities.ellipsoid import east_north_m
-from advpipe.stages.attack.bounds import number
+from advpipe.stages.attack.bounds import checked_number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import field_of, with_fields
 from advpipe.stages.attack.v2x.gate import Gate
@@ -45,8 +45,10 @@ class Flood(V2xAttack):
         self, context: AttackContext, *, rate_hz: float = RATE_HZ, ahead_s: float = 0.0, dcc: bool = False
     ) -> None:
         super().__init__(context)
-        self._interval_ns = _interval_ns(number(context.name, "rate_hz", rate_hz, MIN_RATE_HZ, MAX_RATE_HZ))
-        self._ahead_ns = round(number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
+        self._interval_ns = _interval_ns(
+            checked_number(context.name, "rate_hz", rate_hz, MIN_RATE_HZ, MAX_RATE_HZ)
+        )
+        self._ahead_ns = round(checked_number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
         self._gate = Gate(context.v2x, context.attackers) if dcc else None
         self._rngs = {attacker: context.rng("flood", attacker) for attacker in context.attackers}
         self._next_ns = {
@@ -147,8 +149,8 @@ class DosRandom(Flood):
         **others: Any,
     ) -> None:
         super().__init__(context, **others)
-        self._extent_m = number(context.name, "extent_m", extent_m, 0, 20_000)
-        self._speed_max_mps = number(context.name, "speed_max_mps", speed_max_mps, 0, 163)
+        self._extent_m = checked_number(context.name, "extent_m", extent_m, 0, 20_000)
+        self._speed_max_mps = checked_number(context.name, "speed_max_mps", speed_max_mps, 0, 163)
         self._base: tuple[CamTree, float, float] | None = None
         self._axes_deg = (0.0, 0.0)
 
@@ -210,9 +212,9 @@ class DosDisruptive(Flood):
         **others: Any,
     ) -> None:
         super().__init__(context, **others)
-        memory_s = number(context.name, "memory_s", memory_s, 0, 600)
+        memory_s = checked_number(context.name, "memory_s", memory_s, 0, 600)
         self._overheard = OverheardMessages(
-            context.attackers, number(context.name, "range_m", range_m, 0), memory_s
+            context.attackers, checked_number(context.name, "range_m", range_m, 0), memory_s
         )
 
     def _remember(self, step: V2xStep, sent: Sequence[Sent]) -> None:

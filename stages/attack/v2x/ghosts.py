@@ -14,9 +14,9 @@ from advpipe.pipeline.geometry.transforms import Float64, transform_points
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
-from advpipe.stages.attack.bounds import number
+from advpipe.stages.attack.bounds import checked_number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
-from advpipe.stages.attack.v2x.phantoms import Braking, Key, Motion, PhantomAttack
+from advpipe.stages.attack.v2x.phantoms import Braking, GhostMotion, Key, PhantomAttack
 
 NEAR_M = 300.0
 """Ghosts farther than that from their target no longer frighten it."""
@@ -42,7 +42,7 @@ class GhostsAhead(PhantomAttack):
 
     def __init__(self, context: AttackContext, *, from_speed_mps: float = 3.0, **others: Any) -> None:
         super().__init__(context, **others)
-        self._from_mps = number(context.name, "from_speed_mps", from_speed_mps, 0)
+        self._from_mps = checked_number(context.name, "from_speed_mps", from_speed_mps, 0)
         self._laid: dict[int, _Laid] = {}
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
@@ -56,7 +56,7 @@ class GhostsAhead(PhantomAttack):
             targets = [] if victim is None or not present else [(victim, _nearest_first(present, victim))]
         for target, senders in targets:
             laid = self._renewed(step, target)
-            motions: dict[int, dict[Key, Motion]] = {}
+            motions: dict[int, dict[Key, GhostMotion]] = {}
             for index, ghost in enumerate(laid.ghosts):
                 if laid.senders.get(index) not in {radio.station_id for radio in senders}:
                     near = [radio for radio in senders if _distance_m(radio, target) <= NEAR_M]
@@ -115,9 +115,9 @@ class GhostStop(GhostsAhead):
         **others: Any,
     ) -> None:
         super().__init__(context, **others)
-        self._margin_m = number(context.name, "margin_m", margin_m, 0)
-        self._reaction_s = number(context.name, "reaction_s", reaction_s, 0)
-        self._deceleration_mps2 = number(context.name, "deceleration_mps2", deceleration_mps2, 0.1)
+        self._margin_m = checked_number(context.name, "margin_m", margin_m, 0)
+        self._reaction_s = checked_number(context.name, "reaction_s", reaction_s, 0)
+        self._deceleration_mps2 = checked_number(context.name, "deceleration_mps2", deceleration_mps2, 0.1)
 
     def _lay(self, begin_ns: int, front: Float64, speed_mps: float, key: Key) -> list[Braking]:
         gap_m = self._margin_m + speed_mps * self._reaction_s + speed_mps**2 / (2 * self._deceleration_mps2)
@@ -142,9 +142,9 @@ class GhostBrake(GhostsAhead):
         **others: Any,
     ) -> None:
         super().__init__(context, **others)
-        self._headway_s = number(context.name, "headway_s", headway_s, 0)
-        self._cruise_s = number(context.name, "cruise_s", cruise_s, 0)
-        self._deceleration_mps2 = number(context.name, "deceleration_mps2", deceleration_mps2, 0.1)
+        self._headway_s = checked_number(context.name, "headway_s", headway_s, 0)
+        self._cruise_s = checked_number(context.name, "cruise_s", cruise_s, 0)
+        self._deceleration_mps2 = checked_number(context.name, "deceleration_mps2", deceleration_mps2, 0.1)
 
     def _lay(self, begin_ns: int, front: Float64, speed_mps: float, key: Key) -> list[Braking]:
         start = self._beside(front, self._headway_s * speed_mps, 0.0)

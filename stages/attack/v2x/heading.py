@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from advpipe.pipeline.labels.declaration import Published
-from advpipe.stages.attack.bounds import number
+from advpipe.stages.attack.bounds import checked_number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
 from advpipe.stages.attack.v2x.falsification import Falsification, OwnMessage
 
@@ -29,7 +29,7 @@ class HeadingRotating(Falsification):
 
     def __init__(self, context: AttackContext, *, rate_degps: float = 45.0) -> None:
         super().__init__(context)
-        self._rate_radps = math.radians(number(context.name, "rate_degps", rate_degps, -3600, 3600))
+        self._rate_radps = math.radians(checked_number(context.name, "rate_degps", rate_degps, -3600, 3600))
         self._begun_ns: dict[int, int] = {}
 
     def lie(self, message: OwnMessage) -> Mapping[str, Any]:

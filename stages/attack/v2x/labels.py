@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from advpipe.pipeline.labels.columns import schema
+from advpipe.pipeline.labels.columns import arrow_schema
 from advpipe.pipeline.labels.declaration import Declaration
 from advpipe.pipeline.labels.messages import (
     ADDED,
@@ -26,7 +26,7 @@ from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.facilities.cam_values import FIELDS, Values, changed_fields, places_m, values
 from advpipe.pipeline.v2x.facilities.effect import matters
 from advpipe.stages.attack.v2x.base import MessageEditor, V2xAttack
-from advpipe.stages.attack.v2x.cams import Cams, field_of
+from advpipe.stages.attack.v2x.cams import CamEditor, field_of
 from advpipe.stages.attack.v2x.refusal import Refusal
 
 _BLOCK = 1000
@@ -62,7 +62,7 @@ class Labels:
 
     def __init__(
         self,
-        cams: Cams,
+        cams: CamEditor,
         geodesy: Geodesy,
         names: dict[int, str],
         expiry_s: float,
@@ -218,7 +218,7 @@ class Labels:
                 columns[f"{kind}_{field}"] = [
                     None if (said := getattr(row, kind)) is None else said[field] for row in rows
                 ]
-        self._tables.append(pa.Table.from_pydict(columns, schema(MESSAGE_COLUMNS)))
+        self._tables.append(pa.Table.from_pydict(columns, arrow_schema(MESSAGE_COLUMNS)))
 
     def _mattered(self, row: _Row, moved_m: float) -> bool:
         if row.action == CORRUPT:

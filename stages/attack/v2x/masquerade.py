@@ -13,7 +13,7 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.labels.claims import Claim
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
-from advpipe.stages.attack.bounds import number, one_of
+from advpipe.stages.attack.bounds import checked_number, one_of
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import with_fields
 from advpipe.stages.attack.v2x.overheard_messages import HEARING_M, is_time_untrue, later
@@ -43,8 +43,8 @@ class Masquerade(V2xAttack):
         self._identity = one_of(context.name, "identity", identity, IDENTITIES)
         if identity == "victim" and context.victim is None:
             raise UsageError(f"{context.name}: identity is 'victim', but there is none; name one")
-        self._range_m = number(context.name, "range_m", range_m, 0)
-        self._ahead_ns = round(number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
+        self._range_m = checked_number(context.name, "range_m", range_m, 0)
+        self._ahead_ns = round(checked_number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
         self._masks: dict[int, int] = {}
         self._rngs = {attacker: context.rng("masquerade", attacker) for attacker in context.attackers}
 

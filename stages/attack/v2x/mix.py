@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.labels.claims import ALL_CLAIMS, Claim
-from advpipe.pipeline.labels.declaration import Part, Published
+from advpipe.pipeline.labels.declaration import DeclaredPart, Published
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.scenario.acting import drawn_parts
 from advpipe.pipeline.v2x.channel import Sent
@@ -51,7 +51,7 @@ class Mix(V2xAttack):
         self._parts = {one: attack for attack in self._attacks for one in attack.context.attackers}
 
     @classmethod
-    def parts(cls, name: str, parameters: Mapping[str, Any]) -> tuple[Part, ...]:
+    def parts(cls, name: str, parameters: Mapping[str, Any]) -> tuple[DeclaredPart, ...]:
         return tuple(_part(one) for one in _mixed(name, parameters["attacks"]))
 
     @classmethod
@@ -69,11 +69,11 @@ class Mix(V2xAttack):
         return sent
 
 
-def _part(mixed: Mixed) -> Part:
+def _part(mixed: Mixed) -> DeclaredPart:
     """What it declares with its parameters."""
     kind = V2X_ATTACKS[mixed.name]
     traits, parameters = v2x_traits(kind), {**known_parameters(kind), **mixed.parameters}
-    return Part(
+    return DeclaredPart(
         name=mixed.name,
         every_message_matters=traits.every_message_matters,
         bounds=dict(kind.bounds(parameters)),

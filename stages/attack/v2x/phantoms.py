@@ -23,14 +23,14 @@ from advpipe.pipeline.v2x.facilities.generation import (
 from advpipe.pipeline.v2x.facilities.own_state import Accuracy, Identity, own_state
 from advpipe.pipeline.v2x.facilities.reference_point import ReferencePoint, reference_points
 from advpipe.pipeline.v2x.facilities.station_state import StationState
-from advpipe.stages.attack.bounds import number
+from advpipe.stages.attack.bounds import checked_number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack
 from advpipe.stages.attack.v2x.gate import Gate
 
 Key = tuple[int, ...]
 
 
-class Motion(NamedTuple):
+class GhostMotion(NamedTuple):
     """A phantom at the begin of a step: the ground below its middle (4, 4), and how it moves.
 
     speed_mps: negative backwards. acceleration_mps2: forward. yaw_rate_radps: positive to the left.
@@ -62,14 +62,14 @@ class Phantoms:
         self, context: AttackContext, *, length_m: float, width_m: float, ahead_s: float, dcc: bool
     ) -> None:
         self._context = context
-        self.length_m = float(number(context.name, "length_m", length_m, 0.1, 100))
-        self._width_m = float(number(context.name, "width_m", width_m, 0.1, 6))
-        self._ahead_ns = round(number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
+        self.length_m = float(checked_number(context.name, "length_m", length_m, 0.1, 100))
+        self._width_m = float(checked_number(context.name, "width_m", width_m, 0.1, 6))
+        self._ahead_ns = round(checked_number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
         self._rules = GenerationRules.of(context.v2x.cam)
         self._gate = Gate(context.v2x, context.attackers) if dcc else None
         self._stations: dict[Key, _Station] = {}
 
-    def tell(self, step: V2xStep, sender: int, motions: Mapping[Key, Motion]) -> list[Sent]:
+    def tell(self, step: V2xStep, sender: int, motions: Mapping[Key, GhostMotion]) -> list[Sent]:
         """What these phantoms have an attacker's radio send in this step, while the attack is active.
 
         Keys name phantoms for all the drive; the first call with one switches it on.
@@ -102,12 +102,14 @@ class Phantoms:
 
     def _station(self, step: V2xStep, key: Key) -> _Station:
         if key not in self._stations:
-            number = self._context.pseudonym("phantom", *key)
-            first_ns = first_check_ns(step.begin_ns, self._context.seed, number)
-            self._stations[key] = _Station(number, CamGenerator(step.begin_ns, self._rules), first_ns)
+            checked_number = self._context.pseudonym("phantom", *key)
+            first_ns = first_check_ns(step.begin_ns, self._context.seed, checked_number)
+            self._stations[key] = _Station(checked_number, CamGenerator(step.begin_ns, self._rules), first_ns)
         return self._stations[key]
 
-    def _state(self, time_ns: int, station_id: int, motion: Motion, place: ReferencePoint) -> StationState:
+    def _state(
+        self, time_ns: int, station_id: int, motion: GhostMotion, place: ReferencePoint
+    ) -> StationState:
         believed = self._context.v2x.others
         variance_m2 = believed.position_stddev_m**2
         return own_state(
@@ -152,7 +154,7 @@ class Companion:
         self._offset_m = np.array([*offset_m, 0.0])
         self._before: tuple[int, float, float] | None = None
 
-    def motion(self, step: V2xStep, radio: RadioPlace) -> Motion:
+    def motion(self, step: V2xStep, radio: RadioPlace) -> GhostMotion:
         """Where the place is, and how it moves; call it in each step in which the vehicle is on the road."""
         pose = radio.map_SE3_base.copy()
         pose[:3, 3] = transform_points(radio.map_SE3_base, self._offset_m)
@@ -168,7 +170,7 @@ class Companion:
         if self._before is not None:
             acceleration_mps2 = (speed_mps - self._before[2]) / elapsed_s
         self._before = step.begin_ns, yaw_rad, speed_mps
-        return Motion(pose, speed_mps, acceleration_mps2, yaw_rate_radps)
+        return GhostMotion(pose, speed_mps, acceleration_mps2, yaw_rate_radps)
 
 
 class Braking(NamedTuple):
@@ -181,7 +183,7 @@ class Braking(NamedTuple):
     deceleration_mps2: float
     final_mps: float
 
-    def motion(self, time_ns: int) -> Motion:
+    def motion(self, time_ns: int) -> GhostMotion:
         """At a time after the begin."""
         passed_s = (time_ns - self.begin_ns) / 1e9
         is_braking = 0 <= passed_s - self.cruise_s < self._stop_s
@@ -192,7 +194,7 @@ class Braking(NamedTuple):
         pose = self.map_SE3_start.copy()
         pose[:3, 3] += way_m * pose[:3, 0]
         speed_mps = self.speed_mps - self.deceleration_mps2 * braking_s
-        return Motion(pose, speed_mps, -self.deceleration_mps2 if is_braking else 0.0, 0.0)
+        return GhostMotion(pose, speed_mps, -self.deceleration_mps2 if is_braking else 0.0, 0.0)
 
     @property
     def _stop_s(self) -> float:

@@ -13,9 +13,9 @@ from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.labels.message_quantities import POSITION_OFFSET
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
-from advpipe.stages.attack.bounds import number, span
+from advpipe.stages.attack.bounds import checked_number, span
 from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
-from advpipe.stages.attack.v2x.draws import Draws
+from advpipe.stages.attack.v2x.draws import AttackDraws
 from advpipe.stages.attack.v2x.falsification import FRONT_M, Misplacement, OwnMessage
 
 _FAR_M = 1e6
@@ -70,8 +70,8 @@ class PositionConstant(Misplacement):
         self._place_m = None if x_m is None or y_m is None else (x_m, y_m)
         if self._place_m is not None:
             for name, value in zip(("x_m", "y_m"), self._place_m, strict=True):
-                number(context.name, name, value, -_FAR_M, _FAR_M)
-        self._playground, self._draws = _Playground(context.name), Draws(context)
+                checked_number(context.name, name, value, -_FAR_M, _FAR_M)
+        self._playground, self._draws = _Playground(context.name), AttackDraws(context)
         self._places_m: dict[int, tuple[float, float]] = {}
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
@@ -111,8 +111,8 @@ class PositionOffset(Misplacement):
         least_m, most_m = span(context.name, "{}_m", min_m, max_m, 0, _FAR_M)
         for name, value in (("x_m", x_m), ("y_m", y_m)):
             if value is not None:
-                number(context.name, name, value, -_FAR_M, _FAR_M)
-        draws = Draws(context)
+                checked_number(context.name, name, value, -_FAR_M, _FAR_M)
+        draws = AttackDraws(context)
         drawn_m = {
             one: tuple(draws.signed(one, least_m, most_m) for _ in range(2)) for one in context.attackers
         }
@@ -153,7 +153,7 @@ class PositionRandom(Misplacement):
     ) -> None:
         super().__init__(context, rebuild_path=rebuild_path)
         self._playground = _Playground(context.name, (x_min_m, x_max_m, y_min_m, y_max_m))
-        self._draws = Draws(context)
+        self._draws = AttackDraws(context)
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         self._playground.learn(step)
@@ -181,7 +181,7 @@ class PositionRandomOffset(Misplacement):
     ) -> None:
         super().__init__(context, rebuild_path=rebuild_path)
         self._span_m = span(context.name, "{}_m", min_m, max_m, 0, _FAR_M)
-        self._draws = Draws(context)
+        self._draws = AttackDraws(context)
 
     @classmethod
     def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
@@ -200,7 +200,7 @@ class PositionMirrored(Misplacement):
 
     def __init__(self, context: AttackContext, *, left_m: float = 3.5, rebuild_path: bool = True) -> None:
         super().__init__(context, rebuild_path=rebuild_path)
-        self._left_m = number(context.name, "left_m", left_m, -1000, 1000)
+        self._left_m = checked_number(context.name, "left_m", left_m, -1000, 1000)
 
     @classmethod
     def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:

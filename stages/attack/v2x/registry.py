@@ -63,10 +63,10 @@ def _add_streams(add: Add[V2xAttack]) -> None:
     )
     from advpipe.stages.attack.v2x.ghosts import GhostBrake, GhostStop
     from advpipe.stages.attack.v2x.masquerade import Masquerade
-    from advpipe.stages.attack.v2x.replay import DisruptiveReplay, Replay
+    from advpipe.stages.attack.v2x.replay import CamReplay, DisruptiveReplay
     from advpipe.stages.attack.v2x.sybil import SybilCongestion, SybilGrid, SybilReplay
 
-    add("cam-replay", Replay)
+    add("cam-replay", CamReplay)
     add("cam-disruptive-replay", DisruptiveReplay)
     add("cam-stale", Stale)
     add("cam-delay", Delay)

@@ -13,7 +13,7 @@ from advpipe.pipeline.labels.claims import ALL_CLAIMS, Claim
 from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
-from advpipe.stages.attack.bounds import number, one_of, span
+from advpipe.stages.attack.bounds import checked_number, one_of, span
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import field_of, with_fields
 from advpipe.stages.attack.v2x.overheard_messages import HEARING_M, OverheardMessages, is_time_untrue, later
@@ -42,8 +42,8 @@ class _Echo(V2xAttack):
         super().__init__(context)
         self._identity = one_of(context.name, "identity", identity, IDENTITIES)
         self._restamp = bool(restamp)
-        self._ahead_ns = round(number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
-        range_m = number(context.name, "range_m", range_m, 0)
+        self._ahead_ns = round(checked_number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
+        range_m = checked_number(context.name, "range_m", range_m, 0)
         self._overheard = OverheardMessages(context.attackers, range_m, memory_s)
         self._rngs: dict[int, np.random.Generator] = {}
 
@@ -85,7 +85,7 @@ class _Echo(V2xAttack):
         return self._rngs[attacker]
 
 
-class Replay(_Echo):
+class CamReplay(_Echo):
     """Follows another station for some messages, then the next one: F2MD's and NextGen's data replay.
 
     age_s: it says what the other said so long ago. messages_min, messages_max: followed in a row, drawn for
@@ -108,7 +108,7 @@ class Replay(_Echo):
         restamp: bool = True,
         ahead_s: float = 0.0,
     ) -> None:
-        age_s = number(context.name, "age_s", age_s, 0, 600)
+        age_s = checked_number(context.name, "age_s", age_s, 0, 600)
         # A station that sends but once a second has sent within this memory.
         super().__init__(
             context,
@@ -157,7 +157,7 @@ class DisruptiveReplay(_Echo):
             context,
             identity=identity,
             range_m=range_m,
-            memory_s=number(context.name, "memory_s", memory_s, 0, 600),
+            memory_s=checked_number(context.name, "memory_s", memory_s, 0, 600),
             restamp=restamp,
             ahead_s=ahead_s,
         )

@@ -7,9 +7,9 @@ from typing import Any
 
 from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.labels.message_quantities import SPEED_OFFSET
-from advpipe.stages.attack.bounds import number, span
+from advpipe.stages.attack.bounds import checked_number, span
 from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
-from advpipe.stages.attack.v2x.draws import Draws
+from advpipe.stages.attack.v2x.draws import AttackDraws
 from advpipe.stages.attack.v2x.falsification import Falsification, OwnMessage
 
 MAX_MPS = 163.81
@@ -30,12 +30,12 @@ class SpeedConstant(Falsification):
         self, context: AttackContext, *, speed_mps: float | None = None, max_mps: float = 40.0
     ) -> None:
         super().__init__(context)
-        most_mps = number(context.name, "max_mps", max_mps, 0, MAX_MPS)
-        draws = Draws(context)
+        most_mps = checked_number(context.name, "max_mps", max_mps, 0, MAX_MPS)
+        draws = AttackDraws(context)
         self._speeds_mps = {
             one: float(draws.of(one).uniform(0, most_mps))
             if speed_mps is None
-            else number(context.name, "speed_mps", speed_mps, 0, MAX_MPS)
+            else checked_number(context.name, "speed_mps", speed_mps, 0, MAX_MPS)
             for one in context.attackers
         }
 
@@ -62,11 +62,11 @@ class SpeedOffset(Falsification):
     ) -> None:
         super().__init__(context)
         ends_mps = span(context.name, "{}_mps", min_mps, max_mps, 0, MAX_MPS)
-        draws = Draws(context)
+        draws = AttackDraws(context)
         self._offsets_mps = {
             one: draws.signed(one, *ends_mps)
             if offset_mps is None
-            else number(context.name, "offset_mps", offset_mps, -MAX_MPS, MAX_MPS)
+            else checked_number(context.name, "offset_mps", offset_mps, -MAX_MPS, MAX_MPS)
             for one in context.attackers
         }
 
@@ -86,8 +86,8 @@ class SpeedRandom(Falsification):
 
     def __init__(self, context: AttackContext, *, max_mps: float = 40.0) -> None:
         super().__init__(context)
-        self._most_mps = number(context.name, "max_mps", max_mps, 0, MAX_MPS)
-        self._draws = Draws(context)
+        self._most_mps = checked_number(context.name, "max_mps", max_mps, 0, MAX_MPS)
+        self._draws = AttackDraws(context)
 
     def lie(self, message: OwnMessage) -> Mapping[str, Any]:
         return {"speed_mps": float(self._draws.of(message.station_id).uniform(0, self._most_mps))}
@@ -106,7 +106,7 @@ class SpeedRandomOffset(Falsification):
     def __init__(self, context: AttackContext, *, min_mps: float = 1.0, max_mps: float = 7.0) -> None:
         super().__init__(context)
         self._ends_mps = span(context.name, "{}_mps", min_mps, max_mps, 0, MAX_MPS)
-        self._draws = Draws(context)
+        self._draws = AttackDraws(context)
 
     @classmethod
     def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
@@ -126,8 +126,8 @@ class SpeedFrozen(Falsification):
 
     def __init__(self, context: AttackContext, *, probability: float = 0.05) -> None:
         super().__init__(context)
-        self._probability = number(context.name, "probability", probability, 0, 1)
-        self._draws = Draws(context)
+        self._probability = checked_number(context.name, "probability", probability, 0, 1)
+        self._draws = AttackDraws(context)
         self._frozen_mps: dict[int, float | None] = {}
 
     def lie(self, message: OwnMessage) -> Mapping[str, Any]:

@@ -7,9 +7,9 @@ from typing import Any
 
 from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.v2x.codec.codes import AccelerationControl
-from advpipe.stages.attack.bounds import number
+from advpipe.stages.attack.bounds import checked_number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
-from advpipe.stages.attack.v2x.draws import Draws
+from advpipe.stages.attack.v2x.draws import AttackDraws
 from advpipe.stages.attack.v2x.falsification import Misplacement, OwnMessage
 
 _FREEZE = ("latitude_deg", "longitude_deg", "altitude_m", "heading_rad")
@@ -50,9 +50,9 @@ class EventualStop(Misplacement):
         rebuild_path: bool = True,
     ) -> None:
         super().__init__(context, rebuild_path=rebuild_path)
-        self._probability = number(context.name, "probability", probability, 0, 1)
-        self._growth = number(context.name, "growth", growth, 0, 1)
-        self._draws = Draws(context)
+        self._probability = checked_number(context.name, "probability", probability, 0, 1)
+        self._growth = checked_number(context.name, "growth", growth, 0, 1)
+        self._draws = AttackDraws(context)
         self._lied: dict[int, int] = {}
         self._stopped: dict[int, dict[str, Any]] = {}
 

@@ -17,12 +17,12 @@ from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.scenario.attacks import NS_PER_S
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.facilities.generation import CHECK_INTERVAL_NS
-from advpipe.stages.attack.bounds import number, one_of, whole
+from advpipe.stages.attack.bounds import checked_number, one_of, whole
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import with_fields
 from advpipe.stages.attack.v2x.ghosts import GhostsAhead
 from advpipe.stages.attack.v2x.overheard_messages import HEARING_M, OverheardMessages, later
-from advpipe.stages.attack.v2x.phantoms import Braking, Companion, Key, Motion, PhantomAttack
+from advpipe.stages.attack.v2x.phantoms import Braking, Companion, GhostMotion, Key, PhantomAttack
 
 AROUND = ("attacker", "victim")
 MOST_GHOSTS = 1000
@@ -57,12 +57,12 @@ class SybilGrid(PhantomAttack):
         self._around_victim = one_of(name, "around", around, AROUND) == "victim"
         if self._around_victim and context.victim is None:
             raise UsageError(f"{name}: around is 'victim', but there is none; name one")
-        self._jitter_m = number(name, "jitter_m", jitter_m, 0)
+        self._jitter_m = checked_number(name, "jitter_m", jitter_m, 0)
         grids = len(context.attackers) if self._around_victim else 1
         cells = grid_cells(
             whole(name, "ghosts", ghosts, 1, MOST_GHOSTS) * grids,
-            number(name, "spacing_m", spacing_m, 0),
-            number(name, "lane_m", lane_m, 0),
+            checked_number(name, "spacing_m", spacing_m, 0),
+            checked_number(name, "lane_m", lane_m, 0),
             whole(name, "lanes", lanes, 1, 99),
         )
         self._cells = {one: cells[nth % grids :: grids] for nth, one in enumerate(context.attackers)}
@@ -85,7 +85,7 @@ class SybilGrid(PhantomAttack):
             if attacker not in self._companions:
                 self._companions[attacker] = self._crowd(attacker)
             companions = self._companions[attacker]
-            motions: dict[Key, Motion] = {
+            motions: dict[Key, GhostMotion] = {
                 (attacker, index): companion.motion(step, radio) for index, companion in enumerate(companions)
             }
             if self.context.active(step.begin_ns):
@@ -131,10 +131,10 @@ class CrawlingGhosts(GhostsAhead):
     ) -> None:
         super().__init__(context, from_speed_mps=from_speed_mps, **others)
         name = context.name
-        self._jam_mps = number(name, "jam_mps", jam_mps, 0)
-        self._deceleration_mps2 = number(name, "deceleration_mps2", deceleration_mps2, 0.1)
-        self._jitter_m = number(name, "jitter_m", jitter_m, 0)
-        self._speed_spread = number(name, "speed_spread", speed_spread, 0, 1)
+        self._jam_mps = checked_number(name, "jam_mps", jam_mps, 0)
+        self._deceleration_mps2 = checked_number(name, "deceleration_mps2", deceleration_mps2, 0.1)
+        self._jitter_m = checked_number(name, "jitter_m", jitter_m, 0)
+        self._speed_spread = checked_number(name, "speed_spread", speed_spread, 0, 1)
 
     def _crawling(
         self,
@@ -179,10 +179,10 @@ class SybilCongestion(CrawlingGhosts):
         name = context.name
         self._ghosts_laid = whole(name, "ghosts", ghosts, 1, MOST_GHOSTS)
         self._lanes = whole(name, "lanes", lanes, 1, 99)
-        self._lane_m = number(name, "lane_m", lane_m, 0)
-        self._spacing_m = number(name, "spacing_m", spacing_m, 0)
-        self._margin_m = number(name, "margin_m", margin_m, 0)
-        self._headway_s = number(name, "headway_s", headway_s, 0)
+        self._lane_m = checked_number(name, "lane_m", lane_m, 0)
+        self._spacing_m = checked_number(name, "spacing_m", spacing_m, 0)
+        self._margin_m = checked_number(name, "margin_m", margin_m, 0)
+        self._headway_s = checked_number(name, "headway_s", headway_s, 0)
 
     def _lay(self, begin_ns: int, front: Float64, speed_mps: float, key: Key) -> list[Braking]:
         rng = self.context.rng("congestion", *key)
@@ -234,10 +234,10 @@ class SybilReplay(V2xAttack):
         super().__init__(context)
         name = context.name
         self._ghosts = whole(name, "ghosts", ghosts, 1, MOST_GHOSTS)
-        self._age_ns = round(number(name, "age_s", age_s, 0.2, 600) * 1e9)
-        self._ahead_ns = round(number(name, "ahead_s", ahead_s, 0, 32) * 1e9)
+        self._age_ns = round(checked_number(name, "age_s", age_s, 0.2, 600) * 1e9)
+        self._ahead_ns = round(checked_number(name, "ahead_s", ahead_s, 0, 32) * 1e9)
         self._overheard = OverheardMessages(
-            context.attackers, number(name, "range_m", range_m, 0), age_s + _SILENCE_NS / 1e9
+            context.attackers, checked_number(name, "range_m", range_m, 0), age_s + _SILENCE_NS / 1e9
         )
         self._tracks: dict[int, list[_Track]] = {attacker: [] for attacker in context.attackers}
         self._rngs = {attacker: context.rng("tracks", attacker) for attacker in context.attackers}

@@ -33,9 +33,9 @@ from advpipe.stages.evaluate.cooperative.picture import Fused, draw_fused
 from advpipe.stages.evaluate.detection.comparison import bag_name
 from advpipe.stages.evaluate.detection.scoring import CachedDetector, ground_truth, match
 from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns
-from advpipe.stages.evaluate.report.numbers import number
+from advpipe.stages.evaluate.report.numbers import formatted_number
 from advpipe.stages.evaluate.report.pictures import to_png
-from advpipe.stages.evaluate.report.section import SECTION, Picture, Section, Table
+from advpipe.stages.evaluate.report.section import SECTION, ReportPicture, ReportSection, Table
 
 SHOWN_SCORE = 0.3
 """Of the boxes in the picture."""
@@ -70,7 +70,7 @@ FORMULAS = (
 )
 
 
-def sections(
+def cooperative_sections(
     clean: Path,
     adversarial: Sequence[Path],
     seed: int = 0,
@@ -78,7 +78,7 @@ def sections(
     device: str = CPU,
     frames: FrameSlice = ALL_FRAMES,
     lidar_topic: str | None = None,
-) -> tuple[Section, ...]:
+) -> tuple[ReportSection, ...]:
     """One section where two vehicles with LiDARs share and the GPS of one was attacked; else none.
 
     frames: at which clouds of `lidar_topic` to fuse; at most `MOST_FRAMES` of them, equally spaced. `seed`
@@ -99,17 +99,17 @@ def sections(
         if frames == ALL_FRAMES:
             return ()
         lead = f"No poses are false at the frames {frames}: nothing was fused. Choose later or more frames."
-        return (Section(key=KEY, title=title, lead=lead),)
+        return (ReportSection(key=KEY, title=title, lead=lead),)
     names = pair.own.vehicle, pair.other.vehicle
     caption = f"{names[0]} with what {names[1]} shares, when the lie is the greatest for their distance"
     picture = to_png(draw_fused(telling, *names))
     return (
-        Section(
+        ReportSection(
             key=KEY,
             title=title,
             lead=f"{names[0]} fuses what {names[1]} shares, while reported poses are false.",
             tables=(_table(rows),),
-            pictures=(Picture(SECTION, "", "cooperative.png", caption, picture),),
+            pictures=(ReportPicture(SECTION, "", "cooperative.png", caption, picture),),
             records=tuple(rows),
             formulas=FORMULAS,
         ),
@@ -218,10 +218,10 @@ def _table(rows: Sequence[CooperativeRecord]) -> Table:
             row.fusion or "–",
             row.label,
             str(row.objects),
-            number(row.ap_strict, 3),
-            number(row.ap_loose, 3),
-            number(row.misalignment_m, 2),
-            number(row.misalignment_deg, 1),
+            formatted_number(row.ap_strict, 3),
+            formatted_number(row.ap_loose, 3),
+            formatted_number(row.misalignment_m, 2),
+            formatted_number(row.misalignment_deg, 1),
         )
         for row in rows
     )

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.bag.provenance_record import AttackRecord
+from advpipe.pipeline.bag.provenance_record import RecordedAttack
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.core.bounded_parquet import Kind, batches, rows
@@ -75,7 +75,7 @@ def touched_points(bag: Path, vehicle: str) -> dict[int, int]:
 
 
 def _fixes(
-    clean: BagReader, reader: BagReader, told: Sequence[AttackRecord], last_ns: int | None
+    clean: BagReader, reader: BagReader, told: Sequence[RecordedAttack], last_ns: int | None
 ) -> Iterator[AttackTimeline]:
     spoofs = [one for one in told if one.family == "gnss"]
     for vehicle in sorted({*vehicles_with_filter(clean)} & {*vehicles_with_filter(reader)}) if spoofs else ():
@@ -86,7 +86,7 @@ def _fixes(
 
 
 def _messages(
-    reader: BagReader, bag: Path, told: Sequence[AttackRecord], until_ns: int | None
+    reader: BagReader, bag: Path, told: Sequence[RecordedAttack], until_ns: int | None
 ) -> Iterator[AttackTimeline]:
     sent = [one for one in told if one.family == "v2x"]
     names = {one.type for one in sent}

@@ -19,9 +19,9 @@ from advpipe.stages.evaluate.coordinated.attack_timeline import AttackTimeline, 
 from advpipe.stages.evaluate.coordinated.effects import Effect, effects
 from advpipe.stages.evaluate.coordinated.picture import draw_coordinated
 from advpipe.stages.evaluate.detection.comparison import bag_name
-from advpipe.stages.evaluate.report.numbers import number
+from advpipe.stages.evaluate.report.numbers import formatted_number
 from advpipe.stages.evaluate.report.pictures import to_png
-from advpipe.stages.evaluate.report.section import SECTION, Picture, Section, Table
+from advpipe.stages.evaluate.report.section import SECTION, ReportPicture, ReportSection, Table
 
 FORMULAS = (
     (
@@ -33,9 +33,9 @@ FORMULAS = (
 )
 
 
-def sections(
+def coordinated_sections(
     clean: Path, adversarial: Sequence[Path], seed: int = 0, window: Window = WHOLE_DRIVE
-) -> tuple[Section, ...]:
+) -> tuple[ReportSection, ...]:
     """One section on the vehicles that attacks of two kinds or three strike in one bag; else none.
 
     window: what strikes outside of it counts for nothing; bags of attacks that do not meet in it are named.
@@ -50,7 +50,7 @@ def sections(
     leads: list[str] = []
     lines: list[tuple[str, ...]] = []
     outcomes: list[tuple[str, ...]] = []
-    pictures: list[Picture] = []
+    pictures: list[ReportPicture] = []
     records: list[CoordinatedRecord] = []
     struck = [(bag, *each) for bag in adversarial for each in read_struck(reader, bag, window).items()]
     together_on = [each for each in struck if len(each[2]) > 1]
@@ -65,7 +65,7 @@ def sections(
             records.append(_record(name, vehicle, strikes, told, span_ns, start_ns))
             caption = f"{name}: what strikes {vehicle}, and what becomes of it"
             png = to_png(draw_coordinated(strikes, told, span_ns, start_ns))
-            pictures.append(Picture(SECTION, name, f"{name}-{vehicle}-coordinated.png", caption, png))
+            pictures.append(ReportPicture(SECTION, name, f"{name}-{vehicle}-coordinated.png", caption, png))
     apart = [bag for bag in adversarial if bag not in {each[0] for each in together_on}]
     if window != WHOLE_DRIVE and (idle := [bag_name(bag) for bag in apart if _is_of_kinds(bag)]):
         leads.append(f"{', '.join(idle)}: no vehicle is struck by attacks of two kinds in this window.")
@@ -77,7 +77,7 @@ def sections(
         title = "While all strike, means"
         tables.append(Table(title, ("bag", "vehicle", "effect", "clean", "attacked"), tuple(outcomes)))
     return (
-        Section(
+        ReportSection(
             key="coordinated",
             title="Coordinated attacks",
             lead=" ".join(leads),
@@ -113,12 +113,14 @@ def _lead(
 
 
 def _line(name: str, one: AttackTimeline, start_ns: int) -> tuple[str, ...]:
-    ends_s = [number((int(ns) - start_ns) / 1e9, 1) for ns in (one.times_ns[0], one.times_ns[-1])]
+    ends_s = [formatted_number((int(ns) - start_ns) / 1e9, 1) for ns in (one.times_ns[0], one.times_ns[-1])]
     return (name, one.vehicle, " + ".join(one.attacks), f"{len(one.times_ns):,} {one.what}", *ends_s)
 
 
 def _outcome(name: str, vehicle: str, effect: Effect, span_ns: tuple[int, int]) -> tuple[str, ...]:
-    figures = (number(each.mean(*span_ns), effect.digits) for each in (effect.clean, effect.attacked))
+    figures = (
+        formatted_number(each.mean(*span_ns), effect.digits) for each in (effect.clean, effect.attacked)
+    )
     return (name, vehicle, effect.title, *figures)
 
 

@@ -83,31 +83,16 @@ class Arm:
         return cls(tables, ranked, in_map, draws, bootstrap)
 
     def mean_ap(self, criterion: str = "strict", positions: RecallPositions = R40) -> float:
-        return self.mean_of(
-            {
-                name: self.ranked[criterion, name].average_precision(positions=positions)
-                for name in self.in_map
-            }
-        )
+        """The mean over the classes of the mAP."""
+        ranked = [self.ranked[criterion, name] for name in self.in_map]
+        return float(mean_average_precision([each.average_precision(positions=positions) for each in ranked]))
 
     def map_draws(self, criterion: str = "strict") -> Float64:
         """The mAP (draws,) in each draw of the bootstrap."""
-        return self.mean_of_draws({name: self.draws[criterion, name] for name in self.in_map})
-
-    def mean_of(self, by_class: Mapping[str, float]) -> float:
-        """The mean over the classes of the mAP."""
-        return float(mean_average_precision([by_class[name] for name in self.in_map]))
-
-    def mean_of_draws(self, by_class: Mapping[str, Float64]) -> Float64:
-        """The mean over the classes of the mAP in each draw (draws,)."""
-        return mean_average_precision([by_class[name] for name in self.in_map])
+        return mean_average_precision([self.draws[criterion, name] for name in self.in_map])
 
     def precisions(
-        self,
-        frames: Sequence[FrameResult],
-        word: str,
-        bootstrap: BlockBootstrap,
-        criteria: Sequence[str] = tuple(CRITERIA),
+        self, frames: Sequence[FrameResult], word: str, criteria: Sequence[str] = tuple(CRITERIA)
     ) -> Iterator[Precision]:
         """Every class by every criterion; by each of `criteria`, in every stratum too."""
         for (criterion, name), ranked in self.ranked.items():
@@ -123,9 +108,8 @@ class Arm:
             for criterion in criteria:
                 for stratum in (each for each in STRATA if each.by in known):
                     part = RankedMatches.of(measures.cut(self.tables[criterion, name], stratum))
-                    yield _precision(
-                        name, criterion, stratum.by, stratum.name, part, ap_draws(part, bootstrap)
-                    )
+                    draws = ap_draws(part, self.bootstrap)
+                    yield _precision(name, criterion, stratum.by, stratum.name, part, draws)
 
 
 def ap_draws(ranked: RankedMatches, bootstrap: BlockBootstrap) -> Float64:

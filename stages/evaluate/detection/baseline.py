@@ -12,7 +12,7 @@ from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.baselines import points_near_boxes
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.messages.cloud import Cloud, xyz
-from advpipe.stages.evaluate.detection.random_change import Budget, Change, RandomChange
+from advpipe.stages.evaluate.detection.random_change import DrawnChange, RandomChange, SpentBudget
 
 Float64 = npt.NDArray[np.float64]
 
@@ -29,7 +29,7 @@ class Baseline:
     is_near: bool = False
     is_full: bool = False
 
-    def budget(self, budget: Budget, clean: Cloud) -> Budget | None:
+    def budget(self, budget: SpentBudget, clean: Cloud) -> SpentBudget | None:
         """What this baseline spends; None where it would be another one over again."""
         if not self.is_full:
             return budget
@@ -66,7 +66,7 @@ def baseline_words() -> list[str]:
     return [word + end for word in BASELINES for end in ("", BEST)]
 
 
-def looks_of(provenance: Provenance) -> int:
+def attack_query_budget(provenance: Provenance) -> int:
     """To how many tries the attack looked to keep the best, by the record of its bag."""
     return provenance.said.looks or USUAL_LOOKS
 
@@ -74,7 +74,7 @@ def looks_of(provenance: Provenance) -> int:
 def random_baselines(
     clean: Cloud,
     boxes: Float64,
-    budget: Budget,
+    budget: SpentBudget,
     worth: Callable[[Cloud], Float64],
     *,
     tries: int,
@@ -100,7 +100,7 @@ def random_baselines(
             yield word + BEST, _best(random, [first, *(random.draw() for _ in range(tries - 1))], worth)
 
 
-def _best(random: RandomChange, tries: list[Change], worth: Callable[[Cloud], Float64]) -> Cloud:
+def _best(random: RandomChange, tries: list[DrawnChange], worth: Callable[[Cloud], Float64]) -> Cloud:
     worths = np.stack([worth(random.apply(each)) for each in tries])  # (tries, M)
     if not worths.size:
         return random.apply(tries[0])

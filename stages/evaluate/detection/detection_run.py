@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from advpipe.pipeline.bag.frames import ALL_FRAMES, Frame, FrameSlice, find_lidar_topic
+from advpipe.pipeline.bag.frames import ALL_FRAMES, Frame, FrameSlice, count_frames, find_lidar_topic
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import UsageError
@@ -22,7 +22,7 @@ from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.geometry.boxes import count_points
 from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.pipeline.metrics.chamfer import chamfer_distance
-from advpipe.stages.evaluate.detection.baseline import looks_of, random_baselines
+from advpipe.stages.evaluate.detection.baseline import attack_query_budget, random_baselines
 from advpipe.stages.evaluate.detection.cloud_difference import CloudDifference, cloud_difference
 from advpipe.stages.evaluate.detection.comparison import (
     CloudResult,
@@ -32,8 +32,8 @@ from advpipe.stages.evaluate.detection.comparison import (
 )
 from advpipe.stages.evaluate.detection.displacement import Displacement, finite_xyz
 from advpipe.stages.evaluate.detection.occlusion import Occlusion
-from advpipe.stages.evaluate.detection.pairing import attacked_frames, chosen_indices, pair_frames
-from advpipe.stages.evaluate.detection.random_change import Budget
+from advpipe.stages.evaluate.detection.pairing import pair_frames
+from advpipe.stages.evaluate.detection.random_change import SpentBudget
 from advpipe.stages.evaluate.detection.scoring import CachedDetector, Truth, ground_truth, match, worth
 
 RANDOM_RECIPES = ("random", "random-near", "random-best")
@@ -68,7 +68,7 @@ class DetectionRun:
 
         Frame by frame nothing depends on another frame, nor on the number of worker processes.
         """
-        frames = chosen_indices(self.clean, self._chosen, self.lidar_topic)
+        frames = self._chosen.indices(count_frames(self.clean, self.lidar_topic))
         looked = map_jobs(self.prepare, frames, "detecting", workers)
         bags: list[tuple[Path | None, Provenance]] = [(None, Provenance({}))]
         if self.adversarial:
@@ -96,18 +96,18 @@ class DetectionRun:
         """Of how many random tries the best is looked at beside an attack; 0 without baselines."""
         if not self.baseline or about.get("recipe") in RANDOM_RECIPES:
             return 0
-        return looks_of(about) if self.baseline_tries is None else self.baseline_tries
+        return attack_query_budget(about) if self.baseline_tries is None else self.baseline_tries
 
     @property
     def _chosen(self) -> FrameSlice:
+        """Frames of the clean bag that hold those of all adversarial bags, where none were chosen.
+
+        Only a short cut: what all of them name is that choice, and all frames are right in any case.
+        """
         if self.frames != ALL_FRAMES:
             return self.frames
-        return attacked_frames(
-            [
-                FrameSlice.parse(about["frames"]) if "frames" in about else ALL_FRAMES
-                for about in self.provenances
-            ]
-        )
+        named = {about.get("frames") for about in self.provenances}
+        return FrameSlice.parse(name) if len(named) == 1 and (name := named.pop()) else ALL_FRAMES
 
     def prepare(self) -> Callable[[int], list[FrameResult | None]]:
         """What one process does: a frame, named by its index in the clean bag, in every adversarial bag.
@@ -119,7 +119,7 @@ class DetectionRun:
         occlusion = Occlusion(reader, find_lidar_topic(reader, self.lidar_topic))
         is_part = self.frames != ALL_FRAMES
         pairs = pair_frames(self.clean, self.adversarial, self._chosen, self.lidar_topic, is_part=is_part)
-        last = chosen_indices(self.clean, self._chosen, self.lidar_topic)[-1]
+        last = self._chosen.indices(count_frames(self.clean, self.lidar_topic))[-1]
 
         def look_at(index: int) -> list[FrameResult | None]:
             before, afters = next(pair for pair in pairs if pair[0].index == index)
@@ -152,7 +152,7 @@ class DetectionRun:
             clouds = random_baselines(
                 before.cloud,
                 truth.boxes.geometry[truth.is_evaluated],
-                Budget.of(before.cloud, after.cloud, change, provenance.parameters),
+                SpentBudget.of(before.cloud, after.cloud, change, provenance.parameters),
                 lambda cloud: worth(truth, match(truth, eye.detect(cloud), eye.classes))[truth.is_evaluated],
                 tries=tries,
                 seed=self.seed,
@@ -178,7 +178,7 @@ class DetectionRun:
         results = {}
         for name, defence in parse_defences(self.defences).items():
             defended = defence(cloud, named_generator(self.seed, "evaluate", "defence", name, index))
-            found = eye.detect_placed(defended.cloud, defended.placement)
+            found = eye.detect(defended.cloud, defended.placement)
             box_points = count_points(xyz(cloud), found.boxes)
             results[under(word, name)] = CloudResult(
                 found, match(truth, found, eye.classes), box_points, len(defended.cloud)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.metrics.average_precision import R11, RankedMatches
+from advpipe.pipeline.metrics.average_precision import R11, RankedMatches, mean_average_precision
 from advpipe.pipeline.metrics.bootstrap import percentile_interval
 from advpipe.pipeline.results.figures import (
     CleanFigures,
@@ -78,8 +78,8 @@ def recounted_figures(
         if criterion == "strict"
     }
     draws = {name: ap_draws(each, arm.bootstrap) for name, each in ranked.items()}
-    mean_ap = arm.mean_of({name: each.average_precision() for name, each in ranked.items()})
-    map_draws = arm.mean_of_draws(draws)
+    mean_ap = float(mean_average_precision([ranked[name].average_precision() for name in arm.in_map]))
+    map_draws: Float64 = mean_average_precision([draws[name] for name in arm.in_map])
     lost = sum(row.clouds[word].lost_objects_recounted for row in rows)
     return RecountedFigures(
         objects_recounted=sum(int(each.n_truth.sum()) for each in ranked.values()),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from advpipe.pipeline.bag.frames import ALL_FRAMES, Frame, FrameSlice, count_frames, read_frames
+from advpipe.pipeline.bag.frames import ALL_FRAMES, Frame, FrameSlice, read_frames
 from advpipe.pipeline.core.errors import AdvpipeError
 
 
@@ -39,19 +39,6 @@ def pair_frames(
     for number, after in enumerate(waiting):
         if after is not None and not is_part:
             raise _foreign(adversarial[number], after.stamp_ns, clean)
-
-
-def attacked_frames(slices: Sequence[FrameSlice]) -> FrameSlice:
-    """Frames of the clean bag that hold those of all adversarial bags, which name them by these slices.
-
-    Only a short cut: the same slice for all is that slice, and all frames are right in any case.
-    """
-    return slices[0] if slices and all(each == slices[0] for each in slices) else ALL_FRAMES
-
-
-def chosen_indices(clean: Path, chosen: FrameSlice, lidar_topic: str | None) -> range:
-    """Which clouds of the clean bag these are."""
-    return chosen.indices(count_frames(clean, lidar_topic))
 
 
 def _foreign(bag: Path, stamp_ns: int, clean: Path) -> AdvpipeError:

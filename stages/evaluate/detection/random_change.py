@@ -24,7 +24,7 @@ REGION_M = 2.0
 
 
 @dataclass(frozen=True)
-class Budget:
+class SpentBudget:
     """What an attack spent on a cloud.
 
     removed, added: how many points. moved_m: (K,) how far each of the moved points went. reach_m: how far
@@ -42,7 +42,7 @@ class Budget:
     @classmethod
     def of(
         cls, clean: Cloud, adversarial: Cloud, change: CloudDifference, parameters: Mapping[str, object]
-    ) -> Budget:
+    ) -> SpentBudget:
         """The budget as spent; lengths are bounded as the attack states, in its `eps_cm` or `eps_m`.
 
         An attack that states none was bounded by the longest way that it went.
@@ -68,7 +68,7 @@ def stated_bound_m(parameters: Mapping[str, object]) -> float | None:
 
 
 @dataclass(frozen=True)
-class Change:
+class DrawnChange:
     """One try: which points (indices into the clean cloud) go, which move and where, where new ones start,
     and which get what intensity."""
 
@@ -91,7 +91,7 @@ class RandomChange:
     """
 
     def __init__(
-        self, cloud: Cloud, boxes: Float64, budget: Budget, pool: Bool, rng: np.random.Generator
+        self, cloud: Cloud, boxes: Float64, budget: SpentBudget, pool: Bool, rng: np.random.Generator
     ) -> None:
         self.cloud, self.n_regions = cloud, len(boxes)
         self._points, self._budget, self._rng = xyz(cloud), budget, rng
@@ -115,14 +115,14 @@ class RandomChange:
         known = cloud["intensity"][finite & np.isfinite(cloud["intensity"])]
         self._intensities = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
 
-    def draw(self) -> Change:
+    def draw(self) -> DrawnChange:
         """One try."""
         removed, moved, intensity_changed = (
             self._inside(self._first[what], again=False) for what in ("removed", "moved", "intensity_changed")
         )
         sources = self._inside(self._first["added"], again=True)
         radius_m = self._budget.reach_m * self._rng.random(len(sources)) ** (1 / 3)
-        return Change(
+        return DrawnChange(
             removed,
             moved,
             random_directions(len(moved), self._rng) * self._moved_m[:, None],
@@ -132,7 +132,7 @@ class RandomChange:
             self._rng.uniform(*self._intensities, len(intensity_changed)),
         )
 
-    def together(self, tries: list[Change], chosen: Int64) -> Change:
+    def together(self, tries: list[DrawnChange], chosen: Int64) -> DrawnChange:
         """Of each region r its part of the try `chosen[r]` (M,); of what is near no object, the first."""
         take = np.append(chosen, 0)  # region -1, near none, is the last
 
@@ -140,7 +140,7 @@ class RandomChange:
             of = take[self._region_of(self._first[what])]
             return np.stack(arrays)[of, np.arange(len(of))] if len(of) else arrays[0]
 
-        return Change(
+        return DrawnChange(
             np.asarray(pick("removed", [each.removed for each in tries]), np.int64),
             np.asarray(pick("moved", [each.moved for each in tries]), np.int64),
             np.asarray(pick("moved", [each.move_m for each in tries]), np.float64),
@@ -150,7 +150,7 @@ class RandomChange:
             np.asarray(pick("intensity_changed", [each.intensity for each in tries]), np.float64),
         )
 
-    def apply(self, change: Change) -> Cloud:
+    def apply(self, change: DrawnChange) -> Cloud:
         """The cloud after a change; as stored in float32, no point goes farther than it may."""
         points = self._points.copy()
         points[change.moved] = move_within(points[change.moved], change.move_m)

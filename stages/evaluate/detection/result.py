@@ -26,7 +26,7 @@ def result_row(
     scored: Scored, boxes: Mapping[str, int], notes: Sequence[str], remarks: Sequence[str]
 ) -> ResultRow:
     """The figures of a comparison; boxes: evaluated ones by class; notes and remarks: first and last ones."""
-    comparison, arms = scored.comparison, scored.arms
+    comparison, arms, rows = scored.comparison, scored.arms, scored.per_frame
     attack = attack_of(comparison)
     attacked = _figures(scored, "adv") if "adv" in arms else None
     baselines = {word: _baseline(scored, word) for word in baseline_words() if word in arms}
@@ -42,12 +42,21 @@ def result_row(
         bag=comparison.name,
         detector=comparison.detector,
         attack=attack,
-        counts=_counts(scored, sum(boxes.values())),
+        counts=FrameCounts(
+            frames=len(rows),
+            blocks=scored.bootstrap.n_blocks,
+            classes_in_map=scored.in_map,
+            working_score=scored.min_score,
+            objects=sum(boxes.values()),
+            objects_found_clean=found_on_clean(rows),
+            false_positives_clean=sum(row.clouds["clean"].false_positives for row in rows),
+            points_clean=sum(row.clouds["clean"].points for row in rows),
+        ),
         boxes={name: boxes[name] for name in scored.classes},
         clean=clean_figures(arms["clean"]),
         attacked=attacked,
         recounted=(
-            recounted_figures(arms["adv"], arms["clean"], comparison.frames, scored.per_frame, "adv")
+            recounted_figures(arms["adv"], arms["clean"], comparison.frames, rows, "adv")
             if attacked
             else None
         ),
@@ -72,20 +81,6 @@ def attack_of(comparison: Comparison) -> AttackRecord:
         is_white_box=comparison.is_white_box,
         looks=provenance.said.looks,
         baseline_tries=comparison.baseline_tries,
-    )
-
-
-def _counts(scored: Scored, objects: int) -> FrameCounts:
-    clean = [row.clouds["clean"] for row in scored.per_frame]
-    return FrameCounts(
-        frames=len(clean),
-        blocks=scored.bootstrap.n_blocks,
-        classes_in_map=scored.in_map,
-        working_score=scored.min_score,
-        objects=objects,
-        objects_found_clean=found_on_clean(scored.per_frame),
-        false_positives_clean=sum(each.false_positives for each in clean),
-        points_clean=sum(each.points for each in clean),
     )
 
 

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
 from advpipe.pipeline.results.frame_row import FrameRow
-from advpipe.stages.evaluate.detection.arm import Arm, Precision
+from advpipe.stages.evaluate.detection.arm import Arm
 from advpipe.stages.evaluate.detection.comparison import Comparison
-from advpipe.stages.evaluate.detection.scoring import CRITERIA
 
 
 @dataclass(frozen=True)
@@ -31,8 +30,3 @@ class Scored:
     def arm(self, word: str) -> Arm:
         """The clouds of a word that is not among `arms`, such as those under a defence."""
         return Arm.of(self.comparison.frames, word, self.classes, self.in_map, self.bootstrap)
-
-    def precisions(self, word: str) -> tuple[Precision, ...]:
-        """Of each class: in every stratum by every criterion on clean clouds, strictly on the others."""
-        criteria = tuple(CRITERIA) if word == "clean" else ("strict",)
-        return tuple(self.arms[word].precisions(self.comparison.frames, word, self.bootstrap, criteria))

@@ -13,7 +13,7 @@ from advpipe.pipeline.bag.frames import Frame
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.plugins import class_of_users, mistakes_reported
 from advpipe.pipeline.defences.base import Placement
-from advpipe.pipeline.detector.protocol import Detections, Detector, Range
+from advpipe.pipeline.detector.protocol import Detections, ObjectDetector, Range
 from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS, Boxes, count_points
 from advpipe.pipeline.geometry.iou import iou_3d, iou_bev
 from advpipe.pipeline.messages.cloud import Cloud, xyz
@@ -23,6 +23,9 @@ from advpipe.pipeline.metrics.matching import FrameMatches, match_overlaps
 Bool = npt.NDArray[np.bool_]
 Int64 = npt.NDArray[np.int64]
 Float64 = npt.NDArray[np.float64]
+
+AS_RECORDED = Placement()
+"""Of a cloud that no defence put elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +93,7 @@ def labelled(labels: Int64, name: str) -> Bool:
     return mine
 
 
-def known_classes(detector: Detector) -> tuple[str, ...]:
+def known_classes(detector: ObjectDetector) -> tuple[str, ...]:
     """The classes that a detector finds, in the order of `geometry.boxes.CLASSES`."""
     return tuple(name for name in CLASSES if name in detector.classes)
 
@@ -98,7 +101,7 @@ def known_classes(detector: Detector) -> tuple[str, ...]:
 class CachedDetector:
     """A detector that looks at a cloud once, however many bags and baselines of a frame share it."""
 
-    def __init__(self, detector: Detector) -> None:
+    def __init__(self, detector: ObjectDetector) -> None:
         self.classes = known_classes(detector)
         self.range_m = detector.range_m
         self._detector = detector
@@ -110,12 +113,11 @@ class CachedDetector:
         """The next frame comes: its clouds are others."""
         self._seen.clear()
 
-    def detect(self, cloud: Cloud) -> Detections:
-        """The detections in the detector's range, labelled by `geometry.boxes.CLASSES`, best first."""
-        return self.detect_placed(cloud, Placement())
+    def detect(self, cloud: Cloud, placement: Placement = AS_RECORDED) -> Detections:
+        """The detections in the detector's range, labelled by `geometry.boxes.CLASSES`, best first.
 
-    def detect_placed(self, cloud: Cloud, placement: Placement) -> Detections:
-        """Those in a cloud that a defence put elsewhere, back where they belong."""
+        placement: where a defence put the cloud; the boxes are back where they belong.
+        """
         about = f"{placement}".encode()
         key = hashlib.blake2b(np.ascontiguousarray(cloud).tobytes() + about, digest_size=16).digest()
         if key not in self._seen:

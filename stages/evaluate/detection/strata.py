@@ -72,9 +72,9 @@ class Measures:
             cloud, truth = frame.clouds()[word], frame.truth
             mine = labelled(truth.boxes.labels, name)
             theirs = labelled(cloud.detections.labels, name)
-            detections["range"].append(range_m(cloud.detections.boxes[theirs]))
+            detections["range"].append(box_range_m(cloud.detections.boxes[theirs]))
             detections["points"].append(np.maximum(cloud.box_points[theirs], MIN_POINTS).astype(np.float64))
-            truths["range"].append(range_m(truth.boxes.geometry[mine]))
+            truths["range"].append(box_range_m(truth.boxes.geometry[mine]))
             truths["points"].append(truth.points[mine].astype(np.float64))
             truths["occlusion"].append(truth.occlusion[mine])
         return cls(_joined(detections), _joined(truths))
@@ -89,7 +89,7 @@ class Measures:
         )
 
 
-def range_m(boxes: Float64) -> Float64:
+def box_range_m(boxes: Float64) -> Float64:
     """How far the centres of boxes (M, 7) are from the LiDAR in the plane: (M,)."""
     return np.hypot(boxes[:, 0], boxes[:, 1])
 

@@ -16,7 +16,7 @@ from advpipe.stages.evaluate.detection.figures import above_0, ratio
 from advpipe.stages.evaluate.detection.frame_row import lost_objects, new_false_positives
 from advpipe.stages.evaluate.detection.scored import Scored
 from advpipe.stages.evaluate.detection.scoring import found_objects, labelled
-from advpipe.stages.evaluate.detection.strata import STRATA, Stratum, range_m
+from advpipe.stages.evaluate.detection.strata import STRATA, Stratum, box_range_m
 
 Int64 = npt.NDArray[np.int64]
 
@@ -67,8 +67,8 @@ def _record(scored: Scored, result: ResultRow, word: str, name: str, stratum: St
 
 def _counts(frame: FrameResult, word: str, name: str, stratum: Stratum, min_score: float) -> tuple[int, ...]:
     cloud, truth = frame.clouds()[word], frame.truth
-    objects = stratum.holds(range_m(truth.boxes.geometry))
-    detections = stratum.holds(range_m(cloud.detections.boxes))
+    objects = stratum.holds(box_range_m(truth.boxes.geometry))
+    detections = stratum.holds(box_range_m(cloud.detections.boxes))
     if name != EVERY_CLASS:
         objects &= labelled(truth.boxes.labels, name)
         detections &= labelled(cloud.detections.labels, name)

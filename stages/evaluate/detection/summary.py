@@ -17,11 +17,12 @@ from advpipe.pipeline.results.frame_row import FrameRow
 from advpipe.pipeline.results.records import DefenceRecord, SuccessRecord
 from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.arm import Arm, Precision
-from advpipe.stages.evaluate.detection.comparison import Comparison, FrameResult
+from advpipe.stages.evaluate.detection.comparison import Comparison
 from advpipe.stages.evaluate.detection.defended import defence_records
 from advpipe.stages.evaluate.detection.frame_row import frame_row
 from advpipe.stages.evaluate.detection.result import result_row
 from advpipe.stages.evaluate.detection.scored import Scored
+from advpipe.stages.evaluate.detection.scoring import CRITERIA
 from advpipe.stages.evaluate.detection.success import success_records
 
 Float64 = npt.NDArray[np.float64]
@@ -59,7 +60,8 @@ def summarise(
     remarks: what the reader must know besides. Raises AdvpipeError if not one object can be evaluated.
     """
     frames = comparison.frames
-    boxes = count_boxes(frames, classes)
+    # Evaluated boxes of each class.
+    boxes = {name: sum(frame.clean.matches["strict", name].n_truth for frame in frames) for name in classes}
     if not any(boxes.values()):
         raise AdvpipeError(
             f"{comparison.name}: in {len(frames)} frames no object of a class that the detector finds "
@@ -71,7 +73,8 @@ def summarise(
     # A baseline that only some frames have, such as those with a moved point, is none of the whole.
     words = [word for word in frames[0].clouds() if all(word in frame.clouds() for frame in frames)]
     arms = {word: Arm.of(frames, word, classes, in_map, bootstrap) for word in words}
-    min_score = _working_score(frames)
+    loose = [m for frame in frames for (word, _), m in frame.clean.matches.items() if word == "loose"]
+    min_score = RankedMatches.of(loose).best_f1_score()
     per_frame = tuple(frame_row(frame, min_score) for frame in frames)
     scored = Scored(comparison, arms, classes, tuple(in_map), bootstrap, min_score, per_frame)
     result = result_row(scored, boxes, notes, remarks)
@@ -80,7 +83,10 @@ def summarise(
         result,
         per_frame,
         min_score,
-        {word: scored.precisions(word) for word in arms},
+        {  # in strata by every criterion on clean clouds, strictly on the others
+            word: tuple(arm.precisions(frames, word, tuple(CRITERIA) if word == "clean" else ("strict",)))
+            for word, arm in arms.items()
+        },
         {
             (word, criterion, name): ranked.precision_recall()
             for word, arm in arms.items()
@@ -91,11 +97,6 @@ def summarise(
     )
 
 
-def count_boxes(frames: Sequence[FrameResult], classes: Sequence[str]) -> dict[str, int]:
-    """How many evaluated boxes each class has."""
-    return {name: sum(frame.clean.matches["strict", name].n_truth for frame in frames) for name in classes}
-
-
 def classes_in_map(boxes: Mapping[str, int]) -> tuple[list[str], list[str]]:
     """The classes of the mAP, and what the reader must know about the choice."""
     enough = [name for name, count in boxes.items() if count >= MIN_BOXES]
@@ -103,8 +104,3 @@ def classes_in_map(boxes: Mapping[str, int]) -> tuple[list[str], list[str]]:
         return enough, []
     some = [name for name, count in boxes.items() if count]
     return some, [f"No class has {MIN_BOXES} evaluated boxes: mAP over those with any ({', '.join(some)})."]
-
-
-def _working_score(frames: Sequence[FrameResult]) -> float:
-    loose = [m for frame in frames for (word, _), m in frame.clean.matches.items() if word == "loose"]
-    return RankedMatches.of(loose).best_f1_score()

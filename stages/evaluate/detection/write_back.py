@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from advpipe.pipeline.bag.carried import lidar_topics
 from advpipe.pipeline.bag.frames import find_lidar_topic
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
@@ -20,7 +21,6 @@ from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.types import schema_text, serialise, type_hash
 from advpipe.stages.evaluate.detection.occlusion import vehicle_of
 
-CLOUD_TYPE = "sensor_msgs/msg/PointCloud2"
 DETECTIONS_TYPE = "vision_msgs/msg/Detection3DArray"
 
 
@@ -33,7 +33,7 @@ def write_detections(
     lidar_topic: str | None = None,
     with_clouds: bool = False,
 ) -> None:
-    """Write a bag of the source's messages, its clouds left out, and of detections.
+    """Write a bag of the source's messages, the clouds of its LiDARs left out, and of detections.
 
     found: by the index of the cloud; labels index `geometry.boxes.CLASSES`. They stand on
     `/<vehicle>/detections` in the LiDAR's frame, with the cloud's stamp and log time. detector: what the
@@ -48,11 +48,11 @@ def write_detections(
         "lidar_topic": clouds,
         "detector": json.dumps(detector, sort_keys=True),
     }
+    left_out = {topic.name} if with_clouds else {topic.name, *lidar_topics(reader)}
     index = 0
     with BagWriter(out, provenance={**_inherited(reader), **about}) as bag:
         for raw in reader.raw_messages():
-            is_wanted = with_clouds or raw.topic.type != CLOUD_TYPE
-            if is_wanted and raw.topic.name != topic.name:  # the source's own detections make place
+            if raw.topic.name not in left_out:  # the source's own detections make place
                 bag.copy(raw)
             if raw.topic.name == clouds:
                 if index in found:
@@ -75,7 +75,7 @@ def _message(reader: BagReader, raw: RawMessage, topic: Topic, found: Detections
 def detections_message(stamp_ns: int, frame_id: str, found: Detections) -> Any:
     """vision_msgs/Detection3DArray, best first, with scores; detections have no name over time."""
     boxes = Boxes(found.boxes, found.labels, ("",) * len(found), np.zeros((len(found), 3)))
-    message = build.detections(stamp_ns, frame_id, boxes)
+    message = build.detections_message(stamp_ns, frame_id, boxes)
     for item, score in zip(message.detections, found.scores, strict=True):
         item.results[0].hypothesis.score = float(score)
     return message

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.results.localisation import Errors, LocalisationRecord
-from advpipe.stages.evaluate.localisation.track import Bool, Track
+from advpipe.stages.evaluate.localisation.track import Bool, LocalisationTrack
 
 GATE_PROBABILITY = 0.999
 """Of the innovation test: of genuine fixes, as the filter models them, one in a thousand is above it."""
@@ -22,7 +22,7 @@ def gate() -> float:
     return float(chdtri(3, 1 - GATE_PROBABILITY))
 
 
-def errors(track: Track, chosen: Bool) -> Errors:
+def errors(track: LocalisationTrack, chosen: Bool) -> Errors:
     """Of the estimates (K,) that are chosen."""
     error_m, lateral_m = track.error_m[chosen], np.abs(track.lateral_m[chosen])
     if not len(error_m):
@@ -39,7 +39,11 @@ def errors(track: Track, chosen: Bool) -> Errors:
 
 
 def localisation_record(
-    bag: str, vehicle: str, clean: Track, adversarial: Track, attacked_ns: npt.NDArray[np.int64]
+    bag: str,
+    vehicle: str,
+    clean: LocalisationTrack,
+    adversarial: LocalisationTrack,
+    attacked_ns: npt.NDArray[np.int64],
 ) -> LocalisationRecord:
     """attacked_ns: (A,), the times of the attacked fixes; both tracks are of the same times."""
     attacked = was_attacked(clean, attacked_ns)
@@ -75,7 +79,7 @@ def localisation_record(
     )
 
 
-def was_attacked(track: Track, attacked_ns: npt.NDArray[np.int64]) -> Bool:
+def was_attacked(track: LocalisationTrack, attacked_ns: npt.NDArray[np.int64]) -> Bool:
     """Which steps (K,) got an attacked fix: a fix counts for the first estimate at or after its time."""
     steps = np.searchsorted(track.times_ns, attacked_ns)
     attacked = np.zeros(len(track.times_ns), dtype=bool)

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from advpipe.pipeline.core.figure import Figure
 from advpipe.stages.evaluate.localisation.figures import gate
-from advpipe.stages.evaluate.localisation.track import Bool, Track
+from advpipe.stages.evaluate.localisation.track import Bool, LocalisationTrack
 from advpipe.stages.evaluate.report.style import BASELINE, INK, LOST, PREDICTION, TRUTH, plain_axes
 
 SHADE = "#fbe3e4"
@@ -18,7 +18,7 @@ LEAST_HALF_M = 8.0
 
 
 def draw_localisation(
-    clean: Track, adversarial: Track, attacked: Bool, of_what: str = "whole drive"
+    clean: LocalisationTrack, adversarial: LocalisationTrack, attacked: Bool, of_what: str = "whole drive"
 ) -> Figure:
     """attacked: (K,), the steps whose fix is false or missing. of_what: both tracks are."""
     figure = Figure(figsize=(11.5, 6.6), dpi=110, facecolor="white", layout="constrained")
@@ -61,7 +61,7 @@ def spans(attacked: Bool) -> Iterator[tuple[int, int]]:
     yield from ((int(part[0]), int(part[-1])) for part in parts)
 
 
-def _draw_map(axes: Axes, clean: Track, adversarial: Track, attacked: Bool) -> None:
+def _draw_map(axes: Axes, clean: LocalisationTrack, adversarial: LocalisationTrack, attacked: Bool) -> None:
     plain_axes(axes)
     fix_m = adversarial.fix_m
     false = attacked & np.isfinite(fix_m[:, 0])
@@ -74,7 +74,7 @@ def _draw_map(axes: Axes, clean: Track, adversarial: Track, attacked: Bool) -> N
     axes.set_aspect("equal", adjustable="datalim")
 
 
-def _zoom(whole: Axes, near: Axes, track: Track) -> None:
+def _zoom(whole: Axes, near: Axes, track: LocalisationTrack) -> None:
     """Shows in the second map what is around the largest error, which is a hair's breadth in the first."""
     off_m = np.linalg.norm(track.error_m[:, :2], axis=1)
     worst = int(np.argmax(off_m))
@@ -92,7 +92,9 @@ def _zoom(whole: Axes, near: Axes, track: Track) -> None:
     whole.plot(*corners_m.T, color=INK, linewidth=0.8)
 
 
-def _draw_error(axes: Axes, time_s: np.ndarray, clean: Track, adversarial: Track) -> None:
+def _draw_error(
+    axes: Axes, time_s: np.ndarray, clean: LocalisationTrack, adversarial: LocalisationTrack
+) -> None:
     for track, colour, label in ((adversarial, PREDICTION, "attacked"), (clean, INK, "clean")):
         axes.plot(time_s, np.linalg.norm(track.error_m[:, :2], axis=1), color=colour, label=label)
     axes.plot(time_s, np.abs(adversarial.lateral_m), ":", color=PREDICTION, label="attacked, sideways")
@@ -100,7 +102,9 @@ def _draw_error(axes: Axes, time_s: np.ndarray, clean: Track, adversarial: Track
     axes.set_ylim(bottom=0)
 
 
-def _draw_innovation(axes: Axes, time_s: np.ndarray, clean: Track, adversarial: Track) -> None:
+def _draw_innovation(
+    axes: Axes, time_s: np.ndarray, clean: LocalisationTrack, adversarial: LocalisationTrack
+) -> None:
     differs = adversarial.nis != clean.nis  # the same ones are those of the clean bag
     for track, colour, chosen in ((clean, INK, True), (adversarial, PREDICTION, differs)):
         known = np.isfinite(track.nis) & chosen

@@ -23,10 +23,10 @@ from advpipe.stages.evaluate.localisation.figures import (
     was_attacked,
 )
 from advpipe.stages.evaluate.localisation.plot import draw_localisation
-from advpipe.stages.evaluate.localisation.track import Track, attacked_fixes_ns, read_track
-from advpipe.stages.evaluate.report.numbers import number
+from advpipe.stages.evaluate.localisation.track import LocalisationTrack, attacked_fixes_ns, read_track
+from advpipe.stages.evaluate.report.numbers import formatted_number
 from advpipe.stages.evaluate.report.pictures import to_png
-from advpipe.stages.evaluate.report.section import SECTION, Picture, Section, Table
+from advpipe.stages.evaluate.report.section import SECTION, ReportPicture, ReportSection, Table
 
 FORMULAS = (
     (
@@ -53,16 +53,16 @@ FORMULAS = (
 )
 
 
-def sections(
+def localisation_sections(
     clean: Path, adversarial: Sequence[Path], seed: int = 0, window: Window = WHOLE_DRIVE
-) -> tuple[Section, ...]:
+) -> tuple[ReportSection, ...]:
     """One section on all adversarial bags in which fixes were attacked; none where there are none.
 
     window: its figures count; filters run from the beginning of the drive to its end. `seed` serves no
     draw here. Raises AdvpipeError for bags from which a filter cannot be run again.
     """
     rows: list[LocalisationRecord] = []
-    pictures: list[Picture] = []
+    pictures: list[ReportPicture] = []
     of_what = "whole drive" if window == WHOLE_DRIVE else "window"
     for row, picture in _compare(clean, adversarial, window, of_what):
         rows.append(row)
@@ -70,7 +70,7 @@ def sections(
     if not rows:
         return ()
     return (
-        Section(
+        ReportSection(
             key="localisation",
             title="Localisation under GPS attacks",
             lead="The vehicles' own filters run again on the fixes of each bag. The threshold of the "
@@ -85,9 +85,9 @@ def sections(
 
 def _compare(
     clean: Path, adversarial: Sequence[Path], window: Window, of_what: str
-) -> Iterator[tuple[LocalisationRecord, Picture]]:
+) -> Iterator[tuple[LocalisationRecord, ReportPicture]]:
     reader, until_ns = BagReader(clean), window.last_ns
-    tracks: dict[str, Track] = {}
+    tracks: dict[str, LocalisationTrack] = {}
     attacks = [
         (bag, *each) for bag in adversarial for each in _attacked_vehicles(reader, BagReader(bag), until_ns)
     ]
@@ -109,7 +109,7 @@ def _compare(
         row = localisation_record(name, vehicle, before, after, attacked_ns)
         figure = draw_localisation(before, after, was_attacked(before, attacked_ns), of_what)
         caption = f"{name}: {vehicle}, its way on the map, its error and its innovations over time"
-        yield row, Picture(SECTION, name, f"{name}-{vehicle}-localisation.png", caption, to_png(figure))
+        yield row, ReportPicture(SECTION, name, f"{name}-{vehicle}-localisation.png", caption, to_png(figure))
 
 
 def _attacked_vehicles(
@@ -161,12 +161,12 @@ def _detection_table(rows: Sequence[LocalisationRecord]) -> Table:
         (
             row.bag,
             row.vehicle,
-            number(100 * row.detection_rate, 1),
-            number(row.delay_s, 1),
-            number(100 * row.stealth_rate, 1),
-            number(100 * row.false_alarm_rate, 2),
-            number(100 * row.echo_rate, 1),
-            number(100 * row.success_rate, 1),
+            formatted_number(100 * row.detection_rate, 1),
+            formatted_number(row.delay_s, 1),
+            formatted_number(100 * row.stealth_rate, 1),
+            formatted_number(100 * row.false_alarm_rate, 2),
+            formatted_number(100 * row.echo_rate, 1),
+            formatted_number(100 * row.success_rate, 1),
         )
         for row in rows
     ]
@@ -174,4 +174,4 @@ def _detection_table(rows: Sequence[LocalisationRecord]) -> Table:
 
 
 def _pair(clean: float, attacked: float) -> str:
-    return f"{number(clean, 2)} → {number(attacked, 2)}"
+    return f"{formatted_number(clean, 2)} → {formatted_number(attacked, 2)}"

@@ -20,7 +20,7 @@ Bool = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Track:
+class LocalisationTrack:
     """One vehicle in one bag, at the K times of its estimates.
 
     times_ns: (K,). true_m, true_ahead: (K, 3), its true place in the map and the direction of its x axis.
@@ -35,10 +35,10 @@ class Track:
     estimate_m: Float64
     nis: Float64
 
-    def within(self, window: Window) -> Track:
+    def within(self, window: Window) -> LocalisationTrack:
         """The steps in a window."""
         inside = window.holds(self.times_ns)
-        return Track(**{each.name: getattr(self, each.name)[inside] for each in fields(self)})
+        return LocalisationTrack(**{each.name: getattr(self, each.name)[inside] for each in fields(self)})
 
     @property
     def error_m(self) -> Float64:
@@ -54,7 +54,7 @@ class Track:
         return lateral
 
 
-def read_track(reader: BagReader, vehicle: str, last_ns: int | None = None) -> Track:
+def read_track(reader: BagReader, vehicle: str, last_ns: int | None = None) -> LocalisationTrack:
     """The vehicle's own filter run again on what the bag holds of its sensors, up to `last_ns`.
 
     Raises AdvpipeError for a bag without its true poses, or from which its filter cannot be run.
@@ -63,7 +63,7 @@ def read_track(reader: BagReader, vehicle: str, last_ns: int | None = None) -> T
         return _read_track(reader, vehicle, last_ns)
 
 
-def _read_track(reader: BagReader, vehicle: str, last_ns: int | None) -> Track:
+def _read_track(reader: BagReader, vehicle: str, last_ns: int | None) -> LocalisationTrack:
     topics = VehicleTopics(vehicle)
     truth = {
         time_ns: build.se3_from_pose(message.pose.pose)
@@ -86,7 +86,7 @@ def _read_track(reader: BagReader, vehicle: str, last_ns: int | None) -> Track:
         fixes.append(np.full(3, np.nan) if measured.fix is None else geodesy.to_map(measured.fix))
         estimates.append(estimate.map_SE3_base[:3, 3])
         squares.append(np.nan if estimate.innovation is None else estimate.innovation.nis)
-    return Track(
+    return LocalisationTrack(
         times_ns=np.array(times_ns, dtype=np.int64),
         true_m=np.array(true_m).reshape(-1, 3),
         true_ahead=np.array(ahead).reshape(-1, 3),

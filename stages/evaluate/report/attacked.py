@@ -13,16 +13,22 @@ from advpipe.stages.evaluate.detection.strata import STRATA
 from advpipe.stages.evaluate.detection.success import EVERY_CLASS
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.clean import of_first_detector
-from advpipe.stages.evaluate.report.numbers import NOTHING, interval, number, short_name, with_interval
+from advpipe.stages.evaluate.report.numbers import (
+    NOTHING,
+    formatted_number,
+    interval,
+    short_name,
+    with_interval,
+)
 from advpipe.stages.evaluate.report.scene import attack_title
-from advpipe.stages.evaluate.report.section import Section, Table
+from advpipe.stages.evaluate.report.section import ReportSection, Table
 from advpipe.stages.evaluate.report.transfer import transfer_section
 from advpipe.stages.evaluate.report.wording import OVERLAPS, PLAIN_RANDOM, RANDOM_BEST
 
 ANSWER = {True: "yes", False: "no", None: NOTHING}
 
 
-def attacked_sections(summaries: Sequence[Summary]) -> Iterator[Section]:
+def attacked_sections(summaries: Sequence[Summary]) -> Iterator[ReportSection]:
     """Those that there is something to say in."""
     attacked = [summary for summary in summaries if summary.comparison.bag]
     if any(summary.result.baselines for summary in attacked):
@@ -48,7 +54,7 @@ def title_of(summary: Summary, summaries: Sequence[Summary]) -> str:
     return title
 
 
-def baselines_section(summaries: Sequence[Summary]) -> Section:
+def baselines_section(summaries: Sequence[Summary]) -> ReportSection:
     heads = (
         *("attack", f"{PLAIN_RANDOM} baseline", "its ratio %", "95 %"),
         *("attack minus it", "95 %", "beats it"),
@@ -61,15 +67,15 @@ def baselines_section(summaries: Sequence[Summary]) -> Section:
                 (
                     title,
                     baseline_title(word),
-                    number(baseline.figures.map_ratio_percent, 2),
+                    formatted_number(baseline.figures.map_ratio_percent, 2),
                     interval(baseline.figures.map_ratio_ci95),
-                    number(baseline.map_ratio_minus, 2),
+                    formatted_number(baseline.map_ratio_minus, 2),
                     interval(baseline.map_ratio_minus_ci95),
                     ANSWER[baseline.is_beaten],
                 )
             )
             title = ""
-    return Section(
+    return ReportSection(
         "baselines",
         "Against the same budget spent plainly at random",
         "Differences in points of mAP ratio, drawn together with the attack; an attack beats a baseline if "
@@ -101,10 +107,10 @@ def _baseline_record(result: ResultRow, word: str) -> BaselineRecord:
     )
 
 
-def success_section(summaries: Sequence[Summary]) -> Section:
+def success_section(summaries: Sequence[Summary]) -> ReportSection:
     """Attack success by class and range; beside the attack one draw of the baseline at random anywhere."""
     ranges = [WHOLE, *(stratum.name for stratum in STRATA if stratum.by == "range")]
-    scores = {number(summary.min_score, 2) for summary in summaries}
+    scores = {formatted_number(summary.min_score, 2) for summary in summaries}
     score = scores.pop() if len(scores) == 1 else "the working score of its bag"
     heads = (
         *("class", "strict: lost of found", *(f"loose, {name}: lost of found" for name in ranges)),
@@ -124,12 +130,12 @@ def success_section(summaries: Sequence[Summary]) -> Section:
                     _strict_share(mine[0]),
                     *(_share(each) for each in mine),
                     _share(random),
-                    number(mine[0].new_false_positives, 0),
-                    number(random.new_false_positives if random else None, 0),
+                    formatted_number(mine[0].new_false_positives, 0),
+                    formatted_number(random.new_false_positives if random else None, 0),
                 )
             )
         tables.append(Table(title_of(summary, summaries), heads, tuple(lines)))
-    return Section(
+    return ReportSection(
         "attack_success",
         "Attack success by class and range",
         "Lost objects: those that the detector finds on the clean cloud and misses on the attacked one, in "
@@ -141,7 +147,7 @@ def success_section(summaries: Sequence[Summary]) -> Section:
     )
 
 
-def change_section(summaries: Sequence[Summary]) -> Section:
+def change_section(summaries: Sequence[Summary]) -> ReportSection:
     """What was done to the clouds, told from the bags as stored."""
     heads = (
         "cloud", "CD m²", "removed", "added", "moved", "mean m", "RMS m", "median m", "95 % below m",
@@ -153,7 +159,7 @@ def change_section(summaries: Sequence[Summary]) -> Section:
         changed |= {baseline_title(word): each.figures for word, each in summary.result.baselines.items()}
         lines = tuple(_change_line(name, each) for name, each in changed.items() if each)
         tables.append(Table(title_of(summary, summaries), heads, lines))
-    return Section(
+    return ReportSection(
         "changes",
         "What was done to the clouds",
         "Read from the stored bags. Lengths are of the moved points, between the coordinates as stored; of "
@@ -174,13 +180,13 @@ def _change_line(name: str, figures: CloudFigures) -> tuple[str, ...]:
     points = (figures.points_removed, figures.points_added, figures.points_moved)
     return (
         name,
-        number(figures.chamfer_distance_m2, 5),
-        *(number(count, 0) for count in points),
-        *(number(length_m or None, 4) for length_m in lengths_m),
+        formatted_number(figures.chamfer_distance_m2, 5),
+        *(formatted_number(count, 0) for count in points),
+        *(formatted_number(length_m or None, 4) for length_m in lengths_m),
     )
 
 
-def recount_section(summaries: Sequence[Summary]) -> Section:
+def recount_section(summaries: Sequence[Summary]) -> ReportSection:
     heads = ("attack", "objects", "mAP ratio %", "lost (loose)", "success %") + (
         "objects, recounted", "mAP ratio %", "95 %", "lost (loose)", "success %",
     )  # fmt: skip
@@ -192,18 +198,18 @@ def recount_section(summaries: Sequence[Summary]) -> Section:
         lines.append(
             (
                 title_of(summary, summaries),
-                number(summary.result.counts.objects, 0),
-                number(attacked.map_ratio_percent, 2),
-                number(attacked.lost_objects, 0),
-                number(attacked.attack_success_percent, 1),
-                number(recounted.objects_recounted, 0),
-                number(recounted.map_ratio_percent_recounted, 2),
+                formatted_number(summary.result.counts.objects, 0),
+                formatted_number(attacked.map_ratio_percent, 2),
+                formatted_number(attacked.lost_objects, 0),
+                formatted_number(attacked.attack_success_percent, 1),
+                formatted_number(recounted.objects_recounted, 0),
+                formatted_number(recounted.map_ratio_percent_recounted, 2),
                 interval(recounted.map_ratio_recounted_ci95),
-                number(recounted.lost_objects_recounted, 0),
-                number(recounted.attack_success_percent_recounted, 1),
+                formatted_number(recounted.lost_objects_recounted, 0),
+                formatted_number(recounted.attack_success_percent_recounted, 1),
             )
         )
-    return Section(
+    return ReportSection(
         "recount",
         "If the objects were counted on the attacked clouds",
         "The objects of the clean clouds are what counts everywhere else. Recounted, those with too few "
@@ -213,7 +219,7 @@ def recount_section(summaries: Sequence[Summary]) -> Section:
     )
 
 
-def defences_section(summaries: Sequence[Summary]) -> Section:
+def defences_section(summaries: Sequence[Summary]) -> ReportSection:
     heads = (
         "attack", "defence", "mAP clean", "kept %", "mAP attacked", "ratio %", "95 %", "of clean without %",
     )  # fmt: skip
@@ -224,12 +230,12 @@ def defences_section(summaries: Sequence[Summary]) -> Section:
             (
                 title_of(summary, summaries),
                 "none",
-                number(clean.means["strict"].map_r40, 3),
-                number(100.0, 1),
-                number(attacked and attacked.map_adv, 3),
-                number(attacked and attacked.map_ratio_percent, 2),
+                formatted_number(clean.means["strict"].map_r40, 3),
+                formatted_number(100.0, 1),
+                formatted_number(attacked and attacked.map_adv, 3),
+                formatted_number(attacked and attacked.map_ratio_percent, 2),
                 interval(attacked and attacked.map_ratio_ci95),
-                number(attacked and attacked.map_ratio_percent, 2),
+                formatted_number(attacked and attacked.map_ratio_percent, 2),
             )
         )
         for each in summary.defended:
@@ -237,15 +243,15 @@ def defences_section(summaries: Sequence[Summary]) -> Section:
                 (
                     "",
                     each.defence,
-                    number(each.map_clean, 3),
-                    number(each.kept_percent, 1),
-                    number(each.attacked and each.attacked.map_adv, 3),
-                    number(each.attacked and each.attacked.map_ratio_percent, 2),
+                    formatted_number(each.map_clean, 3),
+                    formatted_number(each.kept_percent, 1),
+                    formatted_number(each.attacked and each.attacked.map_adv, 3),
+                    formatted_number(each.attacked and each.attacked.map_ratio_percent, 2),
                     interval(each.attacked and each.attacked.map_ratio_ci95),
-                    number(each.attacked and each.attacked.map_adv_percent, 2),
+                    formatted_number(each.attacked and each.attacked.map_adv_percent, 2),
                 )
             )
-    return Section(
+    return ReportSection(
         "defences",
         "Under defences",
         "Each changes every cloud, clean and attacked, before the detector sees it; no attack knew of it. "
@@ -261,7 +267,7 @@ def _share(record: SuccessRecord | None) -> str:
     if record is None or not record.found_clean:
         return NOTHING
     percent = with_interval(record.attack_success_percent, record.attack_success_ci95, 0)
-    return f"{percent} % ({number(record.lost, 0)} of {number(record.found_clean, 0)})"
+    return f"{percent} % ({formatted_number(record.lost, 0)} of {formatted_number(record.found_clean, 0)})"
 
 
 def _strict_share(record: SuccessRecord) -> str:
@@ -269,4 +275,5 @@ def _strict_share(record: SuccessRecord) -> str:
     if not record.strict_found_clean:
         return NOTHING
     percent = with_interval(record.strict_attack_success_percent, record.strict_attack_success_ci95, 0)
-    return f"{percent} % ({number(record.strict_lost, 0)} of {number(record.strict_found_clean, 0)})"
+    lost, found = (formatted_number(count, 0) for count in (record.strict_lost, record.strict_found_clean))
+    return f"{percent} % ({lost} of {found})"

@@ -25,7 +25,7 @@ from advpipe.pipeline.birds_eye import (
 )
 from advpipe.pipeline.core.figure import Figure
 from advpipe.pipeline.messages.cloud import xyz
-from advpipe.stages.evaluate.report.scene import Scene, View, crop
+from advpipe.stages.evaluate.report.scene import CloudView, ReportScene, crop
 from advpipe.stages.evaluate.report.style import LOST, PREDICTION
 
 ZOOM_M = 12.0
@@ -35,7 +35,7 @@ SMALL_M2 = 4.0
 WIDTH_IN, HEAD_IN, FOOT_IN, CLEAN_IN = 15.0, 0.85, 0.55, 8.0
 
 
-def draw_scene(scene: Scene) -> Figure:
+def draw_scene(scene: ReportScene) -> Figure:
     """A frame as a figure: before, after, and beside them one lost object from near.
 
     A frame of a clean bag alone is one square panel.
@@ -75,7 +75,7 @@ def draw_scene(scene: Scene) -> Figure:
     return figure
 
 
-def _draw_clean(scene: Scene, limits: Limits) -> Figure:
+def _draw_clean(scene: ReportScene, limits: Limits) -> Figure:
     total = CLEAN_IN + HEAD_IN + FOOT_IN
     figure = Figure(figsize=(CLEAN_IN + 0.3, total), dpi=110, facecolor="white")
     width = CLEAN_IN / (CLEAN_IN + 0.3)
@@ -99,7 +99,7 @@ def _square(limits: Limits) -> Limits:
     return x - half, x + half, y - half, y + half
 
 
-def _focus(scene: Scene) -> Limits | None:
+def _focus(scene: ReportScene) -> Limits | None:
     """The surroundings of the lost object that is best seen: of large ones, the nearest."""
     lost = scene.truth.boxes.geometry[scene.lost]
     if not len(lost):
@@ -110,7 +110,7 @@ def _focus(scene: Scene) -> Limits | None:
 
 
 def draw_view(
-    axes: Axes, scene: Scene, view: View, limits: Limits, point_area: float, rings: bool = True
+    axes: Axes, scene: ReportScene, view: CloudView, limits: Limits, point_area: float, rings: bool = True
 ) -> None:
     """One cloud of a scene with its boxes on these axes; rings: of distance, and thinner lines."""
     prepare_axes(axes, limits)
@@ -128,7 +128,7 @@ def draw_view(
         draw_boxes(axes, boxes[scene.lost], LOST, line * 1.5, linestyle="dashed", grow_m=0.7, heading=False)
 
 
-def _draw_changes(axes: Axes, scene: Scene, view: View, area: float) -> None:
+def _draw_changes(axes: Axes, scene: ReportScene, view: CloudView, area: float) -> None:
     """Removed points where they were, added and moved ones where they are."""
     if scene.change is None or scene.after is None:
         return
@@ -153,7 +153,7 @@ def _draw_frame_of(axes: Axes, limits: Limits) -> None:
     )  # fmt: skip
 
 
-def legend(scene: Scene) -> list[Line2D]:
+def legend(scene: ReportScene) -> list[Line2D]:
     """An entry for each thing in the picture."""
 
     def dot(colour: str, text: str) -> Line2D:

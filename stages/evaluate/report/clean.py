@@ -8,7 +8,7 @@ from advpipe.stages.evaluate.detection.arm import WHOLE, Precision
 from advpipe.stages.evaluate.detection.scoring import CRITERIA
 from advpipe.stages.evaluate.detection.strata import STRATA
 from advpipe.stages.evaluate.detection.summary import Summary
-from advpipe.stages.evaluate.report.numbers import interval, number
+from advpipe.stages.evaluate.report.numbers import formatted_number, interval
 from advpipe.stages.evaluate.report.section import Table
 
 UNITS = {"range": "", "points": " points", "occlusion": " hidden"}
@@ -23,10 +23,13 @@ def class_table(summary: Summary) -> Table:
         heads += [f"{meaning.title}, R40", "R11"]
     lines = []
     for name in names:
-        line = [name, number(precisions[name, "strict"].boxes, 0)]
+        line = [name, formatted_number(precisions[name, "strict"].boxes, 0)]
         for criterion in CRITERIA:
             each = precisions[name, criterion]
-            line += [number(each.ap_r40, 3) + _in_brackets(each.ap_r40_ci95), number(each.ap_r11, 3)]
+            line += [
+                formatted_number(each.ap_r40, 3) + _in_brackets(each.ap_r40_ci95),
+                formatted_number(each.ap_r11, 3),
+            ]
         lines.append(tuple(line))
     return Table("By class", tuple(heads), (*lines, _map_line(summary)))
 
@@ -56,10 +59,10 @@ def lead(summary: Summary) -> str:
     """The mAP in a sentence, with the car alone beside it."""
     clean, counts = summary.result.clean, summary.result.counts
     mean, found = clean.means["strict"], clean.precisions
-    words = f"mAP {number(mean.map_r40, 3)}{_in_brackets(mean.map_r40_ci95)}"
+    words = f"mAP {formatted_number(mean.map_r40, 3)}{_in_brackets(mean.map_r40_ci95)}"
     words += f" over {', '.join(counts.classes_in_map)}"
     if ("strict", "car") in found.ap:
-        words += f"; car alone {number(found.ap['strict', 'car'], 3)}"
+        words += f"; car alone {formatted_number(found.ap['strict', 'car'], 3)}"
         words += _in_brackets(found.strict_ci95["car"])
     return words + f". Strict 3D, R40, {counts.frames} frames."
 
@@ -82,12 +85,15 @@ def _map_line(summary: Summary) -> tuple[str, ...]:
     line = ["mAP", f"{count} class{'' if count == 1 else 'es'}"]
     for criterion in CRITERIA:
         mean = summary.result.clean.means[criterion]
-        line += [number(mean.map_r40, 3) + _in_brackets(mean.map_r40_ci95), number(mean.map_r11, 3)]
+        line += [
+            formatted_number(mean.map_r40, 3) + _in_brackets(mean.map_r40_ci95),
+            formatted_number(mean.map_r11, 3),
+        ]
     return tuple(line)
 
 
 def _cell(each: Precision) -> str:
-    return f"{number(each.ap_r40, 3)} ({each.boxes:,})" if each.boxes else number(None, 3)
+    return f"{formatted_number(each.ap_r40, 3)} ({each.boxes:,})" if each.boxes else formatted_number(None, 3)
 
 
 def _in_brackets(bounds: object) -> str:

@@ -44,7 +44,7 @@ ATTACK_LINES = (
 )
 
 
-def draw_curves(summary: Summary, lines: Sequence[Line]) -> Figure:
+def draw_precision_curves(summary: Summary, lines: Sequence[Line]) -> Figure:
     """One panel a class, with the average precision R40 of each line beside its name."""
     precision = {
         (cloud, each.criterion, each.name): each.ap_r40

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from advpipe.pipeline.geometry.boxes import CLASSES
-from advpipe.pipeline.results.evaluation import plain
+from advpipe.pipeline.results.evaluation import plain_value
 from advpipe.pipeline.results.row import PLAIN_BASELINE, ResultRow
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.clean import (
@@ -17,17 +17,19 @@ from advpipe.stages.evaluate.report.clean import (
     of_first_detector,
     strata_tables,
 )
-from advpipe.stages.evaluate.report.numbers import number
+from advpipe.stages.evaluate.report.numbers import formatted_number
 from advpipe.stages.evaluate.report.page import rendered
 from advpipe.stages.evaluate.report.report import Report
 from advpipe.stages.evaluate.report.scene import attack_title
-from advpipe.stages.evaluate.report.section import ATTACK, CLEAN, OVERVIEW, Picture
-from advpipe.stages.evaluate.report.table import lines, lost_of, remarks
+from advpipe.stages.evaluate.report.section import ATTACK, CLEAN, OVERVIEW, ReportPicture
+from advpipe.stages.evaluate.report.table import lines, lost_of, report_warnings
 
 TEMPLATE = Path(__file__).with_name("template.html")
 
 
-def write_html(report: Report, summaries: Sequence[Summary], pictures: Sequence[Picture], path: Path) -> None:
+def write_html(
+    report: Report, summaries: Sequence[Summary], pictures: Sequence[ReportPicture], path: Path
+) -> None:
     """Write report.html: tables, pictures, formulas and provenance."""
     page = rendered(
         TEMPLATE.read_text(encoding="utf-8"),
@@ -35,7 +37,7 @@ def write_html(report: Report, summaries: Sequence[Summary], pictures: Sequence[
         detectors=report.origin.detectors,
         is_attacked=any(summary.comparison.bag for summary in summaries) or bool(report.sections),
         lines=lines(report),
-        remarks=remarks(report),
+        remarks=report_warnings(report),
         banners=report.banners,
         lost=lost_of(report),
         overview=_of(pictures, OVERVIEW, ""),
@@ -54,22 +56,22 @@ def write_html(report: Report, summaries: Sequence[Summary], pictures: Sequence[
             {
                 "title": attack_title(summary.result.attack),
                 "pictures": _of(pictures, ATTACK, summary.comparison.name),
-                "precisions": precisions(summary.result),
+                "precisions": precision_rows(summary.result),
             }
             for summary in of_first_detector(summaries)
             if summary.comparison.bag
         ],
         formulas=report.formulas,
-        provenance=json.dumps(plain(report.origin.record()), indent=2, sort_keys=True),
+        provenance=json.dumps(plain_value(report.origin.record()), indent=2, sort_keys=True),
     )
     path.write_text(page, encoding="utf-8")
 
 
-def _of(pictures: Sequence[Picture], section: str, bag: str) -> list[Picture]:
+def _of(pictures: Sequence[ReportPicture], section: str, bag: str) -> list[ReportPicture]:
     return [picture for picture in pictures if (picture.section, picture.bag) == (section, bag)]
 
 
-def precisions(result: ResultRow) -> list[list[str]]:
+def precision_rows(result: ResultRow) -> list[list[str]]:
     """Average precision by class: class, boxes, then strict, loose and bird's-eye on each kind of cloud."""
     attacked = result.attacked.precisions.ap if result.attacked else {}
     random = result.baselines.get(PLAIN_BASELINE)
@@ -77,9 +79,9 @@ def precisions(result: ResultRow) -> list[list[str]]:
     return [
         [
             name,
-            number(result.boxes[name], 0),
+            formatted_number(result.boxes[name], 0),
             *(
-                number(found.get((criterion, name)), 3)
+                formatted_number(found.get((criterion, name)), 3)
                 for criterion in ("strict", "loose", "bev")
                 for found in on_each
             ),

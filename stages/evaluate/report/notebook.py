@@ -6,7 +6,7 @@ from html import escape
 
 from advpipe.pipeline.core.tabular import html_paragraph, html_table
 from advpipe.stages.evaluate.report.report import Report
-from advpipe.stages.evaluate.report.section import Section
+from advpipe.stages.evaluate.report.section import ReportSection
 from advpipe.stages.evaluate.report.table import COLUMNS, clean_lines, lines, lost_of
 
 
@@ -26,7 +26,7 @@ def notebook_html(report: Report) -> str:
     return "".join(parts)
 
 
-def _folded(section: Section, is_open: bool) -> str:
+def _folded(section: ReportSection, is_open: bool) -> str:
     tables = [html_table(each.heads, each.lines, each.title) for each in section.tables if each.lines]
     mark = " open" if is_open else ""
     return f"<details{mark}><summary>{escape(section.title)}</summary>{''.join(tables)}</details>"

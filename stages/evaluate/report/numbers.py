@@ -5,7 +5,7 @@ from __future__ import annotations
 NOTHING = "–"
 
 
-def number(value: object, digits: int, suffix: str = "") -> str:
+def formatted_number(value: object, digits: int, suffix: str = "") -> str:
     """A figure with so many digits after the point; a dash for one that is undefined."""
     if not isinstance(value, float | int) or value != value:
         return NOTHING
@@ -19,7 +19,7 @@ def interval(value: object, digits: int = 1) -> str:
 
 def with_interval(value: object, bounds: object, digits: int = 1) -> str:
     """Such as `46.2 (40.1…52.3)`; the figure alone where there is no interval."""
-    text = number(value, digits)
+    text = formatted_number(value, digits)
     return f"{text} ({interval(bounds, digits)})" if isinstance(bounds, tuple) else text
 
 

@@ -9,11 +9,11 @@ from typing import TypeVar
 
 from advpipe.pipeline.results.evaluation import Evaluation
 from advpipe.pipeline.results.listed import Listed
-from advpipe.pipeline.results.origin import Origin
+from advpipe.pipeline.results.origin import ResultsOrigin
 from advpipe.pipeline.results.records import PrecisionRecord
 from advpipe.stages.evaluate.detection.summary import Summary
-from advpipe.stages.evaluate.report.numbers import number
-from advpipe.stages.evaluate.report.section import Section
+from advpipe.stages.evaluate.report.numbers import formatted_number
+from advpipe.stages.evaluate.report.section import ReportSection
 from advpipe.stages.evaluate.report.wording import RANDOM_BEST, WHITE_BOX
 
 T = TypeVar("T", bound=Listed)
@@ -61,13 +61,13 @@ class Report(Evaluation):
     lie; None before they are written.
     """
 
-    sections: tuple[Section, ...] = ()
+    sections: tuple[ReportSection, ...] = ()
     folder: Path | None = None
 
     def __str__(self) -> str:
         """Where it lies, and the mAP ratio of each adversarial bag and detector."""
         ratios = [
-            f"{row.bag} {number(row.attacked.map_ratio_percent, 2)} % of the clean mAP"
+            f"{row.bag} {formatted_number(row.attacked.map_ratio_percent, 2)} % of the clean mAP"
             for row in self.results
             if row.attacked
         ]
@@ -87,8 +87,8 @@ class Report(Evaluation):
 
 def report_of(
     summaries: Sequence[Summary],
-    sections: Sequence[Section],
-    origin: Origin,
+    sections: Sequence[ReportSection],
+    origin: ResultsOrigin,
     formulas: Mapping[str, str],
     banners: Sequence[str],
 ) -> Report:

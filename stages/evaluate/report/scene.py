@@ -27,7 +27,7 @@ APART_NS = 1_000_000_000
 
 
 @dataclass(frozen=True)
-class View:
+class CloudView:
     """One cloud and the boxes (K, 7) that the detector sees in it."""
 
     cloud: Cloud
@@ -35,7 +35,7 @@ class View:
 
 
 @dataclass(frozen=True)
-class Scene:
+class ReportScene:
     """One frame before and after an attack; `after` and `change` are None for a clean bag alone.
 
     lost: (M,) of the objects in `truth`, at loose overlap; on a clean bag alone, those that are missed.
@@ -45,8 +45,8 @@ class Scene:
     name: str
     truth: Truth
     lost: Bool
-    before: View
-    after: View | None
+    before: CloudView
+    after: CloudView | None
     change: CloudDifference | None
 
 
@@ -93,10 +93,12 @@ def _wrong(cloud: CloudResult, min_score: float) -> int:
     return int(false_positives(cloud.detections, cloud.matches, min_score).sum())
 
 
-def load_scene(clean: Path, summary: Summary, frame: FrameResult, lidar_topic: str | None = None) -> Scene:
+def load_scene(
+    clean: Path, summary: Summary, frame: FrameResult, lidar_topic: str | None = None
+) -> ReportScene:
     """A frame of a comparison, with its clouds read again."""
     bag, lost = summary.comparison.bag, _lost(frame, summary.min_score)
-    before = View(
+    before = CloudView(
         _cloud(clean, frame.index, lidar_topic),
         _seen(frame.clean.detections.boxes, frame.clean.detections.scores, summary),
     )
@@ -105,11 +107,13 @@ def load_scene(clean: Path, summary: Summary, frame: FrameResult, lidar_topic: s
         objects, wrong = int(frame.truth.is_evaluated.sum()), _wrong(frame.clean, summary.min_score)
         missed = f"{int(lost.sum())} of {objects} objects missed"
         title = f"frame {frame.index}: {missed}, {wrong} false positive{'' if wrong == 1 else 's'}"
-        return Scene(title, name, frame.truth, lost, before, None, None)
+        return ReportScene(title, name, frame.truth, lost, before, None, None)
     found = int(found_objects(frame.truth, frame.clean.matches, summary.min_score).sum())
     seen = frame.adversarial.detections
-    after = View(_cloud(bag, frame.adversarial_index, lidar_topic), _seen(seen.boxes, seen.scores, summary))
-    return Scene(
+    after = CloudView(
+        _cloud(bag, frame.adversarial_index, lidar_topic), _seen(seen.boxes, seen.scores, summary)
+    )
+    return ReportScene(
         f"{attack_title(summary.result.attack)}, frame {frame.index}: "
         f"{int(lost.sum())} of {found} found objects lost "
         f"{lost_means(summary.min_score)}",

@@ -23,7 +23,7 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Picture:
+class ReportPicture:
     """One PNG of the report.
 
     bag: whose clouds it shows; in a clean section, the first bag with these frames.
@@ -42,7 +42,7 @@ class Picture:
 
 
 @dataclass(frozen=True)
-class Section:
+class ReportSection:
     """A part of a report that stands by itself.
 
     key: under which `report.json` lists the records, and no other section has. lead: what the tables show,
@@ -53,11 +53,11 @@ class Section:
     title: str
     lead: str = ""
     tables: tuple[Table, ...] = ()
-    pictures: tuple[Picture, ...] = ()
+    pictures: tuple[ReportPicture, ...] = ()
     records: tuple[Listed, ...] = ()
     notes: tuple[str, ...] = ()
     formulas: tuple[tuple[str, str], ...] = ()
 
 
-Family = Callable[[Path, Sequence[Path], int], Sequence[Section]]
+Family = Callable[[Path, Sequence[Path], int], Sequence[ReportSection]]
 """What a family of attacks adds to a report: of a clean bag and adversarial ones, with the seed of draws."""

@@ -13,7 +13,7 @@ from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.arm import WHOLE
 from advpipe.stages.evaluate.detection.baseline import baseline_title
 from advpipe.stages.evaluate.detection.success import EVERY_CLASS
-from advpipe.stages.evaluate.report.numbers import NOTHING, interval, number, short_name
+from advpipe.stages.evaluate.report.numbers import NOTHING, formatted_number, interval, short_name
 from advpipe.stages.evaluate.report.report import Report
 from advpipe.stages.evaluate.report.wording import OVERLAPS, PLAIN_RANDOM, RANDOM_BEST, WHITE_BOX, lost_means
 
@@ -45,17 +45,17 @@ def cells(row: ResultRow, baseline: str = "") -> dict[str, str]:
     words = [str(each) for each in (made_by.attack, made_by.recipe, made_by.value) if each not in (None, "")]
     return {
         "attack": f"  {baseline_title(baseline)}" if baseline else " ".join(words),
-        "mAP": number(figures.map_adv, 3),
-        "ratio %": number(figures.map_ratio_percent, 2),
+        "mAP": formatted_number(figures.map_adv, 3),
+        "ratio %": formatted_number(figures.map_ratio_percent, 2),
         "95 %": interval(figures.map_ratio_ci95),
-        "car AP": number(figures.precisions.ap.get(CAR), 3),
-        "CD m²": number(figures.chamfer_distance_m2, 5),
+        "car AP": formatted_number(figures.precisions.ap.get(CAR), 3),
+        "CD m²": formatted_number(figures.chamfer_distance_m2, 5),
         "points": changed_percent(
             figures.points_removed, figures.points_added, figures.points_moved, row.counts.points_clean
         ),
-        "lost": number(figures.lost_objects, 0),
-        "new FP": number(figures.new_false_positives, 0),
-        "max shift m": number(figures.max_displacement_m, 3),
+        "lost": formatted_number(figures.lost_objects, 0),
+        "new FP": formatted_number(figures.new_false_positives, 0),
+        "max shift m": formatted_number(figures.max_displacement_m, 3),
     }
 
 
@@ -64,10 +64,10 @@ def defended_cells(defended: DefenceRecord) -> dict[str, str]:
     attacked = defended.attacked
     return dict.fromkeys(COLUMNS, NOTHING) | {
         "attack": f"  under {defended.defence}",
-        "mAP": number(attacked and attacked.map_adv, 3),
-        "ratio %": number(attacked and attacked.map_ratio_percent, 2),
+        "mAP": formatted_number(attacked and attacked.map_adv, 3),
+        "ratio %": formatted_number(attacked and attacked.map_ratio_percent, 2),
         "95 %": interval(attacked and attacked.map_ratio_ci95),
-        "car AP": number(attacked and attacked.precisions.ap.get(CAR), 3),
+        "car AP": formatted_number(attacked and attacked.precisions.ap.get(CAR), 3),
     }
 
 
@@ -75,9 +75,9 @@ def clean_cells(row: ResultRow, detector: str = "") -> dict[str, str]:
     """The line of the clean clouds."""
     return dict.fromkeys(COLUMNS, NOTHING) | {
         "attack": f"{CLEAN}: {short_name(detector)}" if detector else CLEAN,
-        "mAP": number(row.clean.means["strict"].map_r40, 3),
-        "ratio %": number(100.0, 2),
-        "car AP": number(row.clean.precisions.ap.get(CAR), 3),
+        "mAP": formatted_number(row.clean.means["strict"].map_r40, 3),
+        "ratio %": formatted_number(100.0, 2),
+        "car AP": formatted_number(row.clean.precisions.ap.get(CAR), 3),
     }
 
 
@@ -107,7 +107,7 @@ def lines(report: Report, is_short: bool = False) -> list[dict[str, str]]:
     return table
 
 
-def remarks(report: Report) -> list[str]:
+def report_warnings(report: Report) -> list[str]:
     """What must be known beside the table."""
     words = []
     several = len({row.detector for row in report.results}) > 1
@@ -120,8 +120,9 @@ def remarks(report: Report) -> list[str]:
         if strongest and (bounds := row.baselines[strongest].map_ratio_minus_ci95):
             words.append(
                 f"{bag}: mAP ratio minus that {baseline_title(strongest)} (the strongest {PLAIN_RANDOM} "
-                f"baseline) {number(row.baselines[strongest].map_ratio_minus, 2)} points, 95 % interval "
-                f"{interval(bounds)}. Beats {PLAIN_RANDOM}: {'yes' if row.beats_random else 'no'}."
+                f"baseline) {formatted_number(row.baselines[strongest].map_ratio_minus, 2)} points, "
+                f"95 % interval {interval(bounds)}. Beats {PLAIN_RANDOM}: "
+                f"{'yes' if row.beats_random else 'no'}."
             )
         words += _lost_remark(report, row, bag)
     if any(row.baselines for row in report.results):
@@ -141,7 +142,7 @@ def _lost_remark(report: Report, row: ResultRow, bag: str) -> list[str]:
     ]
     return [
         f"{bag}: lost of the objects found on the clean clouds, with a score of at least "
-        f"{number(each.min_score, 2)}: "
+        f"{formatted_number(each.min_score, 2)}: "
         f"{_share(each.strict_lost, each.strict_found_clean, each.strict_attack_success_percent)} at strict "
         f"overlap, {_share(each.lost, each.found_clean, each.attack_success_percent)} at "
         f"loose overlap ({OVERLAPS})."
@@ -150,7 +151,7 @@ def _lost_remark(report: Report, row: ResultRow, bag: str) -> list[str]:
 
 
 def _share(lost: int, found: int, percent: float) -> str:
-    return f"{number(lost, 0)} of {number(found, 0)} ({number(percent, 1)} %)"
+    return f"{formatted_number(lost, 0)} of {formatted_number(found, 0)} ({formatted_number(percent, 1)} %)"
 
 
 def lost_of(report: Report) -> str:
@@ -173,13 +174,13 @@ def clean_lines(report: Report) -> list[dict[str, str]]:
     return [
         {
             "class": name,
-            "boxes": number(found[name, "strict", "", WHOLE].boxes, 0),
-            "AP": number(found[name, "strict", "", WHOLE].ap_r40, 3),
+            "boxes": formatted_number(found[name, "strict", "", WHOLE].boxes, 0),
+            "AP": formatted_number(found[name, "strict", "", WHOLE].ap_r40, 3),
             "95 %": interval(found[name, "strict", "", WHOLE].ap_r40_ci95, 2),
-            "R11": number(found[name, "strict", "", WHOLE].ap_r11, 3),
-            "BEV": number(found[name, "bev", "", WHOLE].ap_r40, 3),
-            "loose": number(found[name, "loose", "", WHOLE].ap_r40, 3),
-            **{_short(r): number(found[name, "strict", "range", r].ap_r40, 3) for r in ranges},
+            "R11": formatted_number(found[name, "strict", "", WHOLE].ap_r11, 3),
+            "BEV": formatted_number(found[name, "bev", "", WHOLE].ap_r40, 3),
+            "loose": formatted_number(found[name, "loose", "", WHOLE].ap_r40, 3),
+            **{_short(r): formatted_number(found[name, "strict", "range", r].ap_r40, 3) for r in ranges},
         }
         for name in dict.fromkeys(name for name, *_ in found)
     ]
@@ -201,9 +202,9 @@ def print_report(report: Report) -> None:
     elif report.results:
         clean = report.results[0].clean
         found = clean.precisions.ap
-        car = f"; car alone {number(found[CAR], 3)}" if CAR in found else ""
-        console.print(f"mAP {number(clean.means['strict'].map_r40, 3)}{car}", highlight=False)
-    for remark in remarks(report):
+        car = f"; car alone {formatted_number(found[CAR], 3)}" if CAR in found else ""
+        console.print(f"mAP {formatted_number(clean.means['strict'].map_r40, 3)}{car}", highlight=False)
+    for remark in report_warnings(report):
         console.print(remark, highlight=False, markup=False)
     for section in report.sections:
         for note in section.notes:

@@ -10,11 +10,11 @@ from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.numbers import NOTHING, with_interval
 from advpipe.stages.evaluate.report.scene import attack_title
-from advpipe.stages.evaluate.report.section import Section, Table
+from advpipe.stages.evaluate.report.section import ReportSection, Table
 from advpipe.stages.evaluate.report.wording import WHITE_BOX
 
 
-def transfer_section(summaries: Sequence[Summary]) -> Iterator[Section]:
+def transfer_section(summaries: Sequence[Summary]) -> Iterator[ReportSection]:
     """A matrix for each attack, attacked-against by evaluated-with, where more than one detector is in it."""
     records = [
         _record(summary.result, against)
@@ -27,7 +27,7 @@ def transfer_section(summaries: Sequence[Summary]) -> Iterator[Section]:
     for record in records:
         parameters = json.dumps(record.parameters, sort_keys=True)
         groups.setdefault(f"{_title(record)} {parameters}", []).append(record)
-    yield Section(
+    yield ReportSection(
         "transfer",
         "Transfer between detectors",
         "mAP ratio in percent with its 95 % interval: a line for each detector that was attacked, a column "

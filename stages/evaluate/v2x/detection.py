@@ -22,11 +22,11 @@ from advpipe.pipeline.misbehaviour.catch import (
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
 from advpipe.pipeline.misbehaviour.detector import judge_all
 from advpipe.pipeline.misbehaviour.scores import Bools, Scores, scores
-from advpipe.stages.evaluate.v2x.receptions import Receptions
+from advpipe.stages.evaluate.v2x.receptions import ListenerReceptions
 
 
 @dataclass(frozen=True)
-class Part:
+class ScoredAttack:
     """One attack of a bag, scored on its lies and all honest messages; other attacks' lies are left out.
 
     attack: with the part of a mix, where labels tell. published: F1 of CaTCH on other data, or NaN.
@@ -54,7 +54,7 @@ class Detection:
     undecoded: int
     ours: Scores
     baseline: Scores
-    parts: tuple[Part, ...]
+    parts: tuple[ScoredAttack, ...]
     objections: dict[str, int]
 
 
@@ -78,7 +78,7 @@ class _Heard:
 
 
 def detect(
-    receptions: Sequence[Receptions],
+    receptions: Sequence[ListenerReceptions],
     labels: Sequence[MessageLabel] = (),
     config: DetectorConfig | None = None,
     parameters: CatchParameters | None = None,
@@ -144,7 +144,7 @@ def _parts(
     is_lie: Bools,
     counts_at_all: Bools,
     published: Mapping[str, float],
-) -> list[Part]:
+) -> list[ScoredAttack]:
     by_kind: dict[str, list[MessageLabel]] = {}
     for label in labels:
         for kind in {label.attack, label.kind}:
@@ -155,7 +155,7 @@ def _parts(
         attack = own[0].part if own[0].kind == kind and own[0].part else own[0].attack
         figure = published.get(attack, math.nan)
         found = heard.scores(its_lies, counts_at_all & (its_lies | ~is_lie))
-        parts.append(Part(kind, int(its_lies.sum()), *found, figure))
+        parts.append(ScoredAttack(kind, int(its_lies.sum()), *found, figure))
     return parts
 
 

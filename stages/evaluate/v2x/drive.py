@@ -30,7 +30,7 @@ from advpipe.stages.evaluate.v2x.untold import untold
 
 
 @dataclass(frozen=True)
-class Drive:
+class EvaluatedDrive:
     """One bag under evaluation: the clean one has no labels.
 
     moments, errors, warned, heard: by listener. radio: None for a part of a drive, and for a bag that does
@@ -86,7 +86,7 @@ def read_drive(
     config: DetectorConfig | None = None,
     parameters: CatchParameters | None = None,
     window: Window = WHOLE_DRIVE,
-) -> Drive:
+) -> EvaluatedDrive:
     """window: its figures count; detectors run from the beginning of the drive to its end.
 
     Raises AdvpipeError for a bag whose V2X or labels cannot be read.
@@ -97,7 +97,7 @@ def read_drive(
     receptions = read_receptions(reader, window, recording)
     listeners = [each.listener for each in receptions]
     found = {one: list(moments(reader, one, recording.expiry_s, window)) for one in listeners}
-    return Drive(
+    return EvaluatedDrive(
         name,
         detect(receptions, labels, config, parameters, published_f1(reader.provenance), window),
         found,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from advpipe.pipeline.results.v2x import RadioFigures
 from advpipe.pipeline.v2x.statistics import BIN_M, Statistics
-from advpipe.stages.evaluate.v2x.receptions import NEAR_M, Receptions
+from advpipe.stages.evaluate.v2x.receptions import NEAR_M, ListenerReceptions
 
 
 def radio_figures(statistics: Statistics | None) -> RadioFigures | None:
@@ -35,7 +35,7 @@ class MessageNumbers(NamedTuple):
     received: frozenset[int]
 
     @classmethod
-    def of(cls, receptions: Receptions) -> MessageNumbers:
+    def of(cls, receptions: ListenerReceptions) -> MessageNumbers:
         return cls(receptions.near, frozenset(n for n in receptions.numbers if n is not None))
 
     def delivered(self, numbers: Collection[int]) -> float:

@@ -20,7 +20,7 @@ from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.markers import lanes_of_markers
 from advpipe.pipeline.messages.topics import LANES, V2X_SENT, V2X_STATIONS, VehicleTopics
 from advpipe.pipeline.messages.v2x import RadioPlace
-from advpipe.pipeline.misbehaviour.claim import Claim, Receiver, claims_of_cams
+from advpipe.pipeline.misbehaviour.claim import Claim, ReceivingVehicle, claims_of_cams
 from advpipe.pipeline.misbehaviour.roads import NO_ROADS, RoadMap, lanes
 from advpipe.pipeline.replay.v2x_drive import V2xStep, read_steps
 from advpipe.pipeline.v2x.codec.cam_error import CamError
@@ -36,7 +36,7 @@ _UNKNOWN_ID = -1
 
 
 @dataclass(frozen=True)
-class Receptions:
+class ListenerReceptions:
     """The messages of one listener in order of arrival; all sequences are as long.
 
     claims, receivers: what the checks work on, the listener's own pose as it estimates it. near: numbers of
@@ -46,7 +46,7 @@ class Receptions:
     listener: str
     received: tuple[RecordedReception, ...]
     claims: tuple[Claim, ...]
-    receivers: tuple[Receiver, ...]
+    receivers: tuple[ReceivingVehicle, ...]
     near: frozenset[int]
 
     @property
@@ -65,7 +65,7 @@ class _Around:
 
 def read_receptions(
     reader: BagReader, window: Window = WHOLE_DRIVE, recording: V2xRecording | None = None
-) -> list[Receptions]:
+) -> list[ListenerReceptions]:
     """Of every vehicle that tells what it received, by name, from the drive's beginning to the window's end.
 
     recording: as `read_recording` reads it from the bag. Raises AdvpipeError for a bag that does not tell
@@ -92,7 +92,9 @@ def read_receptions(
         )
         receivers = _receivers(reader, name, station_id, around[name].places, arrivals_ns, window.last_ns)
         found.append(
-            Receptions(name, tuple(received), tuple(claims), tuple(receivers), frozenset(around[name].near))
+            ListenerReceptions(
+                name, tuple(received), tuple(claims), tuple(receivers), frozenset(around[name].near)
+            )
         )
     return found
 
@@ -152,7 +154,7 @@ def _receivers(
     places: Sequence[tuple[int, RadioPlace]],
     arrivals_ns: Sequence[int],
     last_ns: int | None,
-) -> list[Receiver]:
+) -> list[ReceivingVehicle]:
     """The listener at each arrival."""
     if not arrivals_ns:
         return []
@@ -161,7 +163,8 @@ def _receivers(
     latest = np.maximum(np.searchsorted(times_ns, arrivals_ns, "right") - 1, 0)
     own_id = _UNKNOWN_ID if station_id is None else station_id
     return [
-        Receiver(own_id, x_m, y_m, yaw_rad, length_m, width_m) for x_m, y_m, yaw_rad in poses[latest].tolist()
+        ReceivingVehicle(own_id, x_m, y_m, yaw_rad, length_m, width_m)
+        for x_m, y_m, yaw_rad in poses[latest].tolist()
     ]
 
 

@@ -20,10 +20,10 @@ from advpipe.pipeline.misbehaviour.config import NEED_ROADS, DetectorConfig
 from advpipe.pipeline.misbehaviour.scores import Scores
 from advpipe.pipeline.results.v2x import AttackScores, ScoreFigures, V2xRecord
 from advpipe.stages.evaluate.detection.comparison import bag_name
-from advpipe.stages.evaluate.report.numbers import number
+from advpipe.stages.evaluate.report.numbers import formatted_number
 from advpipe.stages.evaluate.report.pictures import to_png
-from advpipe.stages.evaluate.report.section import SECTION, Picture, Section
-from advpipe.stages.evaluate.v2x.drive import Drive, read_drive
+from advpipe.stages.evaluate.report.section import SECTION, ReportPicture, ReportSection
+from advpipe.stages.evaluate.v2x.drive import EvaluatedDrive, read_drive
 from advpipe.stages.evaluate.v2x.picture import draw_detection, draw_errors, draw_maps
 from advpipe.stages.evaluate.v2x.tables import (
     baseline_table,
@@ -75,14 +75,14 @@ def has_v2x(bag: Path) -> bool:
     return {V2X_STATIONS.name, V2X_SENT.name} <= reader.topics.keys() or bool(receiving_vehicles(reader))
 
 
-def sections(
+def v2x_sections(
     clean: Path,
     adversarial: Sequence[Path],
     seed: int = 0,
     config: DetectorConfig | None = None,
     parameters: CatchParameters = TUNED_CATCH,
     window: Window = WHOLE_DRIVE,
-) -> tuple[Section, ...]:
+) -> tuple[ReportSection, ...]:
     """One section on all adversarial bags in which messages were attacked; none where there are none.
 
     config, parameters: of our detector and of the baseline. window: as `read_drive` takes it. `seed` serves
@@ -110,25 +110,25 @@ def sections(
 
 
 def section(
-    clean: Drive,
-    attacked: Sequence[Drive],
+    clean: EvaluatedDrive,
+    attacked: Sequence[EvaluatedDrive],
     config: DetectorConfig,
     parameters: CatchParameters = TUNED_CATCH,
-) -> Section:
+) -> ReportSection:
     """Tables, pictures and records of drives that have been read."""
     told = [drive.detection for drive in attacked if drive.detection.lies]
     ours, theirs = [each.ours.f1 for each in told], [each.baseline.f1 for each in told]
     rate = clean.detection.ours.false_positive_rate
     lead = (
         f"Mean F1 over {len(told)} {'bag' if len(told) == 1 else 'bags'} with lies "
-        f"{number(_mean(ours), 3)}, of the baseline built from CaTCH's checks "
-        f"{number(_mean(theirs), 3)}; of {clean.detection.messages:,} honest messages of the "
-        f"clean drive {number(100 * rate, 2)} % are flagged, by the baseline "
-        f"{number(100 * clean.detection.baseline.false_positive_rate, 2)} %. What both were tuned on: "
-        f"{'; '.join(tuned.DRIVES)}."
+        f"{formatted_number(_mean(ours), 3)}, of the baseline built from CaTCH's checks "
+        f"{formatted_number(_mean(theirs), 3)}; of {clean.detection.messages:,} honest messages of the "
+        f"clean drive {formatted_number(100 * rate, 2)} % are flagged, by the baseline "
+        f"{formatted_number(100 * clean.detection.baseline.false_positive_rate, 2)} %. "
+        f"What both were tuned on: {'; '.join(tuned.DRIVES)}."
     )
     drives = (clean, *attacked)
-    return Section(
+    return ReportSection(
         key="v2x",
         title="V2X: lies told, believed and found out",
         lead=lead,
@@ -146,7 +146,7 @@ def section(
     )
 
 
-def _notes(drives: Sequence[Drive]) -> list[str]:
+def _notes(drives: Sequence[EvaluatedDrive]) -> list[str]:
     notes = []
     off = [drive.name for drive in drives if drive.roads is None]
     if off:
@@ -161,7 +161,7 @@ def _notes(drives: Sequence[Drive]) -> list[str]:
     return notes
 
 
-def _pictures(clean: Drive, attacked: Sequence[Drive]) -> list[Picture]:
+def _pictures(clean: EvaluatedDrive, attacked: Sequence[EvaluatedDrive]) -> list[ReportPicture]:
     caption = "F1 of each attack; the published figures are of other data"
     figures = [("", "v2x-detection.png", caption, draw_detection([d.detection for d in attacked]))]
     for drive in attacked:
@@ -174,10 +174,12 @@ def _pictures(clean: Drive, attacked: Sequence[Drive]) -> list[Picture]:
         if listener in clean.errors:
             errors = draw_errors(clean.errors[listener], drive.errors[listener], words)
             figures.append((drive.name, f"{drive.name}-ldm-error.png", f"{words} over time", errors))
-    return [Picture(SECTION, bag, name, caption, to_png(figure)) for bag, name, caption, figure in figures]
+    return [
+        ReportPicture(SECTION, bag, name, caption, to_png(figure)) for bag, name, caption, figure in figures
+    ]
 
 
-def _record(clean: Drive, drive: Drive, listener: str) -> V2xRecord:
+def _record(clean: EvaluatedDrive, drive: EvaluatedDrive, listener: str) -> V2xRecord:
     honest, each = drive.honest(listener), drive.detection
     return V2xRecord(
         bag=drive.name,

@@ -9,13 +9,13 @@ from dataclasses import asdict
 from advpipe.pipeline.misbehaviour.catch import CATCH_MEANINGS, CatchParameters
 from advpipe.pipeline.misbehaviour.config import CHECKS, NEED_ROADS, DetectorConfig
 from advpipe.pipeline.misbehaviour.scores import Scores
-from advpipe.stages.evaluate.report.numbers import number
+from advpipe.stages.evaluate.report.numbers import formatted_number
 from advpipe.stages.evaluate.report.section import Table
-from advpipe.stages.evaluate.v2x.detection import Part
-from advpipe.stages.evaluate.v2x.drive import Drive
+from advpipe.stages.evaluate.v2x.detection import ScoredAttack
+from advpipe.stages.evaluate.v2x.drive import EvaluatedDrive
 
 
-def detection_table(attacked: Sequence[Drive]) -> Table:
+def detection_table(attacked: Sequence[EvaluatedDrive]) -> Table:
     """A line for each attack; one for a whole bag before them where no attack is all of it.
 
     Where nobody lies, as where messages are dropped, there is nothing to find and no figure.
@@ -27,21 +27,30 @@ def detection_table(attacked: Sequence[Drive]) -> Table:
     lines = []
     for drive in attacked:
         each = drive.detection
-        whole = Part("all", each.lies, each.ours, each.baseline, math.nan)
+        whole = ScoredAttack("all", each.lies, each.ours, each.baseline, math.nan)
         is_one = any(part.lies == each.lies for part in each.parts)
         for part in each.parts if is_one else (whole, *each.parts):
-            figures = (*_figures(part.ours), number(100 * part.ours.caught, 0), *_figures(part.baseline))
+            figures = (
+                *_figures(part.ours),
+                formatted_number(100 * part.ours.caught, 0),
+                *_figures(part.baseline),
+            )
             lines.append(
                 (
-                    *(drive.name, part.attack, number(each.messages, 0), number(part.lies, 0)),
+                    *(
+                        drive.name,
+                        part.attack,
+                        formatted_number(each.messages, 0),
+                        formatted_number(part.lies, 0),
+                    ),
                     *(figures if part.lies else ("–",) * len(figures)),
-                    number(part.published, 3),
+                    formatted_number(part.published, 3),
                 )
             )
     return Table("Detection of lies", heads, tuple(lines))
 
 
-def victim_table(drives: Sequence[Drive]) -> Table:
+def victim_table(drives: Sequence[EvaluatedDrive]) -> Table:
     """What each listener knows, what it is warned of, and what it hears of the honest; the clean drive first.
 
     What is heard compares the same messages, clean → attacked: those that the attack left alone.
@@ -56,18 +65,24 @@ def victim_table(drives: Sequence[Drive]) -> Table:
             row, warned = error.figures(), drive.warned[listener]
             lines.append(
                 (
-                    *(drive.name, listener, number(row.known, 1), number(row.ghosts, 2)),
-                    *(number(row.ghosts_max, 0), number(row.missing, 2), number(row.displaced, 2)),
-                    number(row.error_m, 2),
-                    *(number(value, 0) for value in (warned.alarms, warned.dangers)),
-                    *(number(value, 0) for value in (warned.false_alarms, warned.misses)),
-                    " → ".join(number(100 * share, 1) for share in _delivered(drives[0], drive, listener)),
+                    *(drive.name, listener, formatted_number(row.known, 1), formatted_number(row.ghosts, 2)),
+                    *(
+                        formatted_number(row.ghosts_max, 0),
+                        formatted_number(row.missing, 2),
+                        formatted_number(row.displaced, 2),
+                    ),
+                    formatted_number(row.error_m, 2),
+                    *(formatted_number(value, 0) for value in (warned.alarms, warned.dangers)),
+                    *(formatted_number(value, 0) for value in (warned.false_alarms, warned.misses)),
+                    " → ".join(
+                        formatted_number(100 * share, 1) for share in _delivered(drives[0], drive, listener)
+                    ),
                 )
             )
     return Table("Local Dynamic Map and collision warning", heads, tuple(lines))
 
 
-def radio_table(drives: Sequence[Drive]) -> Table:
+def radio_table(drives: Sequence[EvaluatedDrive]) -> Table:
     """The channel that all share."""
     heads = ("bag", "messages sent", "dropped", "delivered %", "busy %", "busy at most %", "delay ms")
     lines = []
@@ -76,15 +91,15 @@ def radio_table(drives: Sequence[Drive]) -> Table:
             shares = (row.delivered, row.busy_mean, row.busy_max)
             lines.append(
                 (
-                    *(drive.name, number(row.cams, 0), number(row.dropped, 0)),
-                    *(number(100 * value, 2) for value in shares),
-                    number(1000 * row.delay_s, 2),
+                    *(drive.name, formatted_number(row.cams, 0), formatted_number(row.dropped, 0)),
+                    *(formatted_number(100 * value, 2) for value in shares),
+                    formatted_number(1000 * row.delay_s, 2),
                 )
             )
     return Table("Radio channel: messages of everybody, attackers included", heads, tuple(lines))
 
 
-def check_table(config: DetectorConfig, attacked: Sequence[Drive], has_roads: bool) -> Table:
+def check_table(config: DetectorConfig, attacked: Sequence[EvaluatedDrive], has_roads: bool) -> Table:
     """Our checks with their thresholds, and how many lies each objects to."""
     lines = []
     for name, check in CHECKS.items():
@@ -92,7 +107,9 @@ def check_table(config: DetectorConfig, attacked: Sequence[Drive], has_roads: bo
         above = f"{config.thresholds[name]:.4g} {_unit(check.unit)}".strip() if is_on else "off"
         how = "tuned" if check.is_tuned else "rule"
         hits = sum(drive.detection.objections.get(name, 0) for drive in attacked)
-        lines.append((name, check.meaning, above, how, number(hits, 0) if is_on else "–", check.source))
+        lines.append(
+            (name, check.meaning, above, how, formatted_number(hits, 0) if is_on else "–", check.source)
+        )
     heads = ("check", "measures", "objects above", "threshold", "lies it objects to", "after")
     return Table("Our checks", heads, tuple(lines))
 
@@ -113,7 +130,7 @@ def _unit(unit: str) -> str:
     return "" if unit == "1" else unit
 
 
-def _delivered(clean: Drive, drive: Drive, listener: str) -> Iterable[float]:
+def _delivered(clean: EvaluatedDrive, drive: EvaluatedDrive, listener: str) -> Iterable[float]:
     honest = drive.honest(listener)
     both = (clean, drive) if drive is not clean else (clean,)
     return (one.delivered(listener, honest) for one in both)
@@ -121,4 +138,4 @@ def _delivered(clean: Drive, drive: Drive, listener: str) -> Iterable[float]:
 
 def _figures(found: Scores) -> Iterable[str]:
     shares = (found.precision, found.recall, found.f1, found.mcc)
-    return (*(number(value, 3) for value in shares), number(found.latency_s, 2))
+    return (*(formatted_number(value, 3) for value in shares), formatted_number(found.latency_s, 2))

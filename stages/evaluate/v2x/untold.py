@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATIONS, VehicleTopics
-from advpipe.stages.evaluate.v2x.receptions import Receptions
+from advpipe.stages.evaluate.v2x.receptions import ListenerReceptions
 
 
-def untold(reader: BagReader, receptions: Sequence[Receptions], has_labels: bool) -> Iterator[str]:
+def untold(reader: BagReader, receptions: Sequence[ListenerReceptions], has_labels: bool) -> Iterator[str]:
     """A sentence for each topic that is missing, none for a bag that `simulate` and `attack` make.
 
     has_labels: whether somebody lies in the bag, so that it matters who truly sent what.

@@ -12,7 +12,7 @@ from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.v2x.channel import Received, Sent
-from advpipe.pipeline.v2x.facilities.ldm import Snapshot
+from advpipe.pipeline.v2x.facilities.ldm import LdmSnapshot
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 
@@ -59,7 +59,7 @@ class Network(Protocol):
         """
         ...
 
-    def local_dynamic_maps(self) -> Sequence[tuple[str, Snapshot]]:
+    def local_dynamic_maps(self) -> Sequence[tuple[str, LdmSnapshot]]:
         """What each instrumented vehicle on the road has been told by radio and still believes, by name."""
         ...
 

@@ -22,7 +22,7 @@ from advpipe.stages.verify.message_store import MessageStore
 from advpipe.stages.verify.result import NOT_DECLARED, Fault, Gap, Result
 
 
-class Cams(BagCheck):
+class CamsCheck(BagCheck):
     """All that was sent, in both bags, by the number of the message: see `message_labels`.
 
     What vehicles heard of it, their maps and the statistics are not made again.

@@ -21,7 +21,7 @@ class Checksums(FolderCheck):
             yield Gap(root.name, f"no {checksums.FILE}: files are checked by what they say about themselves")
             return
         try:
-            present = checksums.listed(root)
+            present = checksums.listed_files(root)
             sums = checksums.read(root)
         except AdvpipeError as error:
             yield Fault(checksums.FILE, str(error))

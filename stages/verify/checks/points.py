@@ -66,7 +66,7 @@ class Points(BagCheck):
             elif own is not None:
                 change = CloudChange(old.cloud, new.cloud, own.labels)
                 bounds = declared.get(row["attack"], [])
-                faults = [*differences(change)] or [beyond_all(change, bounds, CLOUD_QUANTITIES)]
+                faults = [*label_differences(change)] or [beyond_all(change, bounds, CLOUD_QUANTITIES)]
                 yield from (Fault(where, f"frame {row['frame']}: {fault}") for fault in faults if fault)
         if following is not None or next(row_of, None) is not None:
             yield Fault(place, "tells of frames that the bag does not hold")
@@ -90,7 +90,7 @@ class Points(BagCheck):
         return found
 
 
-def differences(change: CloudChange) -> Iterator[str]:
+def label_differences(change: CloudChange) -> Iterator[str]:
     """Where labels and the real difference between two clouds are not the same.
 
     Points that were not removed keep their order; added ones come behind them.

@@ -8,7 +8,7 @@ from advpipe.stages.verify.checks.base import BagCheck
 from advpipe.stages.verify.result import Fault, Gap, Result
 
 
-class Provenance(BagCheck):
+class ProvenanceCheck(BagCheck):
     """The record in the bag, and the chain of SHA-256 from child to parent."""
 
     def check(self) -> Iterator[Result]:

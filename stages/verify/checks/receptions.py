@@ -40,7 +40,7 @@ class _Arrival:
         self.messages: dict[str, list[Any]] = {kind: [] for kind in _KINDS}
 
 
-class Receptions(MessageCheck):
+class ReceptionsCheck(MessageCheck):
     """In advpipe's bags, of packets as long as they are awaited; attacks that left them alone copy them.
 
     Power and SINR are believed: the radio does not run again.

@@ -8,7 +8,7 @@ from typing import Any
 import yaml
 
 from advpipe.pipeline.core import plain_json
-from advpipe.pipeline.core.plain_yaml import LIMIT_BYTES, load
+from advpipe.pipeline.core.plain_yaml import LIMIT_BYTES, load_yaml
 from advpipe.pipeline.dataset.layout import SCENARIO_NAME
 from advpipe.pipeline.messages.topics import SCENARIO_INFO
 from advpipe.stages.verify.checks.base import MessageCheck, Seen
@@ -25,7 +25,7 @@ class ScenarioFiles(MessageCheck):
         if seen.raw.topic.name != SCENARIO_INFO.name or self.bag.scenario is None or seen.message is None:
             return
         try:
-            told = plain_json.load(seen.message.data)
+            told = plain_json.load_json(seen.message.data)
         except (ValueError, RecursionError):
             told = None
         if told != self.bag.scenario and told != {}:
@@ -54,7 +54,7 @@ class ScenarioFiles(MessageCheck):
             return
         try:
             text = path.read_bytes()[: LIMIT_BYTES + 1].decode()
-            told = load(text)
+            told = load_yaml(text)
         except (yaml.YAMLError, ValueError, RecursionError):
             yield Fault(where, "is no YAML")
             return
@@ -73,6 +73,6 @@ def _says(value: Any, text: str) -> bool:
     if value == text:
         return True
     try:
-        return bool(plain_json.load(text) == value)
+        return bool(plain_json.load_json(text) == value)
     except (ValueError, RecursionError):
         return False

@@ -19,7 +19,7 @@ class Signature(FolderCheck):
         if not is_signed and key is None:
             return
         try:
-            signature.verify(root, key)
+            signature.verify_signature(root, key)
         except signature.NoLibraryError as error:
             yield Gap(signature.FILE, str(error))
             return

@@ -49,7 +49,7 @@ def _refuse(text: str) -> None:
 def _load(tree: Path, out: Path) -> None:
     """Not planted: YAML of others, which is read within bounds."""
     try:
-        plain_yaml.load((tree / FILE).read_text(encoding="utf-8", errors="replace"))
+        plain_yaml.load_yaml((tree / FILE).read_text(encoding="utf-8", errors="replace"))
     except Exception as error:
         raise AdvpipeError(f"{FILE}: {error}") from None
 

@@ -11,7 +11,7 @@ from hypothesis import reject
 from hypothesis import strategies as st
 
 from advpipe.pipeline.dataset import tar_header
-from advpipe.pipeline.dataset.archive import unpack
+from advpipe.pipeline.dataset.archive import unpack_archive
 from tests.fuzz import base, calls
 from tests.fuzz.case import Call, Case, Target
 from tests.fuzz.edits import edited_bytes
@@ -49,7 +49,7 @@ FIELDS = (
 
 
 def unpacked(tree: Path, out: Path) -> None:
-    unpack(tree / ARCHIVE, out / "town")
+    unpack_archive(tree / ARCHIVE, out / "town")
 
 
 CALLS: dict[str, Call] = {
@@ -72,7 +72,7 @@ def archive(files: dict[str, bytes], *, add_sums: bool = True, top: str = "town"
         files = {**files, "SHA256SUMS": sums.encode(errors="replace")}
     data = b""
     for name in sorted(files, key=str.encode):
-        data += tar_header.header(f"{top}/{name}", len(files[name])) + files[name]
+        data += tar_header.tar_header(f"{top}/{name}", len(files[name])) + files[name]
         data += bytes(tar_header.padding(len(files[name])))
     end = 2 * tar_header.BLOCK_BYTES
     return data + bytes(end + -(len(data) + end) % tar_header.RECORD_BYTES)

@@ -88,7 +88,7 @@ def write_frame(
     cdr = cloud_to_cdr(np.zeros(5, POINT_DTYPE), stamp_ns, EGO.lidar_frame)
     bag.write_cdr(EGO.lidar_points, cdr, stamp_ns)
     if boxes is not None:
-        bag.write(EGO.objects, build.detections(truth_ns, frame_id, boxes), truth_ns)
+        bag.write(EGO.objects, build.detections_message(truth_ns, frame_id, boxes), truth_ns)
 
 
 ONE = Boxes(np.array([[1.0, 2, 3, 4, 2, 1.5, 0.5]]), np.array([3]), ("a",), np.zeros((1, 3)))
@@ -163,7 +163,7 @@ def test_an_unknown_class_is_refused(tmp_path: Path) -> None:
 def record_class(path: Path, name: str) -> None:
     with BagWriter(path, provenance={}) as bag:
         write_frame(bag)
-        message = build.detections(0, EGO.lidar_frame, ONE)
+        message = build.detections_message(0, EGO.lidar_frame, ONE)
         message.detections[0].results[0].hypothesis.class_id = name
         bag.write(EGO.objects, message, 0)
 
@@ -202,7 +202,7 @@ def test_memory_stays_flat(tmp_path: Path) -> None:
         for frame in range(40):
             stamp_ns = frame * 10**8
             bag.write_cdr(EGO.lidar_points, cloud_to_cdr(points, stamp_ns, EGO.lidar_frame), stamp_ns)
-            bag.write(EGO.objects, build.detections(stamp_ns, EGO.lidar_frame, ONE), stamp_ns)
+            bag.write(EGO.objects, build.detections_message(stamp_ns, EGO.lidar_frame, ONE), stamp_ns)
     tracemalloc.start()
     assert sum(len(frame.boxes) for frame in read_frames(tmp_path / "bag")) == 40
     _, peak_bytes = tracemalloc.get_traced_memory()
@@ -244,7 +244,7 @@ def test_clouds_are_unpacked_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         for stamp_ns in range(10):
             cdr = cloud_to_cdr(np.zeros(60_000, POINT_DTYPE), stamp_ns, "ego/lidar")
             bag.write_cdr(EGO.lidar_points, cdr, stamp_ns)
-            bag.write(EGO.objects, build.detections(stamp_ns, EGO.lidar_frame, ONE), stamp_ns)
+            bag.write(EGO.objects, build.detections_message(stamp_ns, EGO.lidar_frame, ONE), stamp_ns)
     unpacked = []
     original = mcap.reader.breakup_chunk
     monkeypatch.setattr(

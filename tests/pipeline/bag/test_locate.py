@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from advpipe.pipeline.bag.locate import adversarial_bags, named, newest_dataset, resolve_bag
+from advpipe.pipeline.bag.locate import adversarial_bags, bag_named, newest_dataset, resolve_bag
 from advpipe.pipeline.core.errors import AdvpipeError
 
 Record = Callable[..., Path]
@@ -25,7 +25,7 @@ def test_where_one_stands(tmp_path: Path, record: Record, monkeypatch: pytest.Mo
     monkeypatch.chdir("clean")
     assert resolve_bag(Path()) == tmp_path / "drive" / "clean"
     assert resolve_bag(Path("..")) == tmp_path / "drive" / "clean"
-    assert named(Path("../clean")) == Path("../clean")
+    assert bag_named(Path("../clean")) == Path("../clean")
 
 
 def test_no_bag(tmp_path: Path) -> None:

@@ -11,19 +11,19 @@ from advpipe.pipeline.bag.provenance_record import MOST_LOOKS, Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.stages.evaluate.detection.baseline import USUAL_LOOKS, looks_of
+from advpipe.stages.evaluate.detection.baseline import USUAL_LOOKS, attack_query_budget
 
 
 def test_nothing_is_said() -> None:
     nothing = Provenance({})
     assert not nothing
     assert (nothing.parameters, nothing.said.attacks, nothing.is_attack) == ({}, (), False)
-    assert looks_of(nothing) == USUAL_LOOKS
+    assert attack_query_budget(nothing) == USUAL_LOOKS
 
 
 def test_what_is_said() -> None:
     assert Provenance({"seed": "7"}).said.seed == 7
-    assert looks_of(Provenance({"looks": "13"})) == 13
+    assert attack_query_budget(Provenance({"looks": "13"})) == 13
     assert Provenance({"parameters": '{"ratio": 0.01}'}).parameters == {"ratio": 0.01}
     assert Provenance({"parameters": '[{"ratio": 0.01}]'}).parameters == {}  # of a coordinated attack
     attacks = '[{"type": "cam-dos", "parameters": {"rate_hz": 20.0}, "victim": null, "newer": 1}]'

@@ -44,7 +44,7 @@ def write_drive(bag: BagWriter, frames: int) -> None:
         cloud["x"] = np.random.default_rng(frame).normal(size=POINTS)
         bag.write(topics.CLOCK, build.clock(stamp_ns), stamp_ns)
         bag.write_cdr(EGO.lidar_points, cloud_to_cdr(cloud, stamp_ns, EGO.lidar_frame), stamp_ns)
-        bag.write(EGO.objects, build.detections(stamp_ns, EGO.lidar_frame, boxes), stamp_ns)
+        bag.write(EGO.objects, build.detections_message(stamp_ns, EGO.lidar_frame, boxes), stamp_ns)
 
 
 @pytest.fixture

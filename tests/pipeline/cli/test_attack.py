@@ -8,7 +8,7 @@ import pytest
 
 from advpipe.pipeline.bag.provenance import clean_provenance
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.cli.attack import _parameters, attack
+from advpipe.pipeline.cli.attack import _parameters, attack_command
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.run import AttackRequest, AttackSummary
@@ -43,7 +43,7 @@ def requested(bag: Path, monkeypatch: pytest.MonkeyPatch, **options: object) -> 
         return AttackSummary(out)
 
     monkeypatch.setattr("advpipe.commands.attack.run", note)
-    attack(bag, **options)  # type: ignore[arg-type]
+    attack_command(bag, **options)  # type: ignore[arg-type]
     (spec,) = seen[0].attacks
     return spec
 
@@ -116,6 +116,6 @@ def test_options_become_an_attack(bag: Path, monkeypatch: pytest.MonkeyPatch) ->
 )
 def test_mistakes_are_one_line(bag: Path, options: dict[str, object], line: str) -> None:
     with pytest.raises(AdvpipeError, match=line) as caught:
-        attack(bag, **options)  # type: ignore[arg-type]
+        attack_command(bag, **options)  # type: ignore[arg-type]
     assert "\n" not in str(caught.value)
     assert [path.name for path in bag.parent.iterdir()] == ["bag"]

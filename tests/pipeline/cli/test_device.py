@@ -13,20 +13,20 @@ sys.path.insert(0, str(Path(__file__).parent))
 from sweep_drive import DETECTOR, write_drive
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.cli.attack import attack
-from advpipe.pipeline.cli.evaluate import evaluate
+from advpipe.pipeline.cli.attack import attack_command
+from advpipe.pipeline.cli.evaluate import evaluate_command
 from advpipe.pipeline.cli.run import run
 from advpipe.pipeline.cli.sweep import sweep
-from advpipe.pipeline.cli.train import train
+from advpipe.pipeline.cli.train import train_command
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import AttackSpec
-from advpipe.stages.attack.provenance import provenance_of
+from advpipe.stages.attack.provenance import job_provenance
 from advpipe.stages.attack.run import AttackRequest
 
 COMMANDS = {
-    "train": lambda bag, out, device: train([bag], out, device=device),
-    "attack": lambda bag, out, device: attack(bag, detector=DETECTOR, out=out, device=device),
-    "evaluate": lambda bag, out, device: evaluate([bag], [DETECTOR], out=out, device=device),
+    "train": lambda bag, out, device: train_command([bag], out, device=device),
+    "attack": lambda bag, out, device: attack_command(bag, detector=DETECTOR, out=out, device=device),
+    "evaluate": lambda bag, out, device: evaluate_command([bag], [DETECTOR], out=out, device=device),
     "sweep": lambda bag, out, device: sweep(bag, detector=DETECTOR, out=out, device=device),
     "run": lambda bag, out, device: run("coordinated", out, device=device),
 }
@@ -51,6 +51,6 @@ def test_a_bad_device_is_refused(
 def test_an_attack_records_its_device_unless_it_is_the_cpu(clean: Path) -> None:
     def recorded(device: str) -> str | None:
         spec = AttackSpec(type="detach", parameters={"ratio": 0.01}, detector=DETECTOR)
-        return provenance_of(BagReader(clean), AttackRequest((spec,), 0, device)).get("device")
+        return job_provenance(BagReader(clean), AttackRequest((spec,), 0, device)).get("device")
 
     assert [recorded(device) for device in ("cpu", "cuda", "cuda:1")] == [None, "cuda", "cuda"]

@@ -9,9 +9,10 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -31,11 +32,10 @@ sensors: {lidars: {lidar: {channels: 16, points_per_second: 72000}}}
 
 @dataclass(frozen=True)
 class Case:
-    """A command as its user types it. output: what it makes. in_data_set: whether that is a part of `d`."""
+    """A command as its user types it. output: what it makes."""
 
     command: str
     output: str
-    in_data_set: bool = False
     has_overwrite: bool = True
 
     @property
@@ -46,19 +46,17 @@ class Case:
 RANDOM = "attack d --recipe random --workers 1 --out"
 CASES = {
     "simulate": Case("simulate tiny.yaml --out d2", "d2"),
-    "lidar": Case(f"{RANDOM} d/other", "d/other", in_data_set=True),
-    "cam": Case("attack d --type cam-speed-constant --attacker 50% --out d/cam", "d/cam", in_data_set=True),
-    "gnss": Case("attack d --type gnss-bias --out d/gnss", "d/gnss", in_data_set=True),
+    "lidar": Case(f"{RANDOM} d/other", "d/other"),
+    "cam": Case("attack d --type cam-speed-constant --attacker 50% --out d/cam", "d/cam"),
+    "gnss": Case("attack d --type gnss-bias --out d/gnss", "d/gnss"),
     "evaluate": Case(
         "evaluate d/clean d/adv --frames ::5 --workers 1 --out d/reports/small",
         "d/reports/small",
-        in_data_set=True,
     ),
     "sweep": Case(
         "sweep d --cells detach-1,detach-1.5 --recipe random --frames ::5 --workers 1 --baseline-tries 1 "
         "--out d/reports/sweep",
         "d/reports/sweep",
-        in_data_set=True,
     ),
     "train": Case("train d --steps 1 --out run", "run"),
     "share to a folder": Case("share d --out s", "s"),
@@ -70,6 +68,10 @@ CASES = {
     "plot": Case("plot d --out v2x.png", "v2x.png"),
     "schema": Case("schema --out scenario.schema.json", "scenario.schema.json"),
 }
+IN_DATA_SET = ("lidar", "cam", "gnss", "evaluate", "sweep")
+"""Cases whose output is a part of `d`: what a kill leaves there is in the way of nobody who shares it."""
+
+NIGHTLY = pytest.mark.nightly
 OWN_TIMES = {"times.json"}
 """Files that differ from run to run."""
 
@@ -92,6 +94,37 @@ def ready(forks: Forks, tmp_path_factory: pytest.TempPathFactory) -> Path:
     whole = (folder / "d" / "clean" / "clean_0.mcap").read_bytes()
     (folder / "cut.mcap").write_bytes(whole[:-2000])
     return folder
+
+
+@dataclass(frozen=True)
+class Undisturbed:
+    """What a command does that nobody kills. sizes: of the files that it adds, in bytes."""
+
+    folder: Path
+    moments: tuple[str, ...]
+    expected: dict[str, str]
+    sizes: tuple[int, ...]
+
+
+Alone = Callable[[str], Undisturbed]
+
+
+@pytest.fixture(scope="module")
+def alone(forks: Forks, ready: Path, tmp_path_factory: pytest.TempPathFactory) -> Alone:
+    """Runs a case in a copy of what is ready, each once only."""
+    before = files(ready).keys()
+
+    @cache
+    def run(name: str) -> Undisturbed:
+        folder = copied(ready, tmp_path_factory.mktemp("alone") / "work")
+        done = forks.run(folder, *CASES[name].arguments)
+        assert done.code == 0, done.error
+        assert not hidden(folder)
+        expected = files(folder)
+        sizes = tuple((folder / path).stat().st_size for path in expected.keys() - before)
+        return Undisturbed(folder, done.moments, expected, sizes)
+
+    return run
 
 
 def copied(ready: Path, folder: Path) -> Path:
@@ -118,26 +151,23 @@ def cleaned(forks: Forks, folder: Path, *options: str) -> list[dict[str, object]
     return json.loads(done.out)["leftovers"]  # type: ignore[no-any-return]
 
 
-def moments_of(done: Done, every: bool) -> list[int]:
-    """All moments, or those in the middle and just before the output gets its last name."""
-    count = len(done.moments)
+def moments_of(names: tuple[str, ...], every: bool) -> list[int]:
+    """All moments, or just before the output gets its last name."""
     if every:
-        return list(range(0, count, max(1, count // 60)))
-    names = [place for place, name in enumerate(done.moments) if name == "os.rename"]
-    return sorted({count // 2, names[-1]})
+        return list(range(0, len(names), max(1, len(names) // 60)))
+    return [place for place, name in enumerate(names) if name == "os.rename"][-1:]
 
 
-def check(forks: Forks, ready: Path, folder: Path, case: Case, every: bool, by: int = signal.SIGKILL) -> None:
-    undisturbed = forks.run(copied(ready, folder), *case.arguments)
-    assert undisturbed.code == 0, undisturbed.error
-    expected = files(folder)
-    assert not hidden(folder)
-    for number, moment in enumerate(moments_of(undisturbed, every)):
+def check(
+    forks: Forks, ready: Path, folder: Path, name: str, alone: Alone, every: bool, by: int = signal.SIGKILL
+) -> None:
+    case, expected = CASES[name], alone(name).expected
+    for number, moment in enumerate(moments_of(alone(name).moments, every)):
         killed = forks.run(copied(ready, folder), *case.arguments, kill_at=moment, by=by)
         assert killed.code in (-by, 128 + by), (moment, killed.error)
         for found in cleaned(forks, folder):
             assert not found["running"], found
-        if case.in_data_set and number == 0:
+        if number == 0 and name in (IN_DATA_SET if every else IN_DATA_SET[:1]):
             for command in ("share d --out shared", "verify d"):
                 done = forks.run(folder, *command.split())
                 assert done.code == 0, (moment, command, done.out, done.error)
@@ -153,25 +183,32 @@ def check(forks: Forks, ready: Path, folder: Path, case: Case, every: bool, by: 
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_killed_command_is_run_again(forks: Forks, ready: Path, tmp_path: Path, name: str) -> None:
-    check(forks, ready, tmp_path / "work", CASES[name], every=False)
+def test_a_killed_command_is_run_again(
+    forks: Forks, ready: Path, tmp_path: Path, alone: Alone, name: str
+) -> None:
+    check(forks, ready, tmp_path / "work", name, alone, every=False)
 
 
-@pytest.mark.nightly
+@NIGHTLY
 @pytest.mark.parametrize("by", [signal.SIGKILL, signal.SIGTERM])
 @pytest.mark.parametrize("name", CASES)
 def test_a_command_that_is_killed_anywhere(
-    forks: Forks, ready: Path, tmp_path: Path, name: str, by: int
+    forks: Forks, ready: Path, tmp_path: Path, alone: Alone, name: str, by: int
 ) -> None:
-    check(forks, ready, tmp_path / "work", CASES[name], every=True, by=by)
+    check(forks, ready, tmp_path / "work", name, alone, every=True, by=by)
 
 
-@pytest.mark.parametrize("name", ["simulate", "lidar", "evaluate", "export", "share in parts"])
-def test_an_output_that_was_being_replaced(forks: Forks, ready: Path, tmp_path: Path, name: str) -> None:
+REPLACED = ["lidar", "share in parts"]
+"""A bag, and files beside each other; the others are replaced by the same code."""
+
+
+@pytest.mark.parametrize(
+    "name",
+    [*REPLACED, *(pytest.param(name, marks=NIGHTLY) for name in ("simulate", "evaluate", "export"))],
+)
+def test_an_output_that_was_being_replaced(forks: Forks, tmp_path: Path, alone: Alone, name: str) -> None:
     """Killed between any two of the last names that an output gets, and run again without --overwrite."""
-    case, folder = CASES[name], copied(ready, tmp_path / "old")
-    assert forks.run(folder, *case.arguments).code == 0
-    expected = files(folder)
+    case, folder, expected = CASES[name], alone(name).folder, alone(name).expected
     whole = forks.run(copied(folder, tmp_path / "work"), *case.arguments, "--overwrite")
     names = [place for place, each in enumerate(whole.moments) if each == "os.rename"][-4:]
     for moment in names:
@@ -184,14 +221,14 @@ def test_an_output_that_was_being_replaced(forks: Forks, ready: Path, tmp_path: 
         assert not hidden(work)
 
 
-def test_a_sweep_that_was_stopped_is_the_same_to_the_byte(forks: Forks, ready: Path, tmp_path: Path) -> None:
+def test_a_sweep_that_was_stopped_is_the_same_to_the_byte(
+    forks: Forks, ready: Path, tmp_path: Path, alone: Alone
+) -> None:
     """Killed when its first cell is done; only times.json tells."""
-    case = CASES["sweep"]
-    whole = copied(ready, tmp_path / "whole")
-    done = forks.run(whole, *case.arguments)
-    cells = [place for place, name in enumerate(done.moments) if name == "os.rename"]
+    case, whole = CASES["sweep"], alone("sweep").folder
+    names = [place for place, name in enumerate(alone("sweep").moments) if name == "os.rename"]
     parts = copied(ready, tmp_path / "parts")
-    for moment in cells:
+    for moment in names:
         assert forks.run(parts, *case.arguments, kill_at=moment).code == -signal.SIGKILL
         if list((parts / "d/reports/sweep/cells").glob("*.json")):
             break
@@ -225,20 +262,16 @@ def left_by_a_full_disk(forks: Forks, folder: Path, before: dict[str, str], case
     assert after == before
 
 
-@pytest.mark.parametrize("share_of_largest", [0.02, pytest.param(0.6, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("share_of_largest", [0.02, pytest.param(0.6, marks=NIGHTLY)])
 @pytest.mark.parametrize("name", [name for name in CASES if name not in ("plot", "schema")])
 def test_files_that_may_not_grow(
-    forks: Forks, ready: Path, tmp_path: Path, name: str, share_of_largest: float
+    forks: Forks, ready: Path, tmp_path: Path, alone: Alone, name: str, share_of_largest: float
 ) -> None:
     """RLIMIT_FSIZE stands for a full disk where nobody may mount one."""
-    case = CASES[name]
+    case, most_bytes = CASES[name], int(max(alone(name).sizes) * share_of_largest)
     folder = copied(ready, tmp_path / "work")
     before = files(folder)
-    assert forks.run(folder, *case.arguments).code == 0
-    sizes = [(folder / path).stat().st_size for path in files(folder).keys() - before.keys()]
-    folder = copied(ready, tmp_path / "work")
-    done = forks.run(folder, *case.arguments, most_bytes=int(max(sizes) * share_of_largest))
-    refused(done)
+    refused(forks.run(folder, *case.arguments, most_bytes=most_bytes))
     left_by_a_full_disk(forks, folder, before, case)
 
 
@@ -254,7 +287,7 @@ def small_disk(place: Path, size_bytes: int) -> Iterator[Path]:
         subprocess.run(["umount", "-l", str(place)], check=True)
 
 
-@pytest.mark.nightly
+@NIGHTLY
 @pytest.mark.parametrize("room", [0, 0.1, 0.6])
 @pytest.mark.parametrize("name", CASES)
 def test_a_full_disk(forks: Forks, ready: Path, tmp_path: Path, name: str, room: float) -> None:

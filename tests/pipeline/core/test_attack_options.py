@@ -5,13 +5,13 @@ from __future__ import annotations
 import inspect
 from dataclasses import fields
 
-from advpipe.pipeline.cli.attack import attack
+from advpipe.pipeline.cli.attack import attack_command
 from advpipe.pipeline.core.attack_options import AttackOptions
 from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
 
 
 def test_the_command_line_has_their_defaults() -> None:
-    parameters = inspect.signature(attack).parameters
+    parameters = inspect.signature(attack_command).parameters
     for each in fields(AttackOptions):
         name = "kind" if each.name == "type" else each.name
         assert parameters[name].default == each.default, name
@@ -20,7 +20,7 @@ def test_the_command_line_has_their_defaults() -> None:
 def test_the_scenario_file_has_their_defaults_and_helps() -> None:
     sections = AttackSpec.model_fields | Schedule.model_fields
     for each in fields(AttackOptions):
-        if each.name == "seed":  # of all attacks of a scenario: simulation.seed
+        if each.name in ("seed", "device"):  # of all attacks: simulation.seed, and `run --device`
             continue
         assert (sections[each.name].description or "").startswith(each.metadata["help"])
         assert sections[each.name].default == each.default or sections[each.name].is_required()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from advpipe.pipeline.core.plain_json import LIMIT_BYTES, load
+from advpipe.pipeline.core.plain_json import LIMIT_BYTES, load_json
 from advpipe.pipeline.core.plain_values import MOST_LEVELS
 
 SOURCES = Path(__file__).parents[3]
@@ -28,7 +28,7 @@ SOURCES = Path(__file__).parents[3]
     ids=lambda text: text[:20],
 )
 def test_plain_values(text: str) -> None:
-    assert load(text) == load(text.encode()) == json.loads(text)
+    assert load_json(text) == load_json(text.encode()) == json.loads(text)
 
 
 @pytest.mark.parametrize(
@@ -59,13 +59,13 @@ def test_plain_values(text: str) -> None:
 )
 def test_what_is_refused(text: str, what: str) -> None:
     with pytest.raises(ValueError, match=what):
-        load(text)
+        load_json(text)
 
 
 def test_bytes_that_are_no_text() -> None:
     for data in (b"\xff", b'"\xed\xa0\x80"', b"{\x00}", " ".encode("utf-16")):
         with pytest.raises(ValueError, match=r".") as caught:
-            load(data)
+            load_json(data)
         assert isinstance(caught.value, ValueError)
 
 
@@ -73,7 +73,7 @@ def test_bytes_that_are_no_text() -> None:
 def test_no_text_takes_long(text: str) -> None:
     start_s = time.process_time()
     with pytest.raises(ValueError, match=r"levels|Extra data|delimiter"):
-        load(text)
+        load_json(text)
     assert time.process_time() - start_s < 10
 
 

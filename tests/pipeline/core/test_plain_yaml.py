@@ -7,12 +7,12 @@ import time
 import pytest
 import yaml
 
-from advpipe.pipeline.core.plain_yaml import LIMIT_BYTES, MOST_LEVELS, load
+from advpipe.pipeline.core.plain_yaml import LIMIT_BYTES, MOST_LEVELS, load_yaml
 
 
 def test_plain_values() -> None:
     text = "a: [1, 0x10, -2.5, 1:30, .inf, true, null, '1', 2026-01-02]\nb: {c: größe}\n"
-    assert load(text) == yaml.safe_load(text)
+    assert load_yaml(text) == yaml.safe_load(text)
 
 
 @pytest.mark.parametrize(
@@ -36,13 +36,13 @@ def test_plain_values() -> None:
 )
 def test_what_is_refused(text: str) -> None:
     with pytest.raises((yaml.YAMLError, ValueError)):
-        load(text)
+        load_yaml(text)
 
 
 def test_long_numbers_take_no_time() -> None:
     start_s = time.process_time()
     with pytest.raises(ValueError, match="a number of"):
-        load("1" + ":1" * (LIMIT_BYTES // 2 - 1))
+        load_yaml("1" + ":1" * (LIMIT_BYTES // 2 - 1))
     assert time.process_time() - start_s < 20
 
 
@@ -61,4 +61,4 @@ def test_long_numbers_take_no_time() -> None:
 )
 def test_values_that_json_has_no_word_for(text: str) -> None:
     with pytest.raises((yaml.YAMLError, ValueError)):
-        load(text)
+        load_yaml(text)

@@ -40,11 +40,24 @@ def caught(pid: int) -> int:
     return int(next(line for line in status.splitlines() if line.startswith("SigCgt")).split()[1], 16)
 
 
-@pytest.mark.parametrize("number", ENDINGS, ids=lambda number: signal.Signals(number).name)
-def test_at_any_moment_of_the_first_seconds(tmp_path: Path, number: signal.Signals) -> None:
+MOMENTS_S = (0, 0.05, 0.15, 0.3, 0.6, 1.2, 2.5, 4)
+
+
+@pytest.mark.parametrize(
+    ("number", "moments_s"),
+    [
+        (signal.SIGINT, MOMENTS_S[:-1]),
+        (signal.SIGTERM, (0.3, 1.2)),
+        (signal.SIGHUP, (0.3, 1.2)),
+        *(pytest.param(number, MOMENTS_S, marks=pytest.mark.nightly) for number in ENDINGS),
+    ],
+)
+def test_at_any_moment_of_the_first_seconds(
+    tmp_path: Path, number: signal.Signals, moments_s: tuple[float, ...]
+) -> None:
     """Imports of the command line, of its libraries, the network, the first frames of ten minutes."""
     words = ["simulate", "smoke", "--set", "simulation.duration_s=600"]
-    for moment_s in (0, 0.05, 0.15, 0.3, 0.6, 1.2, 2.5, 4):
+    for moment_s in moments_s:
         with started(*words, folder=tmp_path) as process:
             time.sleep(moment_s)
             process.send_signal(number)

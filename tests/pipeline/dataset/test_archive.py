@@ -11,7 +11,7 @@ import pytest
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.dataset import checksums
-from advpipe.pipeline.dataset.archive import Limits, contents, pack, unpack
+from advpipe.pipeline.dataset.archive import Limits, contents, pack, unpack_archive
 from advpipe.pipeline.dataset.lay_out import lay_out
 from advpipe.pipeline.dataset.layout import read_layout
 
@@ -36,7 +36,7 @@ def bytes_of(folder: Path) -> dict[str, bytes]:
 def test_what_goes_in_comes_out(tmp_path: Path, folder: Path) -> None:
     made = pack(contents(folder), tmp_path / "town.tar")
     assert [path.name for path in made] == ["town.tar", "town.tar.sha256"]
-    assert unpack(made[0], tmp_path / "new") == tmp_path / "new"
+    assert unpack_archive(made[0], tmp_path / "new") == tmp_path / "new"
     assert bytes_of(tmp_path / "new") == bytes_of(folder)
     shutil.copytree(folder, tmp_path / "again", copy_function=shutil.copyfile)  # other times
     (tmp_path / "other").mkdir()
@@ -71,14 +71,14 @@ def test_tar_unpacks_parts_and_sha256sum_checks_them(tmp_path: Path, folder: Pat
     assert bytes_of(tmp_path / "there" / "town") == bytes_of(folder)
     # Any part means the whole; the archive's name is the folder's.
     folder.rename(tmp_path / "old")
-    assert unpack(made[1]) == folder
+    assert unpack_archive(made[1]) == folder
     assert bytes_of(folder) == bytes_of(tmp_path / "old")
 
 
 def refused(archive: Path, message: str, **limits: int) -> None:
     out = archive.parent / "out"
     with pytest.raises(AdvpipeError, match=message):
-        unpack(archive, out, Limits(**limits))
+        unpack_archive(archive, out, Limits(**limits))
     assert not out.exists()
     assert not [path for path in archive.parent.iterdir() if path.name.startswith(".")]
 
@@ -237,11 +237,11 @@ def test_outputs_are_not_replaced_unasked(tmp_path: Path, folder: Path) -> None:
     pack(contents(folder), archive, overwrite=True)
     assert not any(part.exists() for part in parts[:-1])
     with pytest.raises(AdvpipeError, match="town exists already, not overwriting"):
-        unpack(archive)
+        unpack_archive(archive)
     with pytest.raises(AdvpipeError, match="is a folder; give the archive"):
-        unpack(folder)
+        unpack_archive(folder)
     with pytest.raises(AdvpipeError, match=r"^\. is a folder; give the archive"):
-        unpack(Path())
+        unpack_archive(Path())
     with pytest.raises(AdvpipeError, match=r"ends in \.tar"):
         pack(contents(folder), tmp_path / "town.zip")
     with pytest.raises(AdvpipeError, match="no signs that paths need"):

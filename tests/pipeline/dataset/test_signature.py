@@ -43,9 +43,9 @@ def openssl(*words: object) -> subprocess.CompletedProcess[bytes]:
 
 def test_it_signs_as_the_standard_does(tmp_path: Path, folder: Path) -> None:
     (folder / "SHA256SUMS").write_bytes(b"")
-    assert signature.sign(folder, tmp_path / "private.pem").read_bytes() == OF_NOTHING
+    assert signature.sign_folder(folder, tmp_path / "private.pem").read_bytes() == OF_NOTHING
     assert signature.public_pem(signature.load_private_key(tmp_path / "private.pem")).decode() == PUBLIC
-    signature.verify(folder, tmp_path / "public.pem")
+    signature.verify_signature(folder, tmp_path / "public.pem")
 
 
 @pytest.mark.oracle
@@ -54,7 +54,7 @@ def test_openssl_checks_ours_and_we_check_openssls(tmp_path: Path, folder: Path)
     private, public = tmp_path / "k.pem", tmp_path / "p.pem"
     openssl("genpkey", "-algorithm", "ed25519", "-out", private)
     openssl("pkey", "-in", private, "-pubout", "-out", public)
-    path = signature.sign(folder, private)
+    path = signature.sign_folder(folder, private)
     data = folder / "SHA256SUMS"
     check = ("pkeyutl", "-verify", "-rawin", "-pubin", "-inkey", public, "-in", data, "-sigfile", path)
     assert openssl(*check).returncode == 0
@@ -62,36 +62,36 @@ def test_openssl_checks_ours_and_we_check_openssls(tmp_path: Path, folder: Path)
     path.unlink()
     assert openssl("pkeyutl", "-sign", "-rawin", "-inkey", private, "-in", data, "-out", path).returncode == 0
     assert path.read_bytes() == ours
-    signature.verify(folder, public)
+    signature.verify_signature(folder, public)
     data.write_bytes(data.read_bytes() + b"\n")
     assert openssl(*check).returncode != 0
     with pytest.raises(AdvpipeError, match="not the signature of SHA256SUMS by"):
-        signature.verify(folder, public)
+        signature.verify_signature(folder, public)
 
 
 def test_a_flipped_bit_in_any_byte_of_a_signature_is_found(tmp_path: Path, folder: Path) -> None:
-    path = signature.sign(folder, tmp_path / "private.pem")
+    path = signature.sign_folder(folder, tmp_path / "private.pem")
     good = path.read_bytes()
     for place in range(len(good)):
         bad = bytearray(good)
         bad[place] ^= 1 << place % 8
         path.write_bytes(bad)
         with pytest.raises(AdvpipeError):
-            signature.verify(folder, tmp_path / "public.pem")
+            signature.verify_signature(folder, tmp_path / "public.pem")
     for bad in (good[:-1], good + b"\0", b""):
         path.write_bytes(bad)
         with pytest.raises(AdvpipeError):
-            signature.verify(folder, tmp_path / "public.pem")
+            signature.verify_signature(folder, tmp_path / "public.pem")
 
 
 def test_without_a_key_the_folders_own_tells_damage(tmp_path: Path, folder: Path) -> None:
     with pytest.raises(AdvpipeError, match="the data set is not signed"):
-        signature.verify(folder)
-    signature.sign(folder, tmp_path / "private.pem")
+        signature.verify_signature(folder)
+    signature.sign_folder(folder, tmp_path / "private.pem")
     with pytest.raises(AdvpipeError, match="give the signer's public key"):
-        signature.verify(folder)
+        signature.verify_signature(folder)
     (folder / signature.KEY_FILE).write_text(PUBLIC)
-    signature.verify(folder)
+    signature.verify_signature(folder)
 
 
 @pytest.mark.oracle
@@ -109,22 +109,22 @@ def test_other_keys_are_refused(tmp_path: Path, folder: Path, words: list[str], 
     key = tmp_path / "other.pem"
     assert openssl(*words, "-out", key).returncode == 0
     with pytest.raises(AdvpipeError, match=message):
-        signature.sign(folder, key)
+        signature.sign_folder(folder, key)
     assert not (folder / "SHA256SUMS.sig").exists()
 
 
 def test_what_is_no_key_is_refused(tmp_path: Path, folder: Path) -> None:
     with pytest.raises(AdvpipeError, match="is a public key; signing needs the private one"):
-        signature.sign(folder, tmp_path / "public.pem")
+        signature.sign_folder(folder, tmp_path / "public.pem")
     with pytest.raises(AdvpipeError, match="cannot be read"):
-        signature.sign(folder, tmp_path / "none.pem")
+        signature.sign_folder(folder, tmp_path / "none.pem")
     with pytest.raises(AdvpipeError, match="is no private key in PEM"):
-        signature.sign(folder, folder / "a")
-    signature.sign(folder, tmp_path / "private.pem")
+        signature.sign_folder(folder, folder / "a")
+    signature.sign_folder(folder, tmp_path / "private.pem")
     with pytest.raises(AdvpipeError, match="is a private key; checking needs the public one"):
-        signature.verify(folder, tmp_path / "private.pem")
+        signature.verify_signature(folder, tmp_path / "private.pem")
     with pytest.raises(AdvpipeError, match="is no public key in PEM"):
-        signature.verify(folder, folder / "a")
+        signature.verify_signature(folder, folder / "a")
 
 
 def test_without_the_library_it_says_what_to_install(
@@ -134,4 +134,4 @@ def test_without_the_library_it_says_what_to_install(
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "cryptography", None)
     with pytest.raises(AdvpipeError, match=r"pip install 'advpipe\[sign\]'"):
-        signature.sign(folder, tmp_path / "private.pem")
+        signature.sign_folder(folder, tmp_path / "private.pem")

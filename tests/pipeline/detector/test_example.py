@@ -94,7 +94,7 @@ def test_evaluate_takes_it_from_the_working_directory(tmp_path):
             cdr = cloud_to_cdr(cloud_of(CARS, index), stamp_ns, TOPICS.lidar_frame)
             bag.write_cdr(TOPICS.lidar_points, cdr, stamp_ns)
             truth = Boxes(CARS, np.zeros(2, np.int64), ("a", "b"), np.zeros((2, 3)))
-            bag.write(TOPICS.objects, build.detections(stamp_ns, TOPICS.lidar_frame, truth), stamp_ns)
+            bag.write(TOPICS.objects, build.detections_message(stamp_ns, TOPICS.lidar_frame, truth), stamp_ns)
     program = "from advpipe.pipeline.cli import app; app()"
     words = ["evaluate", "clean", "--detector", NAME, "--workers", "1", "--out", "report"]
     command = [sys.executable, "-c", program]

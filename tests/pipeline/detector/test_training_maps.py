@@ -112,9 +112,9 @@ def test_the_default_drive_is_held_out(tmp_path: Path) -> None:
     """By its map, whatever the seed; and `make demo` records the same drive as `advpipe simulate`."""
     import inspect
 
-    from advpipe.pipeline.cli.simulate import simulate
+    from advpipe.pipeline.cli.simulate import simulate_command
 
-    name = inspect.signature(simulate).parameters["scenario"].default
+    name = inspect.signature(simulate_command).parameters["scenario"].default
     assert f"advpipe simulate {name} " in (ROOT / "Makefile").read_text()
     small, scenario = load_detector("small"), load_scenario(name)
     for seed in (scenario.simulation.seed, 101):

@@ -7,7 +7,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from advpipe.pipeline.labels import clouds
-from advpipe.pipeline.labels.clouds import Frame, PointTables
+from advpipe.pipeline.labels.clouds import LabelledFrame, PointTables
 from advpipe.pipeline.labels.points import PointLabels
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, StampedCloud
 
@@ -28,7 +28,7 @@ def test_rows_come_back_from_their_groups(tmp_path, monkeypatch, group_rows, gro
     with PointTables(tmp_path) as written:
         for frame in range(5):
             topic, clean = f"/lidar_{frame % 2}", StampedCloud(frame * 100, "lidar", CLEAN)
-            written.add(Frame(topic, frame, "mine", clean, 9), moved(frame))
+            written.add(LabelledFrame(topic, frame, "mine", clean, 9), moved(frame))
     file = pq.ParquetFile(tmp_path / "labels.parquet")
     assert [file.metadata.row_group(n).num_rows for n in range(file.num_row_groups)] == groups
     rows = file.read().to_pylist()
@@ -41,5 +41,5 @@ def test_rows_come_back_from_their_groups(tmp_path, monkeypatch, group_rows, gro
 
 def test_nothing_touched_is_a_table_too(tmp_path):
     with PointTables(tmp_path) as written:
-        written.add(Frame("/lidar", 0, "mine", StampedCloud(0, "lidar", CLEAN), 9), moved(0))
+        written.add(LabelledFrame("/lidar", 0, "mine", StampedCloud(0, "lidar", CLEAN), 9), moved(0))
     assert pq.read_table(tmp_path / "labels.parquet").num_rows == 0

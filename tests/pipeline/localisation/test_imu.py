@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.pipeline.localisation.imu import Imu
+from advpipe.pipeline.localisation.imu import ImuModel
 from advpipe.pipeline.localisation.section import ImuSensor
 
 
@@ -18,7 +18,7 @@ def allan_deviation(values: Float64, samples: int) -> Float64:
 
 
 def errors(sensor: ImuSensor, steps: int, seed: int = 1) -> Float64:
-    imu = Imu(sensor, 0.1, np.random.default_rng(seed))
+    imu = ImuModel(sensor, 0.1, np.random.default_rng(seed))
     still = np.zeros((10, 3))
     return np.concatenate([np.hstack(imu.measure(still, still)) for _ in range(steps)])
 
@@ -55,7 +55,9 @@ def test_biases_keep_their_size_and_forget_in_their_time() -> None:
 
 
 def test_full_scale() -> None:
-    imu = Imu(ImuSensor(accelerometer_range_mps2=30, gyroscope_range_radps=2), 0.1, np.random.default_rng(0))
+    imu = ImuModel(
+        ImuSensor(accelerometer_range_mps2=30, gyroscope_range_radps=2), 0.1, np.random.default_rng(0)
+    )
     force, rate = imu.measure(np.full((4, 3), [500.0, -500.0, 9.8]), np.full((4, 3), [0.0, -9.0, 9.0]))
     assert (force[:, :2] == [30, -30]).all()
     assert (rate[:, 1:] == [-2, 2]).all()

@@ -30,7 +30,7 @@ from advpipe.pipeline.mcap.records import (
     parse_chunk,
     parse_message_index,
     read_records,
-    unpack,
+    unpack_chunk,
 )
 from advpipe.pipeline.messages.types import schema_text
 
@@ -47,7 +47,7 @@ def chunk(compression: str, data: bytes, size: int) -> Chunk:
 def test_a_chunk_is_unpacked_whole(compression: str) -> None:
     data = np.random.default_rng(1).bytes(100_000)
     packed = PACKERS[compression](data) if compression else data
-    assert unpack(chunk(compression, packed, len(data))) == data
+    assert unpack_chunk(chunk(compression, packed, len(data))) == data
 
 
 @pytest.mark.parametrize("size", [0, 1, 1000, ZEROS - 1, ZEROS + 1, CHUNK_LIMIT_BYTES, 2**63])
@@ -61,7 +61,7 @@ def test_a_bomb_is_not_unpacked(compression: str, size: int) -> None:
         packed = PACKERS.get(name, lambda data: data[:1])(bytes(ZEROS))
     if (name, size) != ("", 1):
         with pytest.raises(DAMAGE):
-            unpack(chunk(name, packed, size))
+            unpack_chunk(chunk(name, packed, size))
 
 
 def test_a_frame_that_lies_about_its_size() -> None:
@@ -71,7 +71,7 @@ def test_a_frame_that_lies_about_its_size() -> None:
     lie = packed[:4] + bytes([0xC0 | packed[4] & 0x3F]) + struct.pack("<Q", 2**62) + packed[7:]
     for declared in (1000, 2**62):
         with pytest.raises(DAMAGE):
-            unpack(chunk("zstd", bytes(lie), declared))
+            unpack_chunk(chunk("zstd", bytes(lie), declared))
 
 
 @pytest.mark.parametrize("length", [1, 2**31, 2**40, 2**64 - 1])
@@ -132,8 +132,8 @@ def test_yaml_bombs() -> None:
     merge = "a: &a {x: 1}\n" + "\n".join(f"b{i}: &b{i} {{<<: [*a, *a]}}" for i in range(9))
     for text in (f"a0: &a0 [x]\n{nine}", merge, "[" * 100_000, "x" * (5 << 20)):
         with pytest.raises((yaml.YAMLError, ValueError, RecursionError)):
-            plain_yaml.load(text)
-    assert plain_yaml.load("a: [1, {b: c}]") == {"a": [1, {"b": "c"}]}
+            plain_yaml.load_yaml(text)
+    assert plain_yaml.load_yaml("a: [1, {b: c}]") == {"a": [1, {"b": "c"}]}
 
 
 def test_three_hundred_mutations(tmp_path: Path, record: Callable[..., Path]) -> None:

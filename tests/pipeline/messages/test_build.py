@@ -22,7 +22,7 @@ EXAMPLES = {
     ),
     "sensor_msgs/msg/NavSatFix": build.nav_sat_fix(1, 50, 8, 100, std_m=(1, 2, 3)),
     "tf2_msgs/msg/TFMessage": build.transforms(1, [("map", "ego", se3_from_yaw([1, 2, 3], 4))]),
-    "vision_msgs/msg/Detection3DArray": build.detections(1, "map", BOXES),
+    "vision_msgs/msg/Detection3DArray": build.detections_message(1, "map", BOXES),
     "advpipe_msgs/msg/RoadUserArray": build.road_users(1, "map", BOXES, [10, 0], [0.25, 0]),
     "rosgraph_msgs/msg/Clock": build.clock(1),
     "std_msgs/msg/String": build.string("grüß"),

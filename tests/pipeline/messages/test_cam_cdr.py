@@ -13,7 +13,7 @@ from advpipe.pipeline.messages.cam_cdr import cam_cdr
 from advpipe.pipeline.messages.cam_types import full_name
 from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.v2x.codec.cam_error import CamError
-from advpipe.pipeline.v2x.codec.codec import decode
+from advpipe.pipeline.v2x.codec.codec import decode_cam_tree
 
 CamTree = dict[str, Any]
 
@@ -29,7 +29,7 @@ def test_of_random_cams(random_cam_tree: Callable[..., CamTree]) -> None:
     ("name", "value"), [("curvatureCalculationMode", "_ext_0"), ("pathDeltaTime", 70_000)]
 )
 def test_what_a_later_release_added(cam_vector: bytes, name: str, value: object) -> None:
-    tree = decode(cam_vector)
+    tree = decode_cam_tree(cam_vector)
     parameters = tree["cam"]["camParameters"]
     point = parameters["lowFrequencyContainer"][1]["pathHistory"][0]
     (point if name in point else parameters["highFrequencyContainer"][1])[name] = value

@@ -21,7 +21,7 @@ def foreign_cdr(points: np.ndarray, fields: list[tuple[str, int, int]], **change
     """A PointCloud2 serialised by rosbags; fields are (name, offset, datatype)."""
     PointField = message_class("sensor_msgs/msg/PointField")
     values = {
-        "header": build.header(STAMP_NS, "other"),
+        "header": build.message_header(STAMP_NS, "other"),
         "height": 1,
         "width": len(points),
         "fields": [PointField(name=n, offset=o, datatype=d, count=1) for n, o, d in fields],

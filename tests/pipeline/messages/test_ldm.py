@@ -4,13 +4,13 @@ import pytest
 
 from advpipe.pipeline.messages.ldm import class_of, ldm_detections_cdr, ldm_snapshot_cdr
 from advpipe.pipeline.messages.types import serialise, typestore
-from advpipe.pipeline.v2x.facilities.ldm import Entry, Report, Snapshot, Verdict
+from advpipe.pipeline.v2x.facilities.ldm import Entry, LdmReport, LdmSnapshot, Verdict
 
-SNAPSHOT = Snapshot(
+SNAPSHOT = LdmSnapshot(
     2_000_000_000,
     (
-        Entry(Report(7, 5, 1_500_000_000, (10.0, 20.0, 1.0), math.pi / 2, 13.0, 4.0, 2.0), 1_600_000_000),
-        Entry(Report(4_294_967_295, 200, 1_900_000_000, (1.0, 2.0, 3.0), *[math.nan] * 4), 1_900_400_000),
+        Entry(LdmReport(7, 5, 1_500_000_000, (10.0, 20.0, 1.0), math.pi / 2, 13.0, 4.0, 2.0), 1_600_000_000),
+        Entry(LdmReport(4_294_967_295, 200, 1_900_000_000, (1.0, 2.0, 3.0), *[math.nan] * 4), 1_900_400_000),
     ),
     {verdict: 10 + verdict for verdict in Verdict},
 )

@@ -22,7 +22,7 @@ from advpipe.pipeline.messages.v2x import (
     udp_packet_cdr,
 )
 from advpipe.pipeline.v2x.channel import Received, Sent
-from advpipe.pipeline.v2x.codec.codec import decode
+from advpipe.pipeline.v2x.codec.codec import decode_cam_tree
 from advpipe.pipeline.v2x.facilities.ldm import Verdict
 
 STAMP_NS = 1_767_268_800_250_000_001
@@ -76,7 +76,7 @@ def test_udp_packet(length: int) -> None:
 
 def test_what_a_vehicle_sends_and_receives(cam_vector: bytes) -> None:
     sent = Sent(0, 1, 7, STAMP_NS, cam_vector, 23.0)
-    tree = decode(cam_vector)
+    tree = decode_cam_tree(cam_vector)
     topics = VehicleTopics("ego")
     received = Received("ego", sent, tree, STAMP_NS + 500, -70.0, 20.0, Verdict.ACCEPTED)
     for found, names, stamp_ns in (
@@ -94,7 +94,7 @@ def test_what_a_vehicle_sends_and_receives(cam_vector: bytes) -> None:
 def test_how_it_arrived_and_what_it_truly_was(cam_vector: bytes, is_cam: bool) -> None:
     """Of whatever is received, with the stamp of its packet; to the bit."""
     sent = Sent(2**63 - 1, 1, 2**32 - 1, STAMP_NS, cam_vector if is_cam else b"rubbish", 23.0)
-    tree = decode(cam_vector) if is_cam else None
+    tree = decode_cam_tree(cam_vector) if is_cam else None
     received = Received("bus", sent, tree, STAMP_NS + 500, -70.1, 20.3, Verdict.ACCEPTED)
     *packet, info, truth = received_messages(received)
     assert len(packet) == (2 if is_cam else 1)

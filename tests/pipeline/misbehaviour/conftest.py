@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import pytest
 
-from advpipe.pipeline.misbehaviour.claim import Claim, Receiver
+from advpipe.pipeline.misbehaviour.claim import Claim, ReceivingVehicle
 
 START_NS = 1_767_268_800_000_000_000
-EGO = Receiver(station_id=1, x_m=-100.0, y_m=20.0, yaw_rad=0.0, length_m=4.5, width_m=1.8)
+EGO = ReceivingVehicle(station_id=1, x_m=-100.0, y_m=20.0, yaw_rad=0.0, length_m=4.5, width_m=1.8)
 
 Make = Callable[..., Claim]
 
@@ -43,5 +43,5 @@ def make() -> Make:
 
 
 @pytest.fixture
-def ego() -> Receiver:
+def ego() -> ReceivingVehicle:
     return EGO

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from advpipe.pipeline.misbehaviour import checks
-from advpipe.pipeline.misbehaviour.claim import Claim, Receiver
+from advpipe.pipeline.misbehaviour.claim import Claim, ReceivingVehicle
 from advpipe.pipeline.misbehaviour.config import Expectation
 
 Make = Callable[..., Claim]
@@ -28,9 +28,9 @@ ROUND = Expectation(
 """So that a standard deviation of the way is t² metres: an eighth of 8 m/s² times t²."""
 
 
-def test_range(make: Make, ego: Receiver) -> None:
+def test_range(make: Make, ego: ReceivingVehicle) -> None:
     at = make(x_m=200.0, y_m=420.0)
-    assert checks.range_m(at, ego) == 500.0  # 300 to the side and 400 ahead
+    assert checks.claimed_range_m(at, ego) == 500.0  # 300 to the side and 400 ahead
 
 
 def test_freshness(make: Make) -> None:
@@ -117,7 +117,7 @@ def test_size(make: Make) -> None:
     assert checks.size_m(make(), make()) == 0.0
 
 
-def test_appearance(make: Make, ego: Receiver) -> None:
+def test_appearance(make: Make, ego: ReceivingVehicle) -> None:
     """30 m from the receiver, who hears 300 m: 270 m within."""
     assert checks.appearance_m(make(x_m=-70.0, y_m=20.0), ego, 300.0) == pytest.approx(270.0)
     assert checks.appearance_m(make(x_m=900.0), ego, 300.0) == 0.0
@@ -126,12 +126,12 @@ def test_appearance(make: Make, ego: Receiver) -> None:
 def test_overlap(make: Make) -> None:
     """Two boxes of 4 m by 2 m, 3 m apart along: 1 m by 2 m of 8 m² is a quarter."""
     at_ns = make().generation_ns
-    own, other = checks.box(make(), at_ns), checks.box(make(x_m=3.0), at_ns)
+    own, other = checks.claimed_box(make(), at_ns), checks.claimed_box(make(x_m=3.0), at_ns)
     assert own is not None
     assert other is not None
     assert checks.overlap_share(own, [other]) == pytest.approx(0.25)
-    later = checks.box(make(), at_ns + 300_000_000)  # carried on by 3 m
+    later = checks.claimed_box(make(), at_ns + 300_000_000)  # carried on by 3 m
     assert later is not None
     assert checks.overlap_share(later, [other]) == pytest.approx(1.0)
     assert checks.overlap_share(own, []) == 0.0
-    assert checks.box(make(length_m=math.inf), at_ns) is None
+    assert checks.claimed_box(make(length_m=math.inf), at_ns) is None

@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from advpipe.pipeline.misbehaviour.claim import Claim, Receiver
+from advpipe.pipeline.misbehaviour.claim import Claim, ReceivingVehicle
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
-from advpipe.pipeline.misbehaviour.detector import Detector, judge_all
+from advpipe.pipeline.misbehaviour.detector import MisbehaviourDetector, judge_all
 
 Make = Callable[..., Claim]
 SIGMAS = ("position_speed", "drift", "heading", "turn", "acceleration", "impulse")
@@ -30,34 +30,34 @@ def drive(make: Make, start_s: float = 0.0, stop_s: float = 8.0, **values: float
     return [make(0.4 * nth, **values) for nth in range(round(start_s / 0.4), round(stop_s / 0.4))]
 
 
-def flags(claims: Sequence[Claim], ego: Receiver, config: DetectorConfig = CONFIG) -> list[bool]:
+def flags(claims: Sequence[Claim], ego: ReceivingVehicle, config: DetectorConfig = CONFIG) -> list[bool]:
     in_order = sorted(claims, key=lambda claim: claim.arrival_ns)
     return [bool(flag) for flag in judge_all(in_order, [ego] * len(claims), config).flagged]
 
 
-def reasons(claim: Claim, before: Sequence[Claim], ego: Receiver) -> set[str]:
+def reasons(claim: Claim, before: Sequence[Claim], ego: ReceivingVehicle) -> set[str]:
     claims = [*before, claim]
     judged = judge_all(claims, [ego] * len(claims), CONFIG)
     return {name for name, bad in zip(CHECKS, judged.because(CONFIG)[-1], strict=True) if bad}
 
 
-def test_honest_messages_pass(make: Make, ego: Receiver) -> None:
+def test_honest_messages_pass(make: Make, ego: ReceivingVehicle) -> None:
     assert not any(flags(drive(make), ego))
 
 
-def test_a_constant_offset_is_a_lie_for_as_long_as_it_lasts(make: Make, ego: Receiver) -> None:
+def test_a_constant_offset_is_a_lie_for_as_long_as_it_lasts(make: Make, ego: ReceivingVehicle) -> None:
     """After 4 s everything is 30 m to the side; the places agree with each other from the second lie on."""
     lies = [one._replace(y_m=30.0) for one in drive(make, 4.0)]
     assert flags([*drive(make, stop_s=4.0), *lies], ego) == [False] * 10 + [True] * 10
 
 
-def test_who_returns_to_the_truth_soon_is_believed(make: Make, ego: Receiver) -> None:
+def test_who_returns_to_the_truth_soon_is_believed(make: Make, ego: ReceivingVehicle) -> None:
     lies = [one._replace(y_m=30.0) for one in drive(make, 4.0, 5.6)]
     found = flags([*drive(make, stop_s=4.0), *lies, *drive(make, 5.6)], ego)
     assert found == [False] * 10 + [True] * 4 + [False] * 6
 
 
-def test_pardon(make: Make, ego: Receiver) -> None:
+def test_pardon(make: Make, ego: ReceivingVehicle) -> None:
     """A jump to the side is pardoned once the messages after it agree for 2 s."""
     lies = [one._replace(y_m=30.0) for one in drive(make, 4.0)]
     lenient = replace(CONFIG, pardon_s=2.0)
@@ -65,7 +65,7 @@ def test_pardon(make: Make, ego: Receiver) -> None:
     assert found == [False] * 10 + [True] * 6 + [False] * 4
 
 
-def test_masquerade_does_not_taint_the_true_station(make: Make, ego: Receiver) -> None:
+def test_masquerade_does_not_taint_the_true_station(make: Make, ego: ReceivingVehicle) -> None:
     """From 4 s on another claims the same id from 200 m away, 0.2 s after each true message."""
     false = [make(0.4 * nth + 0.2, x_m=0.4 * nth * 10 - 200.0, y_m=50.0) for nth in range(10, 20)]
     true = drive(make)
@@ -91,7 +91,9 @@ def test_masquerade_does_not_taint_the_true_station(make: Make, ego: Receiver) -
         ({"invalid": 1}, "format"),
     ],
 )
-def test_each_check_objects(make: Make, ego: Receiver, changes: dict[str, float], reason: str) -> None:
+def test_each_check_objects(
+    make: Make, ego: ReceivingVehicle, changes: dict[str, float], reason: str
+) -> None:
     """The message at 8.0 s says something else than an honest one: x 80 m, 10 m/s, along +x."""
     if reason == "acceleration":  # it says that it brakes, and goes on as before
         changes = {"acceleration_mps2": -6.0}
@@ -101,43 +103,43 @@ def test_each_check_objects(make: Make, ego: Receiver, changes: dict[str, float]
     assert reason in reasons(make(8.0, **changes), before, ego)
 
 
-def test_own_id_from_elsewhere(make: Make, ego: Receiver) -> None:
+def test_own_id_from_elsewhere(make: Make, ego: ReceivingVehicle) -> None:
     assert reasons(make(station_id=ego.station_id), [], ego) == {"identity"}
 
 
-def test_copies_are_flagged_and_originals_are_not(make: Make, ego: Receiver) -> None:
+def test_copies_are_flagged_and_originals_are_not(make: Make, ego: ReceivingVehicle) -> None:
     copies = [one._replace(arrival_ns=one.arrival_ns + 100_000_000) for one in drive(make)]
     assert flags([*drive(make), *copies], ego) == [False, True] * 20
 
 
-def test_old_messages(make: Make, ego: Receiver) -> None:
+def test_old_messages(make: Make, ego: ReceivingVehicle) -> None:
     late = make(8.0)._replace(arrival_ns=make(8.0).arrival_ns + 2_000_000_000)
     assert "freshness" in reasons(late, drive(make), ego)
 
 
-def test_two_in_one_place(make: Make, ego: Receiver) -> None:
+def test_two_in_one_place(make: Make, ego: ReceivingVehicle) -> None:
     """A second station drives half a metre beside the first: the one heard for less long is flagged."""
     ghost = drive(make, 4.0, station_id=9, y_m=0.5)
     claims = [*drive(make), *(one._replace(arrival_ns=one.arrival_ns + 1) for one in ghost)]
     assert flags(claims, ego) == [False] * 10 + [False, True] * 10
 
 
-def test_on_top_of_the_receiver(make: Make, ego: Receiver) -> None:
+def test_on_top_of_the_receiver(make: Make, ego: ReceivingVehicle) -> None:
     assert "overlap" in reasons(make(x_m=ego.x_m, y_m=ego.y_m, speed_mps=0.0), [], ego)
 
 
-def test_no_cam(make: Make, ego: Receiver) -> None:
+def test_no_cam(make: Make, ego: ReceivingVehicle) -> None:
     assert reasons(Claim(-1, make(8.0).arrival_ns, 0), drive(make), ego) == {"decoding"}
 
 
-def test_sudden_appearance(make: Make, ego: Receiver) -> None:
+def test_sudden_appearance(make: Make, ego: ReceivingVehicle) -> None:
     config = CONFIG.with_thresholds({"appearance": 200.0})
     far, near = make(4.0, station_id=8, x_m=50.0), make(4.0, station_id=9, x_m=-60.0)
     first = make(0.5, station_id=10, x_m=-60.0)  # while everybody is new
     assert flags([make(0.0), first, far, near], ego, config) == [False, False, False, True]
 
 
-def test_small_speed_lies_add_up(make: Make, ego: Receiver) -> None:
+def test_small_speed_lies_add_up(make: Make, ego: ReceivingVehicle) -> None:
     """1 m/s too fast: after 3 s the way is 3 m too short, though each step of 0.4 m passes."""
     config = CONFIG.with_thresholds({"position_speed": CONFIG.thresholds["position_speed"], "drift": 6.0})
     found = flags([one._replace(speed_mps=11.0) for one in drive(make)], ego, config)
@@ -151,7 +153,9 @@ def test_small_speed_lies_add_up(make: Make, ego: Receiver) -> None:
     assert not any(alone)
 
 
-def test_a_minute_of_a_hundred_stations_is_quick_and_the_same_again(make: Make, ego: Receiver) -> None:
+def test_a_minute_of_a_hundred_stations_is_quick_and_the_same_again(
+    make: Make, ego: ReceivingVehicle
+) -> None:
     claims = [
         make(0.4 * nth, station_id=10 + station, y_m=8.0 * station)
         for nth in range(10)
@@ -167,9 +171,9 @@ def test_unknown_checks_are_refused() -> None:
         DetectorConfig(thresholds={"hunch": 1.0})
 
 
-def test_a_flood_of_names_is_forgotten(make: Make, ego: Receiver) -> None:
+def test_a_flood_of_names_is_forgotten(make: Make, ego: ReceivingVehicle) -> None:
     """100 s of a new station each 0.1 s: none is kept for more than twice `memory_s`."""
-    detector, most = Detector(CONFIG), 0
+    detector, most = MisbehaviourDetector(CONFIG), 0
     for nth in range(1000):
         detector.judge(make(0.1 * nth, 1000 + nth), ego)
         most = max(most, len(detector._stations))

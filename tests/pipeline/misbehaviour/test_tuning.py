@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from advpipe.pipeline.misbehaviour.claim import Claim, Receiver
+from advpipe.pipeline.misbehaviour.claim import Claim, ReceivingVehicle
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
 from advpipe.pipeline.misbehaviour.tuning import Stream, clean_thresholds, tune, tune_catch
 
 Make = Callable[..., Claim]
 
 
-def stream(make: Make, ego: Receiver, lie_from_s: float | None = None, seed: int = 0) -> Stream:
+def stream(make: Make, ego: ReceivingVehicle, lie_from_s: float | None = None, seed: int = 0) -> Stream:
     """Three cars in lanes of their own, whose places are off by 0.1 m; lies are 40 m ahead."""
     rng = np.random.default_rng(seed)
     claims, is_lie = [], []
@@ -28,7 +28,9 @@ def stream(make: Make, ego: Receiver, lie_from_s: float | None = None, seed: int
     return Stream(claims, [ego] * len(claims), np.array(is_lie), "offset" if lie_from_s else "")
 
 
-def test_thresholds_are_what_honest_messages_reach_times_the_margin(make: Make, ego: Receiver) -> None:
+def test_thresholds_are_what_honest_messages_reach_times_the_margin(
+    make: Make, ego: ReceivingVehicle
+) -> None:
     """The farthest is station 9 at its end: 12.5 s at 10 m/s, and 90 m to the side."""
     base = DetectorConfig()
     found = clean_thresholds([stream(make, ego)], 0.0, base)
@@ -39,7 +41,7 @@ def test_thresholds_are_what_honest_messages_reach_times_the_margin(make: Make, 
     assert found["position"] == base.thresholds["position"]  # no roads: nothing to learn from
 
 
-def test_the_more_may_be_above_the_lower(make: Make, ego: Receiver) -> None:
+def test_the_more_may_be_above_the_lower(make: Make, ego: ReceivingVehicle) -> None:
     base = DetectorConfig()
     strict = clean_thresholds([stream(make, ego)], 0.2, base)
     lenient = clean_thresholds([stream(make, ego)], 0.0, base)
@@ -47,21 +49,21 @@ def test_the_more_may_be_above_the_lower(make: Make, ego: Receiver) -> None:
     assert all(strict[name] <= lenient[name] for name in CHECKS)
 
 
-def test_tuned_on_one_it_tells_lies_apart_on_another(make: Make, ego: Receiver) -> None:
+def test_tuned_on_one_it_tells_lies_apart_on_another(make: Make, ego: ReceivingVehicle) -> None:
     clean, lying = stream(make, ego), stream(make, ego, 6.0, seed=1)
     found = tune([clean], [lying])
     assert found.false_positive_rate == 0.0
     assert found.mean_f1 == pytest.approx(1.0)
 
 
-def test_where_no_setting_is_within_the_bound(make: Make, ego: Receiver) -> None:
+def test_where_no_setting_is_within_the_bound(make: Make, ego: ReceivingVehicle) -> None:
     bad = stream(make, ego)
     broken = replace(bad, claims=[one._replace(invalid=1) for one in bad.claims])
     with pytest.raises(ValueError, match="no setting flags less than"):
         tune([broken], [])
 
 
-def test_the_baseline_is_the_same_again(make: Make, ego: Receiver) -> None:
+def test_the_baseline_is_the_same_again(make: Make, ego: ReceivingVehicle) -> None:
     clean, lying = stream(make, ego), stream(make, ego, 6.0, seed=1)
     one, other = (tune_catch([clean], [lying], seed=3) for _ in range(2))
     assert one == other

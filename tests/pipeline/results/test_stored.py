@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from advpipe.pipeline.results.evaluation import plain
+from advpipe.pipeline.results.evaluation import plain_value
 from advpipe.pipeline.results.stored import stored_row
 
 CELLS = sorted((Path(__file__).parents[3] / "datasets" / "reports").glob("*/cells/*.json"))
@@ -22,7 +22,7 @@ def records() -> list[dict[str, Any]]:
 def test_committed_rows_are_written_as_they_were_read() -> None:
     assert {record["attack"] for record in records()} == {"perturb", "detach", "attach"}
     for record in records():
-        assert plain(stored_row(record).record()) == record
+        assert plain_value(stored_row(record).record()) == record
 
 
 def test_a_row_without_an_attack_has_no_figures_of_one() -> None:

@@ -20,7 +20,7 @@ from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.sensors.sensor import (
     Cadence,
-    Drive,
+    DriveSettings,
     Instant,
     MountedSection,
     MountedSensor,
@@ -39,10 +39,11 @@ class RadarSensor(MountedSection):
 class Radars(MountedSensor[RadarSensor]):
     """All radars of one vehicle: the radial velocity of what each beam meets, as the intensity of a point."""
 
+    title = "radar"
     section = RadarSensor
     needs = frozenset({"road users", "rays"})
 
-    def __init__(self, vehicle: str, sections: Mapping[str, RadarSensor], drive: Drive) -> None:
+    def __init__(self, vehicle: str, sections: Mapping[str, RadarSensor], drive: DriveSettings) -> None:
         self._vehicle, self._sections, self._seed = vehicle, sections, drive.seed
         self.mounts = {name: se3_from_yaw([2.0, 0.0, 0.5], 0.0) for name in sections}
 

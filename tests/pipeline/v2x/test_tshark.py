@@ -17,7 +17,7 @@ from cam_as_message import cam_of_message
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.v2x.codec.btp import btp_packet, cam_payload
-from advpipe.pipeline.v2x.codec.codec import asn1_cam, decode, encode
+from advpipe.pipeline.v2x.codec.codec import asn1_cam, decode_cam_tree, encode_cam_tree
 from advpipe.pipeline.v2x.facilities.cam_tree import cam_tree, decode_cam
 from advpipe.pipeline.v2x.facilities.generation import CHECK_INTERVAL_NS, CamGenerator
 from advpipe.pipeline.v2x.facilities.station_state import StationState
@@ -122,7 +122,7 @@ def ours(tree: Any, asn1: Any, path: list[str]) -> list[str]:
 def agree(folder: Path, trees: list[CamTree]) -> None:
     """Without a toll zone or other containers, whose latitudes tshark would list with the first."""
     path = folder / "cams.pcap"
-    capture(path, [encode(tree) for tree in trees], LINK_BARE)
+    capture(path, [encode_cam_tree(tree) for tree in trees], LINK_BARE)
     lines = tshark(path, [*FIELDS, "_ws.malformed"])
     assert len(lines) == len(trees)
     for tree, (*texts, malformed) in zip(trees, lines, strict=True):
@@ -184,9 +184,9 @@ def test_every_cam_of_a_recorded_drive(tmp_path: Path) -> None:
     simulate(load_scenario("smoke", settings), tmp_path / "drive")
     reader = BagReader(tmp_path / "drive" / "clean")
     payloads = [bytes(message.payload) for _, message in reader.messages("/v2x/sent")]
-    trees = [decode(payload) for payload in payloads]
+    trees = [decode_cam_tree(payload) for payload in payloads]
     assert len(trees) > 500
-    assert [encode(tree) for tree in trees] == payloads
+    assert [encode_cam_tree(tree) for tree in trees] == payloads
     agree(tmp_path, trees)
     sent = set(payloads)
     for vehicle in ("ego", "one", "two"):
@@ -196,7 +196,7 @@ def test_every_cam_of_a_recorded_drive(tmp_path: Path) -> None:
             assert [stamp for stamp, _ in raw] == [stamp for stamp, _ in cams]
             values = [cam_of_message(message) for _, message in cams]
             carried = [cam_payload(bytes(message.data)) for _, message in raw]
-            assert [encode(tree) for tree in values] == carried
+            assert [encode_cam_tree(tree) for tree in values] == carried
             assert sent.issuperset(carried)
             agree(tmp_path, values)
 

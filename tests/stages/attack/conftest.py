@@ -91,7 +91,7 @@ def write_drive(path, frames=FRAMES):
             boxes = (car(BOX) if frame != 4 else car()).transformed(map_SE3_base @ base_SE3_lidar)
             cloud = cloud_of(draw.uniform(0, 10, (500 + frame, 3)))
             cloud["ring"], cloud["intensity"] = np.arange(len(cloud)) % 64, draw.random(len(cloud))
-            bag.write(ego.objects, build.detections(stamp_ns, "map", boxes), stamp_ns)
+            bag.write(ego.objects, build.detections_message(stamp_ns, "map", boxes), stamp_ns)
             odometry = build.odometry(stamp_ns, map_SE3_base, [10.0, 0.0, 0.0], [0.0, 0.0, 0.0])
             bag.write(ego.true_odometry, odometry, stamp_ns)
             bag.write_cdr(ego.lidar_points, cloud_to_cdr(cloud, stamp_ns, ego.lidar_frame), stamp_ns)

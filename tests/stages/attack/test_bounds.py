@@ -7,18 +7,18 @@ import math
 import pytest
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.stages.attack.bounds import number, one_of, span, whole
+from advpipe.stages.attack.bounds import checked_number, one_of, span, whole
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, -0.1, True, "3", None])
 def test_no_number_from_zero_up(value):
     with pytest.raises(AdvpipeError, match=r"cam-x: gap_m is .*; it takes a number, at least 0"):
-        number("cam-x", "gap_m", value, 0)
+        checked_number("cam-x", "gap_m", value, 0)
 
 
 def test_what_is_taken():
-    assert number("cam-x", "gap_m", 0, 0) == 0
-    assert number("cam-x", "share", 1.0, 0, 1) == 1
+    assert checked_number("cam-x", "gap_m", 0, 0) == 0
+    assert checked_number("cam-x", "share", 1.0, 0, 1) == 1
     assert whole("cam-x", "ghosts", 3.0, 1, 5) == 3
     assert span("cam-x", "age_{}_s", 1, 2, 0, 5) == (1, 2)
     assert one_of("cam-x", "around", "victim", ("attacker", "victim")) == "victim"

@@ -7,7 +7,13 @@ import pytest
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.family_registry import FamilyRegistry
-from advpipe.stages.attack.registry import ATTACKS, find_attack, named, refuse_foreign_keys, usual_budget
+from advpipe.stages.attack.registry import (
+    ATTACKS,
+    find_attack,
+    refuse_foreign_keys,
+    resolved_name,
+    usual_budget,
+)
 from advpipe.stages.attack.v2x.falsification import Falsification
 from advpipe.stages.attack.v2x.stop import SuddenStop
 
@@ -35,7 +41,7 @@ def test_each_word_has_a_class():
     ],
 )
 def test_names_and_families(word, name, family):
-    spec = named(AttackSpec(type=word))
+    spec = resolved_name(AttackSpec(type=word))
     assert (spec.type, find_attack(spec.type).family) == (name, family)
 
 

@@ -97,7 +97,9 @@ def write_bag(path, provenance, clouds, truth=True):
             if truth:
                 ids = tuple(f"user{i}" for i in range(len(PLACES)))
                 boxes = Boxes(PLACES, LABELS, ids, np.zeros((len(PLACES), 3)))
-                bag.write(TOPICS.objects, build.detections(stamp_ns, TOPICS.lidar_frame, boxes), stamp_ns)
+                bag.write(
+                    TOPICS.objects, build.detections_message(stamp_ns, TOPICS.lidar_frame, boxes), stamp_ns
+                )
     return path
 
 

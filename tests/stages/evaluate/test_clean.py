@@ -93,7 +93,7 @@ def write_bag(path: Path, vehicles=(EGO,), frames: int = FRAMES) -> Path:
                 cdr = cloud_to_cdr(cloud(index), stamp_ns, topics.lidar_frame)
                 bag.write_cdr(topics.lidar_points, cdr, stamp_ns)
             boxes = objects(index)
-            truth = build.detections(stamp_ns, vehicles[0].lidar_frame, boxes)
+            truth = build.detections_message(stamp_ns, vehicles[0].lidar_frame, boxes)
             bag.write(vehicles[0].objects, truth, stamp_ns)
             users = build.road_users(
                 stamp_ns, vehicles[0].lidar_frame, boxes, np.zeros(12), np.arange(12) / 12

@@ -18,7 +18,7 @@ from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr
 from advpipe.pipeline.messages.topics import VehicleTopics
-from advpipe.stages.share.markdown import Markdown, block, code, escaped, literal, own_words
+from advpipe.stages.share.markdown import Markdown, authors_text, block, code, escaped, literal
 from advpipe.stages.share.run import ShareOptions, share
 
 NASTY = [
@@ -132,9 +132,9 @@ def test_ours_stays() -> None:
 
 
 def test_own_words() -> None:
-    assert own_words("Recorded on a *rainy* day.") == "Recorded on a *rainy* day."
+    assert authors_text("Recorded on a *rainy* day.") == "Recorded on a *rainy* day."
     for text in ("<script>x</script>", "a <b>c</b>", "```\nx\n```\n<!-- x -->"):
-        assert not set(rendered(own_words(text)).found) - {"pre", "code"}
+        assert not set(rendered(authors_text(text)).found) - {"pre", "code"}
 
 
 HOSTILE = "<script>x</script> | `` [a](javascript:b) ![c](d) <!-- **e** \n---\n# f"

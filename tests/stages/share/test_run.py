@@ -17,7 +17,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.hashing import sha256_of
 from advpipe.pipeline.dataset import checksums, signature
-from advpipe.pipeline.dataset.archive import contents, unpack
+from advpipe.pipeline.dataset.archive import contents, unpack_archive
 from advpipe.pipeline.messages.types import message_class, serialise, typestore
 from advpipe.stages.share.options import citation_text
 from advpipe.stages.share.run import ShareOptions, share
@@ -97,6 +97,10 @@ def test_the_card_tells_what_is_in_the_bags(recorded: Path, shared: Path) -> Non
             assert f"| `{name}` | {info.type.replace('/msg/', '/')} | {info.count:,} |" in card
     assert "| `/ego/imu` | sensor_msgs/Imu | 90 | 100.0 Hz | ego/imu |" in card
     assert "| `lidar` | ego | 16 | 72,000 | 10.0 | 100.0 m | 0.0, 0.0, 1.8 m |" in card
+    assert "| LiDAR | `lidar` | ego | `/ego/lidar/points` |" in card
+    assert "| GNSS receiver |  | ego | `/ego/gnss/fix` |" in card
+    assert "| IMU |  | ego | `/ego/imu` |" in card
+    assert "| wheel odometry |  | ego | `/ego/" in card
     assert f"| map's SHA-256 | {reader.provenance['map_sha256']} |" in card
     assert sha256_of(next((shared / "clean").glob("*.mcap"))) in card
     row = json.loads((recorded / "reports" / "small" / "report.json").read_text())["rows"][0]
@@ -162,9 +166,9 @@ def test_an_archive_in_signed_parts_comes_back_whole(recorded: Path, tmp_path: P
     assert [path.name for path in made[:2]] == ["tiny.tar.000", "tiny.tar.001"]
     again = share(recorded, tmp_path / "b" / "tiny.tar", options).made
     assert [path.read_bytes() for path in made] == [path.read_bytes() for path in again]
-    folder = unpack(made[0])
+    folder = unpack_archive(made[0])
     assert folder == tmp_path / "tiny"
-    signature.verify(folder)
+    signature.verify_signature(folder)
     assert "openssl pkeyutl -verify" in card_of(folder)
     place = next(part for part in made if b"SHA256SUMS.sig" in part.read_bytes())
     data = bytearray(place.read_bytes())
@@ -172,7 +176,7 @@ def test_an_archive_in_signed_parts_comes_back_whole(recorded: Path, tmp_path: P
     place.write_bytes(data)
     (tmp_path / "tiny.tar.sha256").unlink()
     with pytest.raises(AdvpipeError, match="not the signature of SHA256SUMS"):
-        unpack(made[0], tmp_path / "damaged")
+        unpack_archive(made[0], tmp_path / "damaged")
     assert bytes_of(folder).items() >= bytes_of(recorded).items()
 
 

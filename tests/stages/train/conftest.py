@@ -56,7 +56,7 @@ def _record(path: Path, frames: int, seed: int, **about: str) -> Path:
             stamp_ns = 1_000_000_000 + frame * 100_000_000
             cloud, boxes = labelled_cloud(rng)
             bag.write_cdr(EGO.lidar_points, cloud_to_cdr(cloud, stamp_ns, EGO.lidar_frame), stamp_ns)
-            bag.write(EGO.objects, build.detections(stamp_ns, EGO.lidar_frame, boxes), stamp_ns)
+            bag.write(EGO.objects, build.detections_message(stamp_ns, EGO.lidar_frame, boxes), stamp_ns)
     return path
 
 

@@ -10,10 +10,10 @@ from torch import Tensor, nn
 
 from advpipe.pipeline.detector.common.anchors import AnchorGrid
 from advpipe.pipeline.detector.common.backbone2d import Backbone2d
-from advpipe.pipeline.detector.common.decode import detections
+from advpipe.pipeline.detector.common.decode import decode_detections
 from advpipe.pipeline.detector.common.head import Head, Predictions
 from advpipe.pipeline.detector.common.loss import LOSS_PARTS, losses
-from advpipe.pipeline.detector.common.network import LabelledPoints, Network, NetworkDetector
+from advpipe.pipeline.detector.common.network import DetectionNetwork, LabelledPoints, NetworkDetector
 from advpipe.pipeline.detector.common.preset import Anchor, AnchorPreset, BevBlock
 from advpipe.pipeline.detector.family import Family
 from advpipe.pipeline.detector.protocol import Detections, Range
@@ -42,7 +42,7 @@ NARROW = PillarPreset(
 )
 
 
-class PillarNet(Network):
+class PillarNet(DetectionNetwork):
     """One linear layer on each point, the largest of its pillar, 2D backbone, anchor head."""
 
     LOSS_PARTS = LOSS_PARTS
@@ -77,7 +77,7 @@ class PillarNet(Network):
         return losses(self(cloud.points), [target], self.grid()).parts
 
     def detections(self, clouds: Sequence[Tensor]) -> list[Detections]:
-        return [detections(self(cloud), 0, self.grid()) for cloud in clouds]
+        return [decode_detections(self(cloud), 0, self.grid()) for cloud in clouds]
 
     def detector(self, provenance: Mapping[str, str]) -> NetworkDetector[PillarNet]:
         return NetworkDetector(self, provenance)

@@ -9,7 +9,7 @@ from pillars import PillarFamily
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.checkpoint import load_checkpoint
 from advpipe.pipeline.detector.families import FAMILIES, family_named
-from advpipe.pipeline.detector.protocol import Detector
+from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.stages.evaluate.run import Options, evaluate
 from advpipe.stages.train.config import TrainConfig
@@ -41,7 +41,7 @@ def test_a_second_family_is_trained_saved_loaded_and_evaluated(drive, record, tm
     assert load_checkpoint(summary.checkpoint).net.preset.family == "pillars"
 
     detector = load_detector(str(summary.checkpoint))
-    assert isinstance(detector, Detector)
+    assert isinstance(detector, ObjectDetector)
     assert detector.classes == ("car", "truck", "cyclist", "pedestrian")
     points = torch.rand(200, 4).requires_grad_()
     boxes, labels = torch.tensor([[0.5, 0.5, -1.0, 4.5, 1.85, 1.55, 0.0]]), torch.tensor([0])

@@ -243,7 +243,7 @@ def test_bags_without_ground_truth_or_clouds(tiny, tmp_path):
     with pytest.raises(AdvpipeError, match="no ground truth"):
         run.train(configured(tmp_path / "bare", tmp_path / "run"))
     with BagWriter(tmp_path / "blind", provenance={}) as bag:
-        bag.write(ego.objects, build.detections(0, ego.lidar_frame, Boxes()), 0)
+        bag.write(ego.objects, build.detections_message(0, ego.lidar_frame, Boxes()), 0)
     with pytest.raises(AdvpipeError, match="no LiDAR clouds"):
         run.train(configured(tmp_path / "blind", tmp_path / "run"))
     with pytest.raises(AdvpipeError, match="does not exist"):

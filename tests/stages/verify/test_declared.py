@@ -20,11 +20,11 @@ from advpipe.pipeline.messages.topics import V2X_SENT, VehicleTopics
 from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import attack_spec
-from advpipe.pipeline.v2x.codec.codec import decode, encode
+from advpipe.pipeline.v2x.codec.codec import decode_cam_tree, encode_cam_tree
 from advpipe.stages.attack.run import AttackRequest, attack
 from advpipe.stages.attack.v2x.cams import with_fields
 from advpipe.stages.verify.checks.base import BagCheck
-from advpipe.stages.verify.checks.cams import Cams
+from advpipe.stages.verify.checks.cams import CamsCheck
 from advpipe.stages.verify.checks.fixes import Fixes
 
 Rewrite = Callable[[Path, Callable[[Iterable[RawMessage]], Iterator[RawMessage]]], None]
@@ -40,10 +40,10 @@ def declaring(**declared: object) -> Callable[[Attacks], None]:
 def test_a_field_that_is_not_declared_untrue(data_set: Path) -> None:
     bag = data_set / "cam"
     rows = pq.read_table(bag / CAMS).to_pylist()
-    assert len(faults(bag, Cams, declaring(untrue=["speed", "heading"]))) == len(rows)
-    assert faults(bag, Cams, declaring(untrue=["speed", "position"])) == []
+    assert len(faults(bag, CamsCheck, declaring(untrue=["speed", "heading"]))) == len(rows)
+    assert faults(bag, CamsCheck, declaring(untrue=["speed", "position"])) == []
     first = min(rows, key=lambda row: row["number"])
-    assert faults(bag, Cams, declaring(untrue=[]))[0] == (
+    assert faults(bag, CamsCheck, declaring(untrue=[]))[0] == (
         f"message {first['number']} has its latitude_deg,longitude_deg changed; cam-position-offset declares "
         "nothing untrue"
     )
@@ -62,7 +62,7 @@ def test_a_message_that_is_changed_in_more(data_set: Path, rewrite: Rewrite) -> 
             if message is None or message.number != number:
                 yield raw
                 continue
-            payload = encode(with_fields(decode(bytes(message.payload)), speed_mps=99.0))
+            payload = encode_cam_tree(with_fields(decode_cam_tree(bytes(message.payload)), speed_mps=99.0))
             lie = replace(message, payload=np.frombuffer(payload, np.uint8))
             yield replace(raw, cdr=serialise(lie, V2X_SENT.type))
 
@@ -72,7 +72,7 @@ def test_a_message_that_is_changed_in_more(data_set: Path, rewrite: Rewrite) -> 
         at = table.column_names.index(name)
         table = table.set_column(at, table.schema.field(at), pa.array(values, table.schema.field(at).type))
     pq.write_table(table, bag / CAMS)
-    assert faults(bag, Cams) == [
+    assert faults(bag, CamsCheck) == [
         f"message {number} has its speed_mps changed; cam-position-offset declares only the position untrue"
     ]
 
@@ -88,14 +88,14 @@ def test_parts_of_a_mix_declare_their_own(data_set: Path) -> None:
     attack(data_set / "clean", bag, AttackRequest((attack_spec(options),)), workers=1)
     rows = pq.read_table(bag / CAMS).to_pylist()
     assert {row["part"] for row in rows} == {"cam-heading-reversed", "cam-dimensions"}
-    assert faults(bag, Cams) == []
+    assert faults(bag, CamsCheck) == []
 
     def swapped(attacks: Attacks) -> None:
         one, other = attacks[0]["declared"]["parts"]
         assert set(attacks[0]["declared"]["untrue"]) == {"heading", "dimensions"}
         one["untrue"], other["untrue"] = other["untrue"], one["untrue"]
 
-    assert len(faults(bag, Cams, swapped)) == len(rows)
+    assert len(faults(bag, CamsCheck, swapped)) == len(rows)
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,7 @@ def test_what_hangs_on_parameters(data_set: Path, options: dict[str, object], cl
     attack(data_set / "clean", bag, AttackRequest((spec,)), workers=1)
     assert pq.read_table(bag / CAMS).num_rows > 0
     assert len(BagReader(bag).provenance.said.attacks[0].declared.untrue) == claims
-    assert faults(bag, Cams) == []
+    assert faults(bag, CamsCheck) == []
 
 
 @pytest.mark.parametrize(
@@ -130,14 +130,14 @@ def test_what_hangs_on_parameters(data_set: Path, options: dict[str, object], cl
         ("gnss", Fixes, {"fix_height_change_m": [0, 0]}, "by how much the height of a fix changed"),
         (
             "cam",
-            Cams,
+            CamsCheck,
             {"position_offset_m": [0, 20]},
             "beyond the bounds of cam-position-offset: how far the told position was moved on the ground: ",
         ),
-        ("cam", Cams, {"delay_s": [1, 2]}, "how much later a message is sent: 0 s, where 1 to 2 s"),
+        ("cam", CamsCheck, {"delay_s": [1, 2]}, "how much later a message is sent: 0 s, where 1 to 2 s"),
         (
             "dos",
-            Cams,
+            CamsCheck,
             {"messages_added_per_s": [0, 5]},
             "messages that an attacker added within a second: 6, where 0 to 5 is declared",
         ),
@@ -160,7 +160,7 @@ def test_bounds_that_were_not_kept(
     assert faults(data_set / bag, check, one_of_two) == []
 
 
-@pytest.mark.parametrize(("bag", "check"), [("gnss", Fixes), ("cam", Cams)])
+@pytest.mark.parametrize(("bag", "check"), [("gnss", Fixes), ("cam", CamsCheck)])
 def test_bounds_that_nobody_measures(data_set: Path, bag: str, check: type[BagCheck]) -> None:
     said = unchecked(data_set / bag, check, declaring(bounds={"smell": [0, 1]}))
     assert f"smell of {'gnss-bias' if bag == 'gnss' else 'cam-position-offset'} not checked" in said

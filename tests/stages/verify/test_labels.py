@@ -17,7 +17,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.stages.attack.run import AttackRequest, attack
 from advpipe.stages.verify.checks.base import BagCheck
-from advpipe.stages.verify.checks.cams import Cams
+from advpipe.stages.verify.checks.cams import CamsCheck
 from advpipe.stages.verify.checks.fixes import Fixes
 from advpipe.stages.verify.checks.points import Points
 from advpipe.stages.verify.result import Fault
@@ -62,7 +62,12 @@ def with_other_values(path: Path, check: type[BagCheck]) -> dict[str, list[str]]
 @pytest.mark.parametrize(
     ("bag", "table", "check"),
     [
-        *(("cam", CAMS, Cams), ("delay", CAMS, Cams), ("dos", CAMS, Cams), ("gnss", CAMS, Cams)),
+        *(
+            ("cam", CAMS, CamsCheck),
+            ("delay", CAMS, CamsCheck),
+            ("dos", CAMS, CamsCheck),
+            ("gnss", CAMS, CamsCheck),
+        ),
         ("gnss", FIXES, Fixes),
     ],
 )
@@ -93,14 +98,14 @@ def test_several_attacks_on_one_message(data_set: Path) -> None:
     attack(data_set / "clean", bag, AttackRequest(tuple(map(attack_spec, specs))), workers=1)
     numbers = pq.read_table(bag / CAMS)["number"].to_pylist()
     assert len(set(numbers)) < len(numbers)
-    assert faults(bag, Cams) == []
-    found = with_other_values(bag / CAMS, Cams)
+    assert faults(bag, CamsCheck) == []
+    found = with_other_values(bag / CAMS, CamsCheck)
     assert all(found[name] for name in ("attack", "part", "attacker", "sender", "fields", "mattered"))
 
     def other_mix(attacks: Attacks) -> None:
         attacks[1]["declared"]["parts"] = [{"name": "cam-dimensions"}]
 
-    assert "is not by part 'cam-heading-reversed' of cam-mix" in " ".join(faults(bag, Cams, other_mix))
+    assert "is not by part 'cam-heading-reversed' of cam-mix" in " ".join(faults(bag, CamsCheck, other_mix))
     what = " ".join(gap.what for gap in verify(bag).unchecked)
     assert "between several attacks on them is believed" in what
 
@@ -116,9 +121,9 @@ def by_others(attacks: Attacks) -> None:
 @pytest.mark.parametrize(
     ("bag", "check", "change", "words"),
     [
-        ("cam", Cams, later, "when cam-position-offset was not on"),
-        ("delay", Cams, later, "when cam-delay was not on"),
-        ("cam", Cams, by_others, "whose messages cam-position-offset does not touch"),
+        ("cam", CamsCheck, later, "when cam-position-offset was not on"),
+        ("delay", CamsCheck, later, "when cam-delay was not on"),
+        ("cam", CamsCheck, by_others, "whose messages cam-position-offset does not touch"),
         ("gnss", Fixes, later, "is attacked by nobody, not gnss-bias"),
     ],
 )
@@ -176,7 +181,7 @@ def unchecked(bag: Path, check: type[BagCheck], change: Callable[[Attacks], None
         ("detach", Points, "bounds of detach not checked: the bag is of a version"),
         (
             "dos",
-            Cams,
+            CamsCheck,
             "parts, bounds, mattered and untrue fields of cam-dos not checked: the bag is of a version",
         ),
     ],
@@ -202,7 +207,7 @@ def test_labels_as_older_versions_wrote_them(data_set: Path) -> None:
     table = pq.read_table(path).drop_columns(["part"])
     words = pa.array([text.split(",") for text in table["fields"].to_pylist()])
     pq.write_table(table.set_column(table.column_names.index("fields"), "fields", words), path)
-    assert faults(path.parent, Cams) == []
+    assert faults(path.parent, CamsCheck) == []
     unchecked = " ".join(gap.what for gap in verify(path.parent).unchecked)
     assert "part and fields: not as this version writes them" in unchecked
 

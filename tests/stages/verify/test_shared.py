@@ -20,7 +20,7 @@ from advpipe.stages.verify.run import verify
 def test_single_bits(shared: Path) -> None:
     """60 of them anywhere in a data set, all found; the benchmark does so a thousand times."""
     rng = np.random.default_rng(5)
-    files = [shared / name for name in (*checksums.listed(shared), checksums.FILE)]
+    files = [shared / name for name in (*checksums.listed_files(shared), checksums.FILE)]
     sizes = np.array([path.stat().st_size for path in files])
     ends = np.cumsum(sizes)
     for place in rng.integers(ends[-1], size=60).tolist() + [int(ends[-1]) - 3, int(ends[-1]) - 40]:
@@ -124,7 +124,7 @@ def test_signatures(shared: Path, tmp_path: Path) -> None:
         subprocess.run(["openssl", "pkey", "-in", private, "-pubout", "-out", public], check=True)
         keys.append((private, public))
     assert not verify(shared, quick=True, key=keys[0][1]).is_good  # not signed at all
-    signature.sign(shared, keys[0][0])
+    signature.sign_folder(shared, keys[0][0])
     assert verify(shared, quick=True, key=keys[0][1]).is_good
     found = verify(shared, quick=True, key=keys[1][1]).findings
     assert [finding.check for finding in found] == ["signature"]

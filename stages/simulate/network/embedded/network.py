@@ -14,7 +14,7 @@ from advpipe.pipeline.messages.v2x import RadioPlace, stations_of
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.v2x.channel import Channel, Sent
 from advpipe.pipeline.v2x.facilities.generation import switched_on_ns
-from advpipe.pipeline.v2x.facilities.ldm import Snapshot
+from advpipe.pipeline.v2x.facilities.ldm import LdmSnapshot
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.statistics import Statistics
@@ -67,7 +67,7 @@ class EmbeddedNetwork:
         update_states(self._by_id, estimates, self._now_ns, self._v2x, clock.step_s, self._geodesy)
         self.radios = tuple(station.place for station in self._by_id)
 
-    def local_dynamic_maps(self) -> list[tuple[str, Snapshot]]:
+    def local_dynamic_maps(self) -> list[tuple[str, LdmSnapshot]]:
         names = [name for name in self._instrumented if name in self._stations]
         return [(name, self.channel.snapshot(name, self._now_ns)) for name in names]
 

@@ -25,7 +25,7 @@ from advpipe.stages.simulate.traffic.sumo.population import Population
 from advpipe.stages.simulate.traffic.sumo.routes import Routes
 from advpipe.stages.simulate.traffic.sumo.vehicle_types import vehicle_types_xml
 from advpipe.stages.simulate.traffic.sumo.vehicles import SumoVehicles
-from advpipe.stages.simulate.traffic.trajectories.trajectories import Trajectories
+from advpipe.stages.simulate.traffic.trajectories.trajectories import TrajectoryPlayer
 
 INSERTION_LIMIT_S = 120.0
 CLEARANCE_M = 10.0
@@ -49,7 +49,7 @@ class SumoTraffic(TrafficSource):
         sumo = SumoConnection(scenario.traffic.transport, scenario.traffic.server, scratch)
         self._sumo = sumo
         self._population = Population(sumo, scenario, network, variants, routes, rng)
-        self._trajectories = Trajectories(scenario, variants)
+        self._trajectories = TrajectoryPlayer(scenario, variants)
         for name, vehicle in scenario.vehicles.items():
             if vehicle.route is not None:
                 routes.checked(vehicle.route, f"vehicles.{name}.route")

@@ -12,7 +12,7 @@ from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.road_network.network import RoadNetwork
 from advpipe.stages.simulate.traffic.protocol import TrafficSource
 from advpipe.stages.simulate.traffic.road_users import RoadUser
-from advpipe.stages.simulate.traffic.trajectories.trajectories import Trajectories
+from advpipe.stages.simulate.traffic.trajectories.trajectories import TrajectoryPlayer
 
 
 class TrajectoryTraffic(TrafficSource):
@@ -28,7 +28,7 @@ class TrajectoryTraffic(TrafficSource):
                     f"vehicles.{name}.driver is {vehicle.driver}, but traffic.source is trajectories, where "
                     f"the table moves everybody; set it to trajectory, or traffic.source to sumo"
                 )
-        self._trajectories = Trajectories(scenario, variants)
+        self._trajectories = TrajectoryPlayer(scenario, variants)
         self._step_s = scenario.simulation.step_s
         self._next_frame = 0
         self._pushed: dict[str, RoadUser] = {}

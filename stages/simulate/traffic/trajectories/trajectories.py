@@ -57,7 +57,7 @@ class Trajectory:
         return RoadUser(self.id, self.variant, pose, now[6:9])
 
 
-class Trajectories:
+class TrajectoryPlayer:
     """All vehicles that are moved from outside by a table; none if the scenario names no table."""
 
     def __init__(self, scenario: Scenario, variants: Mapping[str, Variant]) -> None:

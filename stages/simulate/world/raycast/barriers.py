@@ -9,7 +9,7 @@ import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.stages.simulate.road_network.roads import KERB_M, Roads, offset_right
-from advpipe.stages.simulate.world.raycast.mesh import Mesh, box, merge, strip
+from advpipe.stages.simulate.world.raycast.mesh import Mesh, box_mesh, merge, strip
 from advpipe.stages.simulate.world.raycast.occupied import Occupied
 
 STRETCH_POINTS = 10
@@ -70,5 +70,5 @@ def _folded(path_m: Float64, profile: list[tuple[float, float]], material: str) 
 
 
 def _posts(path_m: Float64, size_m: tuple[float, float, float]) -> list[Mesh]:
-    post = box((size_m[0], size_m[1], size_m[2] + 0.3), "rail")
+    post = box_mesh((size_m[0], size_m[1], size_m[2] + 0.3), "rail")
     return [post.moved(x, y, z - 0.3) for x, y, z in offset_right(path_m, 0.1)]

@@ -10,7 +10,7 @@ import numpy as np
 from advpipe.pipeline.scenario.traffic import UserBody
 from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.world.raycast import cars, people, trucks, two_wheelers
-from advpipe.stages.simulate.world.raycast.mesh import Mesh, box, merge
+from advpipe.stages.simulate.world.raycast.mesh import Mesh, box_mesh, merge
 from advpipe.stages.simulate.world.raycast.user_mesh import load_mesh
 
 Build = Callable[[float, float, float, str, float], Mesh]
@@ -75,7 +75,7 @@ def body_mesh(variant: Variant) -> Mesh:
         return hull(variant)
     x_m, z_m = mirrors[0] * variant.length_m, mirrors[1] * variant.height_m
     y_m = variant.width_m / 2 + MIRROR_OUT_M - MIRROR_M[1] / 2
-    mirror = box(MIRROR_M, variant.paint)
+    mirror = box_mesh(MIRROR_M, variant.paint)
     return merge([hull(variant), mirror.moved(x_m, y_m, z_m), mirror.moved(x_m, -y_m, z_m)])
 
 

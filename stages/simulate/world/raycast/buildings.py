@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64, se3_from_yaw
-from advpipe.stages.simulate.world.raycast.mesh import Mesh, box, merge, surface
+from advpipe.stages.simulate.world.raycast.mesh import Mesh, box_mesh, merge, surface
 from advpipe.stages.simulate.world.raycast.shapes import quad
 
 STOREY_M = 3.0
@@ -29,7 +29,7 @@ def building(length_m: float, depth_m: float, storeys: int, rng: np.random.Gener
         pose = se3_from_yaw((0, 0, 0), turn * np.pi / 2)
         parts.append(facade.moved(0, -deep_m / 2, 0).transformed(pose))
     core = (max(length_m - 2 * ROOM_M, 0.5), max(depth_m - 2 * ROOM_M, 0.5), height_m)
-    parts.append(box(core, "room"))
+    parts.append(box_mesh(core, "room"))
     for storey in range(storeys + 1):
         z_m = 0.15 + storey * STOREY_M
         parts.append(quad(_plan(length_m - 0.1, depth_m - 0.1, z_m), "room"))

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.stages.simulate.world.raycast.mesh import Mesh, box, ellipsoid, merge, tube
+from advpipe.stages.simulate.world.raycast.mesh import Mesh, box_mesh, ellipsoid, merge, tube
 from advpipe.stages.simulate.world.raycast.shapes import Profile, band, panels, wheel
 
 FRAME_M = 0.05
@@ -116,14 +116,14 @@ def _inside(shape: CarShape, length_m: float, width_m: float, height_m: float, p
     back_m, ahead_m = shape.cabin[0][0] * length_m, shape.cabin[-1][0] * length_m
     middle_m, long_m = (back_m + ahead_m) / 2, ahead_m - back_m
     parts = [
-        box((long_m, 0.92 * width_m, 0.02), "interior").moved(middle_m, 0, belt_m - 0.62),
-        box((0.4, 0.9 * width_m, 0.3), "interior").moved(ahead_m - 0.22, 0, belt_m - 0.3),
+        box_mesh((long_m, 0.92 * width_m, 0.02), "interior").moved(middle_m, 0, belt_m - 0.62),
+        box_mesh((0.4, 0.9 * width_m, 0.3), "interior").moved(ahead_m - 0.22, 0, belt_m - 0.3),
     ]
     if shape.bed:
         bed_m = (-0.5 * length_m + back_m) / 2
-        floor = box((back_m + 0.5 * length_m - 0.06, 0.9 * width_m, 0.02), "plastic")
+        floor = box_mesh((back_m + 0.5 * length_m - 0.06, 0.9 * width_m, 0.02), "plastic")
         parts.append(floor.moved(bed_m, 0, 0.38 * height_m))
-        parts.append(box((0.04, 0.92 * width_m, 0.5), "plastic").moved(back_m, 0, belt_m - 0.5))
+        parts.append(box_mesh((0.04, 0.92 * width_m, 0.5), "plastic").moved(back_m, 0, belt_m - 0.5))
     for row, x in enumerate(shape.rows):
         for side in (-1, 1):
             parts += _seat(x * length_m, side * 0.24 * width_m, 0.38 * width_m, belt_m, row < 2)
@@ -132,9 +132,9 @@ def _inside(shape: CarShape, length_m: float, width_m: float, height_m: float, p
 
 
 def _seat(x_m: float, y_m: float, width_m: float, belt_m: float, whole: bool) -> list[Mesh]:
-    parts = [box((0.12, width_m, 0.72), "interior").moved(x_m - 0.26, y_m, belt_m - 0.5)]
+    parts = [box_mesh((0.12, width_m, 0.72), "interior").moved(x_m - 0.26, y_m, belt_m - 0.5)]
     if whole:
-        parts.append(box((0.5, width_m, 0.16), "interior").moved(x_m, y_m, belt_m - 0.56))
+        parts.append(box_mesh((0.5, width_m, 0.16), "interior").moved(x_m, y_m, belt_m - 0.56))
     return parts
 
 
@@ -146,7 +146,7 @@ def _sitting(x_m: float, y_m: float, belt_m: float) -> list[Mesh]:
 
 def _ends(length_m: float, width_m: float, height_m: float, tail: float, nose: float) -> list[Mesh]:
     """Number plates, head-lamps and tail-lamps."""
-    plate, lamp = box((0.02, 0.52, 0.11), "plate"), box((0.1, 0.16 * width_m, 0.13), "lamp")
+    plate, lamp = box_mesh((0.02, 0.52, 0.11), "plate"), box_mesh((0.1, 0.16 * width_m, 0.13), "lamp")
     parts = [
         plate.moved(-length_m / 2 - 0.01, 0, 0.62 * tail * height_m),
         plate.moved(length_m / 2 + 0.01, 0, 0.3 * height_m if height_m < 2 else 0.45),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from advpipe.stages.simulate.world.raycast.mesh import Mesh, box, merge, surface, tube
+from advpipe.stages.simulate.world.raycast.mesh import Mesh, box_mesh, merge, surface, tube
 
 
 def lamp_post(rng: np.random.Generator) -> Mesh:
@@ -19,12 +19,12 @@ def lamp_post(rng: np.random.Generator) -> Mesh:
             tube((0, 0, -0.3), (0, 0, 1.2), 0.11, "steel", 8),
             tube((0, 0, 1.2), (0, 0, height_m), 0.07, "steel", 8),
             tube((0, 0, height_m), (0, reach_m, height_m + 0.25), 0.04, "steel", 6),
-            box((0.25, 0.6, 0.12), "steel").moved(0, reach_m + 0.2, height_m + 0.18),
+            box_mesh((0.25, 0.6, 0.12), "steel").moved(0, reach_m + 0.2, height_m + 0.18),
         ]
     )
 
 
-def sign(rng: np.random.Generator) -> Mesh:
+def traffic_sign(rng: np.random.Generator) -> Mesh:
     """A traffic sign on its post: round, triangular, square or a large panel; bright to the front only."""
     kind = int(rng.integers(5))
     foot_m = rng.uniform(2.0, 2.4)
@@ -46,12 +46,12 @@ def _plate(outline_yz: list[tuple[float, float]]) -> Mesh:
     return merge([surface(points, fan, "sign"), surface(points + (0.02, 0, 0), fan, "sign_back")])
 
 
-def signal(rng: np.random.Generator) -> Mesh:
+def traffic_light(rng: np.random.Generator) -> Mesh:
     """A traffic signal: a head on the post, and often another on an arm over the road."""
     head = merge(
         [
-            box((0.22, 0.3, 0.9), "plastic"),
-            box((0.02, 0.56, 1.1), "plastic").moved(0.12, 0, -0.1),
+            box_mesh((0.22, 0.3, 0.9), "plastic"),
+            box_mesh((0.02, 0.56, 1.1), "plastic").moved(0.12, 0, -0.1),
         ]
     )
     parts = [tube((0, 0, -0.3), (0, 0, 3.4), 0.07, "steel", 8), head.moved(-0.15, 0, 2.3)]
@@ -71,8 +71,8 @@ def bollard(rng: np.random.Generator) -> Mesh:
 
 def delineator(rng: np.random.Generator) -> Mesh:
     """The reflecting post beside fast roads."""
-    reflector = box((0.01, 0.05, 0.18), "sign").moved(-0.065, 0, 0.75)
-    return merge([box((0.12, 0.12, 1.0), "barrier_concrete"), reflector])
+    reflector = box_mesh((0.01, 0.05, 0.18), "sign").moved(-0.065, 0, 0.75)
+    return merge([box_mesh((0.12, 0.12, 1.0), "barrier_concrete"), reflector])
 
 
 def fence(length_m: float, rng: np.random.Generator) -> Mesh:
@@ -88,7 +88,7 @@ def fence(length_m: float, rng: np.random.Generator) -> Mesh:
     )
     first = 4 * np.arange(len(slats))[:, None]
     faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
-    rails = [box((length_m, 0.04, 0.08), "wood").moved(0, 0.03, z) for z in (0.25, height_m - 0.25)]
+    rails = [box_mesh((length_m, 0.04, 0.08), "wood").moved(0, 0.03, z) for z in (0.25, height_m - 0.25)]
     return merge([surface(corners.reshape(-1, 3), faces, "wood"), *rails])
 
 
@@ -96,20 +96,20 @@ def litter_bin(rng: np.random.Generator) -> Mesh:
     """A bin, or two large ones on wheels."""
     if rng.random() < 0.5:
         return tube((0, 0, 0.1), (0, 0, 0.9), 0.22, "bin", 10)
-    return merge(box((0.58, 0.7, 1.05), "bin").moved(x, 0, 0) for x in (-0.34, 0.34))
+    return merge(box_mesh((0.58, 0.7, 1.05), "bin").moved(x, 0, 0) for x in (-0.34, 0.34))
 
 
 def container(rng: np.random.Generator) -> Mesh:
     """A skip or a switch cabinet: of a car's size too, to be told from cars."""
     if rng.random() < 0.5:
-        return box((rng.uniform(0.4, 1.2), rng.uniform(0.3, 0.6), rng.uniform(0.8, 1.6)), "bin")
-    return box((rng.uniform(1.2, 4.5), rng.uniform(1.0, 1.9), rng.uniform(1.1, 1.9)), "rail")
+        return box_mesh((rng.uniform(0.4, 1.2), rng.uniform(0.3, 0.6), rng.uniform(0.8, 1.6)), "bin")
+    return box_mesh((rng.uniform(1.2, 4.5), rng.uniform(1.0, 1.9), rng.uniform(1.1, 1.9)), "rail")
 
 
 def shelter(rng: np.random.Generator) -> Mesh:
     """A bus shelter: roof, posts, panes at the back and one end, a bench."""
-    pane = box((3.6, 0.01, 1.9), "pane").moved(0, -0.75, 0.25)
-    end = box((0.01, 1.3, 1.9), "pane").moved(1.8, -0.1, 0.25)
+    pane = box_mesh((3.6, 0.01, 1.9), "pane").moved(0, -0.75, 0.25)
+    end = box_mesh((0.01, 1.3, 1.9), "pane").moved(1.8, -0.1, 0.25)
     posts = [tube((x, y, 0), (x, y, 2.35), 0.04, "steel", 6) for x in (-1.85, 1.85) for y in (-0.75, 0.6)]
-    bench = box((2.4, 0.4, 0.06), "wood").moved(0, -0.45, 0.45)
-    return merge([box((4.0, 1.7, 0.12), "steel").moved(0, 0, 2.35), pane, end, *posts, bench])
+    bench = box_mesh((2.4, 0.4, 0.06), "wood").moved(0, -0.45, 0.45)
+    return merge([box_mesh((4.0, 1.7, 0.12), "steel").moved(0, 0, 2.35), pane, end, *posts, bench])

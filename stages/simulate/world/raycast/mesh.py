@@ -64,7 +64,7 @@ def strip(left_m: Float64, right_m: Float64, material: str) -> Mesh:
     return surface(np.concatenate([left_m, right_m]), faces, material)
 
 
-def box(size_m: Sequence[float], material: str, top: str | None = None) -> Mesh:
+def box_mesh(size_m: Sequence[float], material: str, top: str | None = None) -> Mesh:
     """A box that stands on z = 0, centred in x and y."""
     length, width, height = size_m
     corners = [(x, y, z) for z in (0, height) for x, y in _square(length / 2, width / 2)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from advpipe.stages.simulate.world.raycast.mesh import Mesh, box, ellipsoid, merge, surface, tube
+from advpipe.stages.simulate.world.raycast.mesh import Mesh, box_mesh, ellipsoid, merge, surface, tube
 
 
 def walking(length_m: float, width_m: float, height_m: float, paint: str, pose: float) -> Mesh:
@@ -14,13 +14,13 @@ def walking(length_m: float, width_m: float, height_m: float, paint: str, pose: 
 
 def with_backpack(length_m: float, width_m: float, height_m: float, paint: str, pose: float) -> Mesh:
     """Somebody with a pack on the back."""
-    pack = box((0.22, 0.34, 0.27 * height_m), "cloth_dark").moved(-0.24, 0, 0.56 * height_m)
+    pack = box_mesh((0.22, 0.34, 0.27 * height_m), "cloth_dark").moved(-0.24, 0, 0.56 * height_m)
     return merge([*_person(height_m, pose), pack])
 
 
 def with_suitcase(length_m: float, width_m: float, height_m: float, paint: str, pose: float) -> Mesh:
     """Somebody who draws a case on wheels."""
-    case = box((0.25, 0.4, 0.6), "plastic").moved(-0.62, -0.2, 0.05)
+    case = box_mesh((0.25, 0.4, 0.6), "plastic").moved(-0.62, -0.2, 0.05)
     handle = tube((-0.62, -0.2, 0.6), (-0.1, -0.25, 0.47 * height_m), 0.015, "frame", 4)
     return merge([*_person(height_m, pose), case, handle])
 
@@ -49,7 +49,7 @@ def _person(height_m: float, pose: float, raised: int = 0) -> list[Mesh]:
         parts += [
             tube((0, 0.09 * side * limb, hip), bent, 0.085 * limb, "cloth_dark", 6),
             tube(bent, foot, 0.06 * limb, "cloth_dark", 6),
-            box((0.24 * limb, 0.09 * limb, 0.08 * limb), "rubber").moved(foot[0] + 0.05, foot[1], 0.0),
+            box_mesh((0.24 * limb, 0.09 * limb, 0.08 * limb), "rubber").moved(foot[0] + 0.05, foot[1], 0.0),
         ]
         elbow = (-0.5 * ahead, 0.25 * side * limb, 0.64 * height_m)
         hand = (-ahead + 0.08, 0.26 * side * limb, 0.49 * height_m)

@@ -19,7 +19,7 @@ from advpipe.stages.simulate.world.raycast import furniture, trees
 from advpipe.stages.simulate.world.raycast.buildings import building
 from advpipe.stages.simulate.world.raycast.ground import terrain_at
 from advpipe.stages.simulate.world.raycast.markings import has_signal
-from advpipe.stages.simulate.world.raycast.mesh import Mesh, box, merge
+from advpipe.stages.simulate.world.raycast.mesh import Mesh, box_mesh, merge
 from advpipe.stages.simulate.world.raycast.occupied import Occupied, footprint
 from advpipe.stages.simulate.world.raycast.user_mesh import load_mesh
 
@@ -156,7 +156,7 @@ def _signals(network: RoadNetwork, occupied: Occupied, rng: np.random.Generator)
         for aside_m in (0.7, 1.4, 2.4):
             pose = plot.at(lane.width_m / 2 + aside_m, KERB_M)
             if occupied.take(pose, 0.4, 0.4):
-                meshes.append(furniture.signal(rng).transformed(pose))
+                meshes.append(furniture.traffic_light(rng).transformed(pose))
                 break
     return meshes
 
@@ -169,13 +169,13 @@ def _sign(rng: np.random.Generator) -> _Thing:
     kind = rng.random()
     if kind < 0.15:
         return _Thing(furniture.bollard(rng), 0.3, 0.3, 0.5)
-    return _Thing(furniture.sign(rng), 0.6, 1.0, POLE_OFFSET_M, rng.normal(0.0, 0.08))
+    return _Thing(furniture.traffic_sign(rng), 0.6, 1.0, POLE_OFFSET_M, rng.normal(0.0, 0.08))
 
 
 def _roadside_post(rng: np.random.Generator) -> _Thing:
     if rng.random() < 0.6:
         return _Thing(furniture.delineator(rng), 0.2, 0.2, 1.4)
-    return _Thing(furniture.sign(rng), 0.6, 1.8, 2.6, rng.normal(0.0, 0.05))
+    return _Thing(furniture.traffic_sign(rng), 0.6, 1.8, 2.6, rng.normal(0.0, 0.05))
 
 
 def _tree(rng: np.random.Generator) -> _Thing:
@@ -202,7 +202,7 @@ def _clutter(rng: np.random.Generator) -> _Thing:
     if kind == 2:
         return _Thing(furniture.fence(long_m, rng), long_m, 0.3, offset_m, 0.2 * turn_rad)
     if kind == 3:
-        mesh = box((long_m, 0.25, rng.uniform(0.6, 1.6)), "masonry")
+        mesh = box_mesh((long_m, 0.25, rng.uniform(0.6, 1.6)), "masonry")
         return _Thing(mesh, long_m, 0.25, offset_m, 0.2 * turn_rad)
     if kind == 4:
         return _Thing(furniture.litter_bin(rng), 1.3, 0.8, offset_m, turn_rad)

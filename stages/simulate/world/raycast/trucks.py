@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 
 from advpipe.stages.simulate.world.raycast.cars import _seat, _sitting
-from advpipe.stages.simulate.world.raycast.mesh import Mesh, box, merge
+from advpipe.stages.simulate.world.raycast.mesh import Mesh, box_mesh, merge
 from advpipe.stages.simulate.world.raycast.shapes import band, panels, wheel
 
 TAPE_M = 0.06
@@ -17,8 +17,8 @@ def box_truck(length_m: float, width_m: float, height_m: float, paint: str, pose
     """A rigid truck of two axles with a box body."""
     cab_m = 2.0
     load_m = length_m - cab_m - 0.2
-    load = box((load_m, width_m, height_m - 0.95), "tarpaulin").moved(-(length_m - load_m) / 2, 0, 0.95)
-    chassis = box((length_m - 0.6, 0.9, 0.35), "frame").moved(-0.1, 0, 0.55)
+    load = box_mesh((load_m, width_m, height_m - 0.95), "tarpaulin").moved(-(length_m - load_m) / 2, 0, 0.95)
+    chassis = box_mesh((length_m - 0.6, 0.9, 0.35), "frame").moved(-0.1, 0, 0.55)
     axles = [0.5 * length_m - 1.3, -0.5 * length_m + 2.0]
     cab = _cab(length_m / 2, cab_m, 0.97 * width_m, min(2.55, 0.8 * height_m), paint, pose)
     parts = [*cab, load, chassis, *_wheels(axles, width_m)]
@@ -29,13 +29,13 @@ def semi_trailer(length_m: float, width_m: float, height_m: float, paint: str, p
     """A tractor of two axles and a curtain-sided trailer of three, straight behind one another."""
     front_m, back_m = length_m / 2, -length_m / 2
     trailer_m = 0.825 * length_m
-    load = box((trailer_m, width_m, height_m - 1.2), "tarpaulin").moved(back_m + trailer_m / 2, 0, 1.2)
-    beam = box((trailer_m - 0.5, 1.0, 0.3), "frame").moved(back_m + trailer_m / 2, 0, 0.9)
-    tractor = box((5.4, 0.9, 0.4), "frame").moved(front_m - 3.2, 0, 0.55)
-    guard = box((5.6, 0.05, 0.45), "frame")
+    load = box_mesh((trailer_m, width_m, height_m - 1.2), "tarpaulin").moved(back_m + trailer_m / 2, 0, 1.2)
+    beam = box_mesh((trailer_m - 0.5, 1.0, 0.3), "frame").moved(back_m + trailer_m / 2, 0, 0.9)
+    tractor = box_mesh((5.4, 0.9, 0.4), "frame").moved(front_m - 3.2, 0, 0.55)
+    guard = box_mesh((5.6, 0.05, 0.45), "frame")
     guards = [guard.moved(back_m + 0.6 * trailer_m, s * (width_m / 2 - 0.08), 0.5) for s in (-1, 1)]
     axles = [front_m - 1.4, front_m - 5.0, back_m + 4.7, back_m + 3.4, back_m + 2.1]
-    tape = box((trailer_m - 0.2, width_m + 0.01, TAPE_M), "plate")
+    tape = box_mesh((trailer_m - 0.2, width_m + 0.01, TAPE_M), "plate")
     parts = [load, beam, tractor, *guards, tape.moved(back_m + trailer_m / 2, 0, 1.22)]
     cab = _cab(front_m, 2.25, 0.98 * width_m, 0.93 * height_m, paint, pose)
     return merge([*parts, *cab, *_wheels(axles, width_m), *_rear(length_m, width_m, height_m)])
@@ -48,9 +48,9 @@ def _wheels(axles_m: list[float], width_m: float) -> list[Mesh]:
 def _rear(length_m: float, width_m: float, height_m: float) -> list[Mesh]:
     """Underrun bar, plate, lamps and the tape that outlines the doors."""
     x_m = -length_m / 2
-    lamp, post = box((0.06, 0.35, 0.14), "lamp"), box((0.01, TAPE_M, height_m - 1.5), "plate")
-    bar = box((0.1, 0.94 * width_m, 0.14), "frame")
-    parts = [bar.moved(x_m + 0.15, 0, 0.45), box((0.02, 0.52, 0.11), "plate").moved(x_m + 0.08, 0, 0.62)]
+    lamp, post = box_mesh((0.06, 0.35, 0.14), "lamp"), box_mesh((0.01, TAPE_M, height_m - 1.5), "plate")
+    bar = box_mesh((0.1, 0.94 * width_m, 0.14), "frame")
+    parts = [bar.moved(x_m + 0.15, 0, 0.45), box_mesh((0.02, 0.52, 0.11), "plate").moved(x_m + 0.08, 0, 0.62)]
     for side in (-1, 1):
         parts.append(lamp.moved(x_m + 0.06, side * 0.38 * width_m, 0.75))
         parts.append(post.moved(x_m, side * (width_m / 2 - 0.08), 1.3))
@@ -72,12 +72,14 @@ def _cab(
     arch = shapely.Point(front_m - 1.35, 0.5).buffer(0.6, quad_segs=3)
     side = shapely.Polygon(outline) - arch
     window = shapely.box(front_m - 1.25, belt_m + 0.05, front_m - 0.3, top_m - 0.12)
-    dash = box((0.4, 0.9 * width_m, 0.3), "interior").moved(front_m - 0.35, 0, belt_m - 0.3)
-    floor = box((long_m - 0.1, 0.9 * width_m, 0.02), "interior").moved(front_m - long_m / 2, 0, belt_m - 0.62)
+    dash = box_mesh((0.4, 0.9 * width_m, 0.3), "interior").moved(front_m - 0.35, 0, belt_m - 0.3)
+    floor = box_mesh((long_m - 0.1, 0.9 * width_m, 0.02), "interior").moved(
+        front_m - long_m / 2, 0, belt_m - 0.62
+    )
     x_m = front_m - 1.0
     seats = [part for s in (-1, 1) for part in _seat(x_m, s * 0.28 * width_m, 0.5, belt_m, True)]
     people = [1, -1] if pose > 0.6 else [1]
-    lamp = box((0.08, 0.4, 0.18), "lamp")
+    lamp = box_mesh((0.08, 0.4, 0.18), "lamp")
     return [
         panels(side - window, lambda points: np.full(len(points), width_m / 2), paint),
         panels(window, lambda points: np.full(len(points), width_m / 2), "glass"),
@@ -87,5 +89,5 @@ def _cab(
         *seats,
         *(part for s in people for part in _sitting(x_m, s * 0.28 * width_m, belt_m)),
         *(lamp.moved(front_m - 0.03, s * 0.36 * width_m, 0.65) for s in (-1, 1)),
-        box((0.02, 0.52, 0.11), "plate").moved(front_m, 0, 0.5),
+        box_mesh((0.02, 0.52, 0.11), "plate").moved(front_m, 0, 0.5),
     ]

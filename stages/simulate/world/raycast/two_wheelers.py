@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from advpipe.stages.simulate.world.raycast.mesh import Mesh, box, ellipsoid, merge, tube
+from advpipe.stages.simulate.world.raycast.mesh import Mesh, box_mesh, ellipsoid, merge, tube
 from advpipe.stages.simulate.world.raycast.people import riding
 from advpipe.stages.simulate.world.raycast.shapes import hoop, quad
 
@@ -19,7 +19,7 @@ def bicycle(length_m: float, width_m: float, height_m: float, paint: str, pose: 
     bar = tube(
         (axle - 0.2, -width_m / 2, seat_m + 0.12), (axle - 0.2, width_m / 2, seat_m + 0.12), 0.02, "frame", 5
     )
-    reflector = box((0.02, 0.06, 0.06), "lamp")
+    reflector = box_mesh((0.02, 0.06, 0.06), "lamp")
     return merge(
         [
             *(hoop((x, 0, radius_m), radius_m, 0.05, 0.02, 16) for x in (-axle, axle)),
@@ -41,13 +41,13 @@ def scooter(length_m: float, width_m: float, height_m: float, paint: str, pose: 
     return merge(
         [
             *(tube((x, -0.05, radius_m), (x, 0.05, radius_m), radius_m, "rubber", 12) for x in (-axle, axle)),
-            box((0.95 * axle, 0.28, 0.4), paint).moved(-0.55 * axle, 0, 0.3),
-            box((0.6, 0.28, 0.1), "plastic").moved(-0.4 * axle, 0, seat_m - 0.1),
-            box((axle, 0.32, 0.06), paint).moved(0.3 * axle, 0, 0.27),
+            box_mesh((0.95 * axle, 0.28, 0.4), paint).moved(-0.55 * axle, 0, 0.3),
+            box_mesh((0.6, 0.28, 0.1), "plastic").moved(-0.4 * axle, 0, seat_m - 0.1),
+            box_mesh((axle, 0.32, 0.06), paint).moved(0.3 * axle, 0, 0.27),
             quad(shield, paint),
             *_steering(axle, radius_m, ahead - 0.12, 1.0, width_m),
-            box((0.02, 0.2, 0.2), "plate").moved(-axle - 0.15, 0, 0.5),
-            box((0.08, 0.2, 0.1), "lamp").moved(-axle - 0.05, 0, 0.62),
+            box_mesh((0.02, 0.2, 0.2), "plate").moved(-axle - 0.15, 0, 0.5),
+            box_mesh((0.08, 0.2, 0.1), "lamp").moved(-axle - 0.05, 0, 0.62),
             *riding(seat_m, height_m, 0.02, ahead - 0.15, 0.5),
         ]
     )
@@ -61,13 +61,13 @@ def motorcycle(length_m: float, width_m: float, height_m: float, paint: str, pos
         [
             *(tube((x, -0.07, radius_m), (x, 0.07, radius_m), radius_m, "rubber", 14) for x in (-axle, axle)),
             ellipsoid((0.16, 0, seat_m + 0.02), (0.32, 0.16, 0.17), paint, 4),
-            box((0.5, 0.32, 0.4), "frame").moved(0.1, 0, 0.25),
-            box((0.75, 0.26, 0.12), "plastic").moved(-0.4, 0, seat_m - 0.1),
+            box_mesh((0.5, 0.32, 0.4), "frame").moved(0.1, 0, 0.25),
+            box_mesh((0.75, 0.26, 0.12), "plastic").moved(-0.4, 0, seat_m - 0.1),
             tube((0.1, -0.2, 0.3), (-0.75, -0.22, 0.42), 0.055, "frame", 6),
             tube((-axle, 0, radius_m), (-0.1, 0, 0.5), 0.05, "frame", 5),
             *_steering(axle, radius_m, axle - 0.3, seat_m + 0.2, width_m),
-            box((0.02, 0.2, 0.22), "plate").moved(-axle - 0.22, 0, 0.52),
-            box((0.06, 0.2, 0.08), "lamp").moved(-axle - 0.15, 0, 0.74),
+            box_mesh((0.02, 0.2, 0.22), "plate").moved(-axle - 0.22, 0, 0.52),
+            box_mesh((0.06, 0.2, 0.08), "lamp").moved(-axle - 0.15, 0, 0.74),
             *riding(seat_m, height_m, 0.12, axle - 0.32, 0.5),
         ]
     )
@@ -86,6 +86,6 @@ def _steering(axle: float, radius_m: float, x_m: float, z_m: float, width_m: flo
     return [
         tube((axle, 0, radius_m), (x_m, 0, z_m), 0.05, "frame", 6),
         tube((x_m, -width_m / 2, z_m), (x_m, width_m / 2, z_m), 0.02, "frame", 5),
-        box((0.1, 0.16, 0.16), "lamp").moved(x_m + 0.1, 0, z_m - 0.16),
+        box_mesh((0.1, 0.16, 0.16), "lamp").moved(x_m + 0.1, 0, z_m - 0.16),
         *mirrors,
     ]

@@ -18,7 +18,7 @@ BINS = 65535
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
 
 
-class Window(NamedTuple):
+class BearingWindow(NamedTuple):
     """Bearings [first, last] in bins, may reach beyond the circle's ends; slopes dz/dxy [low, high]."""
 
     first: Float64
@@ -74,7 +74,7 @@ class Windows:
         boxes = np.repeat(np.tile(np.arange(len(half_m)), 2), counts)
         return self._order[place[inside]], boxes[inside]
 
-    def _window(self, map_SE3_box: Float64, half_m: Float64) -> Window:
+    def _window(self, map_SE3_box: Float64, half_m: Float64) -> BearingWindow:
         """The window of each box, for rays that start within `spread_m` of the origin."""
         rotation, centre = map_SE3_box[:, :3, :3], map_SE3_box[:, :3, 3] - self._origin_m
         corners = centre[:, None] + np.einsum("bij,bcj->bci", rotation, _CORNERS * half_m[:, None])
@@ -96,7 +96,7 @@ class Windows:
         slack = 1e-4
         low = np.minimum(floor_m / nearest_m, floor_m / farthest_m) - slack
         high = np.maximum(roof_m / nearest_m, roof_m / farthest_m) + slack
-        return Window(
+        return BearingWindow(
             np.where(around, 0.0, first),
             np.where(around, float(BINS), last),
             np.where(around, -np.inf, low),

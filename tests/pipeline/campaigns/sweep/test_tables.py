@@ -12,19 +12,19 @@ from cells import cell
 
 from advpipe.pipeline.campaigns.sweep.budgets import TABLES, budget_named
 from advpipe.pipeline.campaigns.sweep.cell import Cell
-from advpipe.pipeline.campaigns.sweep.compare import differences
+from advpipe.pipeline.campaigns.sweep.compare import cell_differences
 from advpipe.pipeline.campaigns.sweep.curves import PAPER, curve_points, draw_convergence
 from advpipe.pipeline.campaigns.sweep.panels import median_frame
 from advpipe.pipeline.campaigns.sweep.tables import (
     NOT_RUN,
     baselines_table,
     below_paper,
+    budget_table,
     convergence_table,
     loose_table,
     recipes_of,
     records,
     step,
-    steps_table,
     table_one,
     table_two,
 )
@@ -92,7 +92,7 @@ def test_a_rise_is_one_beyond_the_paired_interval():
     points, bounds = step(before, after)
     assert points == 1.0
     assert bounds == (1.0, 1.0)  # each interval is 4 wide: only the pairs show the rise
-    assert [line[-1] for line in steps_table([before, after]).lines] == ["yes"]
+    assert [line[-1] for line in budget_table([before, after]).lines] == ["yes"]
     assert step(before, cell("detach-1", 51.0)) == (1.0, None)
 
 
@@ -113,8 +113,8 @@ def test_a_cell_comes_back_from_its_file():
     made = cell("detach-1", 50.0, draws=(48.0, None))
     again = Cell.from_json(made.to_json())
     assert again == made
-    assert differences(made, again) == []
-    assert differences(made, cell("detach-1", 51.0, draws=(48.0, None)))[-1].startswith("row.map_ratio_")
+    assert cell_differences(made, again) == []
+    assert cell_differences(made, cell("detach-1", 51.0, draws=(48.0, None)))[-1].startswith("row.map_ratio_")
 
 
 def test_other_numbers_of_steps_are_laid_beside():
@@ -177,6 +177,6 @@ def test_unknown_variants_are_named():
 def test_other_code_is_no_difference_by_itself():
     one = cell("detach-1", 50.0)
     other = replace(one, settings=replace(one.settings, code_sha256="e" * 64), bag_sha256="f" * 64)
-    assert differences(one, other) == []
-    assert differences(one, replace(one, bag_sha256="f" * 64)) != []
-    assert differences(one, replace(other, frames=(0, 2))) == ["frames (0, 2, 4), again (0, 2)"]
+    assert cell_differences(one, other) == []
+    assert cell_differences(one, replace(one, bag_sha256="f" * 64)) != []
+    assert cell_differences(one, replace(other, frames=(0, 2))) == ["frames (0, 2, 4), again (0, 2)"]

@@ -7,7 +7,7 @@ from math import pi
 import pytest
 import torch
 
-from advpipe.pipeline.detector.common.anchors import AnchorGrid, decode, encode
+from advpipe.pipeline.detector.common.anchors import AnchorGrid, decode_boxes, encode_boxes
 from advpipe.pipeline.detector.second.presets import SMALL
 
 GRID = AnchorGrid(SMALL, 128, 128)
@@ -75,10 +75,12 @@ def test_decode_inverts_encode():
     torch.manual_seed(0)
     anchors = GRID.boxes(torch.randint(0, 128 * 128 * GRID.per_cell, (50,)))
     boxes = anchors + torch.randn(50, 7) * 0.1
-    torch.testing.assert_close(decode(encode(boxes, anchors), anchors), boxes, atol=1e-4, rtol=1e-4)
+    torch.testing.assert_close(
+        decode_boxes(encode_boxes(boxes, anchors), anchors), boxes, atol=1e-4, rtol=1e-4
+    )
 
 
 def test_code_by_hand():
     anchor = torch.tensor([[0.0, 0.0, 0.0, 4.0, 3.0, 2.0, 0.0]])
     box = torch.tensor([[5.0, 10.0, 1.0, 4.0, 3.0, 2.0 * 2.718281828, 0.5]])
-    torch.testing.assert_close(encode(box, anchor), torch.tensor([[1.0, 2.0, 0.5, 0.0, 0.0, 1.0, 0.5]]))
+    torch.testing.assert_close(encode_boxes(box, anchor), torch.tensor([[1.0, 2.0, 0.5, 0.0, 0.0, 1.0, 0.5]]))

@@ -11,8 +11,8 @@ import shapely
 import shapely.affinity
 import torch
 
-from advpipe.pipeline.detector.common.anchors import AnchorGrid, encode
-from advpipe.pipeline.detector.common.decode import detections, suppress, vote
+from advpipe.pipeline.detector.common.anchors import AnchorGrid, encode_boxes
+from advpipe.pipeline.detector.common.decode import decode_detections, suppress, vote
 from advpipe.pipeline.detector.common.head import Predictions
 from advpipe.pipeline.detector.common.loss import direction_bin
 from advpipe.pipeline.detector.second.presets import SMALL
@@ -26,7 +26,7 @@ def predictions(boxes, labels, scores):
     out = Predictions(torch.full((1, count, 4), -9.0), torch.zeros(1, count, 7), torch.zeros(1, count, 2))
     for box, label, score in zip(boxes, labels, scores, strict=True):
         target = GRID.assign(box[None], label[None])
-        code = encode(target.boxes, GRID.boxes(target.positive))
+        code = encode_boxes(target.boxes, GRID.boxes(target.positive))
         out.scores[0, target.positive, label] = torch.logit(torch.tensor(score))
         # The head learns the heading only up to half a turn: the direction bin has to mend it.
         code[:, 6] = code[:, 6] + pi
@@ -46,7 +46,7 @@ def test_boxes_come_back_once_each_best_first():
         ]
     )
     labels = torch.tensor([0, 1, 2, 3, 0])
-    found = detections(predictions(boxes, labels, [0.6, 0.9, 0.3, 0.7, 0.05]), 0, GRID)
+    found = decode_detections(predictions(boxes, labels, [0.6, 0.9, 0.3, 0.7, 0.05]), 0, GRID)
     assert found.scores == pytest.approx([0.9, 0.7, 0.6, 0.3], rel=1e-5)
     assert found.labels.tolist() == [1, 3, 0, 2]
     expected = boxes[[1, 3, 0, 2]].numpy().astype(np.float64)
@@ -55,7 +55,7 @@ def test_boxes_come_back_once_each_best_first():
 
 def test_no_detection_under_the_threshold():
     box = torch.tensor([[10.3, -7.2, -1.0, 4.2, 1.8, 1.5, 0.3]])
-    assert len(detections(predictions(box, torch.tensor([0]), [0.09]), 0, GRID)) == 0
+    assert len(decode_detections(predictions(box, torch.tensor([0]), [0.09]), 0, GRID)) == 0
 
 
 @pytest.mark.parametrize("by_class", [True, False])
@@ -64,7 +64,7 @@ def test_an_object_of_two_likely_classes_is_found_as_both_or_as_the_likelier(by_
     out = predictions(box, torch.tensor([2]), [0.4])
     anchors = GRID.assign(box, torch.tensor([2])).positive
     out.scores[0, anchors, 3] = torch.logit(torch.tensor(0.7))
-    found = detections(out, 0, AnchorGrid(replace(SMALL, suppress_by_class=by_class), 128, 128))
+    found = decode_detections(out, 0, AnchorGrid(replace(SMALL, suppress_by_class=by_class), 128, 128))
     assert found.labels.tolist() == ([3, 2] if by_class else [3])
     assert found.scores == pytest.approx([0.7, 0.4] if by_class else [0.7], rel=1e-5)
     np.testing.assert_allclose(found.boxes, np.repeat(box.numpy(), len(found), axis=0), atol=1e-4)
@@ -77,12 +77,12 @@ def test_the_better_placed_of_two_boxes_wins_where_the_head_predicts_quality():
     anchors = target.positive[:2]
     out = predictions(boxes[:0], torch.zeros(0, dtype=torch.int64), [])
     out.scores[0, anchors, 0] = torch.logit(torch.tensor([0.9, 0.8]))
-    out.codes[0, anchors] = encode(boxes, GRID.boxes(anchors))
+    out.codes[0, anchors] = encode_boxes(boxes, GRID.boxes(anchors))
     out = replace(out, qualities=torch.full((1, out.scores.shape[1]), -9.0))
     out.qualities[0, anchors] = torch.logit(torch.tensor([0.5, 0.9]))
     for power, score in ((1.0, 0.72), (2.0, 0.648)):
         grid = AnchorGrid(replace(SMALL, quality_power=power, vote_iou=None), 128, 128)
-        found = detections(out, 0, grid)
+        found = decode_detections(out, 0, grid)
         assert found.scores == pytest.approx([score], rel=1e-5)
         assert found.boxes[0, 0] == pytest.approx(10.4, abs=1e-4)
 

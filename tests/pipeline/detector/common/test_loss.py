@@ -8,7 +8,7 @@ from math import cos, exp, log, pi, sin
 import pytest
 import torch
 
-from advpipe.pipeline.detector.common.anchors import AnchorGrid, Targets, encode
+from advpipe.pipeline.detector.common.anchors import AnchorGrid, Targets, encode_boxes
 from advpipe.pipeline.detector.common.head import Predictions
 from advpipe.pipeline.detector.common.loss import aligned_iou, direction_bin, focal_loss, losses
 from advpipe.pipeline.detector.second.presets import SMALL
@@ -44,7 +44,7 @@ def test_a_perfect_prediction_costs_almost_nothing_and_a_half_turn_only_directio
         torch.zeros(1, count, 2),
     )
     scores[0, target.positive, 0] = 20.0
-    codes[0, target.positive] = encode(target.boxes, grid.boxes(target.positive))
+    codes[0, target.positive] = encode_boxes(target.boxes, grid.boxes(target.positive))
     directions[0, target.positive, direction_bin(box[:, 6], pi / 4)] = 20.0
     perfect = losses(Predictions(scores, codes, directions), [target], grid)
     assert float(perfect.total) < 1e-5
@@ -63,7 +63,7 @@ def test_smooth_l1_by_hand():
     target = grid.assign(box, torch.tensor([0]))
     count = 128 * 128 * grid.per_cell
     codes = torch.zeros(1, count, 7)
-    codes[0, target.positive] = encode(target.boxes, grid.boxes(target.positive))
+    codes[0, target.positive] = encode_boxes(target.boxes, grid.boxes(target.positive))
     codes[0, target.positive, 2] += 1.0  # beyond 1/9: |d| - 1/18
     codes[0, target.positive, 3] += 0.1  # within: d^2 / (2/9)
     parts = losses(Predictions(torch.zeros(1, count, 4), codes, torch.zeros(1, count, 2)), [target], grid)
@@ -79,7 +79,7 @@ def test_the_quality_learns_the_iou_of_the_box_it_judges():
     assert float(aligned_iou(box + along, box)) == pytest.approx(3 / 5, rel=1e-5)
     count = 128 * 128 * grid.per_cell
     codes = torch.zeros(1, count, 7)
-    codes[0, target.positive] = encode(target.boxes + along, grid.boxes(target.positive))
+    codes[0, target.positive] = encode_boxes(target.boxes + along, grid.boxes(target.positive))
     said = torch.zeros(1, count, requires_grad=True)
     nothing = Predictions(torch.zeros(1, count, 4), codes, torch.zeros(1, count, 2))
     assert float(losses(nothing, [target], grid).quality) == 0

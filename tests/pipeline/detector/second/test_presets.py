@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.detector.common.anchors import AnchorGrid, decode, encode
+from advpipe.pipeline.detector.common.anchors import AnchorGrid, decode_boxes, encode_boxes
 from advpipe.pipeline.detector.common.loss import losses
 from advpipe.pipeline.detector.families import family_named
 from advpipe.pipeline.detector.second.model import Second, SecondNet
@@ -53,8 +53,8 @@ def test_residual_code_by_hand():
     anchor = torch.tensor([[10.0, 0.0, -1.0, 4.0, 3.0, 2.0, 1.57]])
     box = torch.tensor([[11.0, -2.0, -0.5, 8.0, 3.0, 1.0, 1.0]])
     code = torch.tensor([[0.2, -0.4, 0.25, 0.6931472, 0.0, -0.6931472, -0.57]])
-    torch.testing.assert_close(encode(box, anchor), code)
-    torch.testing.assert_close(decode(code, anchor), box)
+    torch.testing.assert_close(encode_boxes(box, anchor), code)
+    torch.testing.assert_close(decode_boxes(code, anchor), box)
 
 
 def test_360_is_kitti_in_size_with_our_classes():

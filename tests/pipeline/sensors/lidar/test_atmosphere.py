@@ -23,7 +23,7 @@ from advpipe.pipeline.sensors.lidar.section import LidarSensor
 from advpipe.pipeline.sensors.weather import Weather
 from advpipe.pipeline.sensors.world import Hits
 from advpipe.stages.simulate.world.raycast.materials import MATERIALS
-from advpipe.stages.simulate.world.raycast.mesh import box, merge, surface
+from advpipe.stages.simulate.world.raycast.mesh import box_mesh, merge, surface
 from advpipe.stages.simulate.world.raycast.scene import Scene
 
 MakeHits = Callable[..., Hits]
@@ -33,7 +33,11 @@ WORLD = Scene(
     merge(
         [
             surface([[-200, -200, 0], [200, -200, 0], [0, 300, 0]], [[0, 1, 2]], "asphalt"),
-            *(box((4, 8, 12), "plaster").moved(x, y, 0) for x in (-60, -25, 15, 45) for y in (-30, -12, 12)),
+            *(
+                box_mesh((4, 8, 12), "plaster").moved(x, y, 0)
+                for x in (-60, -25, 15, 45)
+                for y in (-30, -12, 12)
+            ),
         ]
     )
 )

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from advpipe.pipeline.sensors.lidar.intensity import GRAZING_SHARE, detected_share, noise_floor, signal
+from advpipe.pipeline.sensors.lidar.intensity import GRAZING_SHARE, detected_share, noise_floor, return_signal
 from advpipe.pipeline.sensors.lidar.lidar import Lidar
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
 from advpipe.pipeline.sensors.world import Hits
@@ -29,13 +29,13 @@ def test_incidence_is_oren_and_nayars(facing: MakeHits) -> None:
     variance, angle = np.deg2rad(20) ** 2, np.deg2rad(np.array([0, 30, 60, 85]))
     a, b = 1 - 0.5 * variance / (variance + 0.33), 0.45 * variance / (variance + 0.09)
     expected = np.cos(angle) * (a + b * np.sin(angle) * np.tan(angle)) / a
-    answers = [signal(facing(1, 10, "asphalt", np.cos(x)), np.array([0]), 0.0)[0] for x in angle]
+    answers = [return_signal(facing(1, 10, "asphalt", np.cos(x)), np.array([0]), 0.0)[0] for x in angle]
     assert np.allclose(answers, MATERIALS["asphalt"] * expected, rtol=1e-5)
     assert pytest.approx(0.2992, abs=1e-4) == GRAZING_SHARE
 
 
 def test_panes_and_air_take_their_share(facing: MakeHits) -> None:
-    answer = signal(facing(1, 50, "plaster", transmission=0.64), np.array([0]), 0.004)[0]
+    answer = return_signal(facing(1, 50, "plaster", transmission=0.64), np.array([0]), 0.004)[0]
     assert answer == pytest.approx(MATERIALS["plaster"] * 0.64 * 0.8187308, rel=1e-5)  # exp(-0.2)
 
 

@@ -9,7 +9,7 @@ from advpipe.pipeline.geometry.transforms import se3_from_yaw, transform_points
 from advpipe.pipeline.sensors.lidar.lidar import Lidar
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
 from advpipe.stages.simulate.world.raycast.materials import MATERIALS
-from advpipe.stages.simulate.world.raycast.mesh import box, merge, surface
+from advpipe.stages.simulate.world.raycast.mesh import box_mesh, merge, surface
 from advpipe.stages.simulate.world.raycast.scene import Scene
 
 PLANE = surface(
@@ -47,7 +47,7 @@ def test_a_plane_is_as_far_as_the_angle_says() -> None:
 
 def test_a_box_ahead_is_hit_on_its_near_face() -> None:
     sensor = LidarSensor(channels=1, lower_fov=0, upper_fov=1, points_per_second=4 * 10, **QUIET)
-    crate = box((2.0, 3.0, 4.0), "steel").moved(11.0, 0.0, 0.0)
+    crate = box_mesh((2.0, 3.0, 4.0), "steel").moved(11.0, 0.0, 0.0)
     cloud = sweep(sensor, Scene(crate))
     assert len(cloud) == 1
     assert cloud["x"][0] == pytest.approx(10.0, abs=1e-5)
@@ -60,7 +60,7 @@ def test_intensity_fades_by_the_attenuation_rate() -> None:
         channels=1, lower_fov=0, upper_fov=1, points_per_second=40, atmosphere_attenuation_rate=0.02, **QUIET
     )
     near, far = (
-        sweep(sensor, Scene(box((2.0, 9.0, 9.0), "steel").moved(x, 0, 0)))["intensity"][0]
+        sweep(sensor, Scene(box_mesh((2.0, 9.0, 9.0), "steel").moved(x, 0, 0)))["intensity"][0]
         for x in (11.0, 51.0)
     )
     assert far / near == pytest.approx(np.exp(-0.02 * 40.0), rel=1e-4)
@@ -84,7 +84,7 @@ def test_points_on_a_box_fall_with_range_as_geometry_says() -> None:
     sensor = LidarSensor(channels=64, **QUIET)
     counts = []
     for distance_m in (10.0, 20.0, 40.0):
-        wall = box((0.1, 4.0, 3.6), "steel").moved(distance_m + 0.05, 0, 0)
+        wall = box_mesh((0.1, 4.0, 3.6), "steel").moved(distance_m + 0.05, 0, 0)
         cloud = sweep(sensor, Scene(wall))
         # Azimuth steps of 0.2 degrees across 4 m; elevation steps of 26.8 / 63 degrees over 3.6 m.
         columns = 2 * np.rad2deg(np.arctan(2.0 / distance_m)) / 0.2
@@ -97,7 +97,7 @@ def test_points_on_a_box_fall_with_range_as_geometry_says() -> None:
 
 def test_nothing_nearer_or_farther_than_the_sensor_sees() -> None:
     sensor = LidarSensor(range=30, **QUIET)
-    cloud = sweep(sensor, Scene(merge([PLANE, box((0.2, 0.2, 1.9), "steel").moved(0.4, 0, 0)])))
+    cloud = sweep(sensor, Scene(merge([PLANE, box_mesh((0.2, 0.2, 1.9), "steel").moved(0.4, 0, 0)])))
     range_m = np.linalg.norm(np.stack([cloud["x"], cloud["y"], cloud["z"]]), axis=0)
     assert range_m.max() <= 30.001
     assert range_m.min() >= 0.9

@@ -15,7 +15,7 @@ from advpipe.pipeline.sensors.lidar.lidar import Lidar
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
 from advpipe.pipeline.sensors.lidar.sweep import mounting, poses_at
 from advpipe.pipeline.sensors.world import Hits
-from advpipe.stages.simulate.world.raycast.mesh import box, surface
+from advpipe.stages.simulate.world.raycast.mesh import box_mesh, surface
 from advpipe.stages.simulate.world.raycast.scene import Scene
 
 QUIET = {"noise_stddev": 0.0, "dropoff_general_rate": 0.0, "dropoff_intensity_limit": 0.0}
@@ -95,7 +95,7 @@ def undone(cloud: Cloud, lidar: Lidar) -> np.ndarray:
 
 def test_undoing_the_motion_gives_back_the_world() -> None:
     lidar, map_SE3_base = moving(), se3_from_yaw((5.0, -2.0, 0.0), 0.2)
-    crate = box((2.0, 3.0, 4.0), "steel").moved(11.0, 6.0, 0.0).transformed(map_SE3_base)
+    crate = box_mesh((2.0, 3.0, 4.0), "steel").moved(11.0, 6.0, 0.0).transformed(map_SE3_base)
     cloud = lidar.measure(Scene(crate).cast(lidar.rays(map_SE3_base, TWIST)), np.random.default_rng(0))
     assert len(cloud) > 100
     assert cloud["time"].max() < 0
@@ -114,7 +114,7 @@ def test_undoing_the_motion_gives_back_the_world() -> None:
 
 def test_points_on_a_moving_user_are_where_it_was() -> None:
     lidar = moving()
-    wall = Scene(box((0.2, 30.0, 6.0), "steel").moved(20.1, 0, 0))
+    wall = Scene(box_mesh((0.2, 30.0, 6.0), "steel").moved(20.1, 0, 0))
     hits = wall.cast(lidar.rays(np.eye(4), np.zeros(6)))
     hits = replace(hits, objects=np.where(np.isfinite(hits.range_m), 0, -1).astype(np.int32))
     velocity = lidar.base_SE3_lidar[:3, :3].T @ [25.0, 0, 0]

@@ -82,7 +82,7 @@ DEG = math.pi / 180
         (q.DELTA_TIME, 0.0, 1),
     ],
 )
-def test_code(quantity: q.Quantity | q.Classes, value: float | None, code: int | str) -> None:
+def test_code(quantity: q.CamQuantity | q.Classes, value: float | None, code: int | str) -> None:
     assert quantity.code(value) == code
 
 
@@ -108,6 +108,6 @@ def test_out_of_range_and_unavailable_stay_apart() -> None:
         (q.ALTITUDE_CONFIDENCE, math.nan),
     ],
 )
-def test_what_no_cam_can_tell_is_refused_by_name(quantity: q.Quantity | q.Classes, value: float) -> None:
+def test_what_no_cam_can_tell_is_refused_by_name(quantity: q.CamQuantity | q.Classes, value: float) -> None:
     with pytest.raises(CamError, match=quantity.name):
         quantity.code(value)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.v2x.codec.cam_error import CamError
-from advpipe.pipeline.v2x.codec.codec import decode, encode
+from advpipe.pipeline.v2x.codec.codec import decode_cam_tree, encode_cam_tree
 from advpipe.pipeline.v2x.codec.codes import AccelerationControl, DriveDirection, ExteriorLights, VehicleRole
 from advpipe.pipeline.v2x.facilities.cam import Cam, LowFrequency, PathPoint, cam_of_state
 from advpipe.pipeline.v2x.facilities.cam_tree import (
@@ -75,7 +75,7 @@ def test_the_vector_in_si_units(cam_vector: bytes) -> None:
 
 def test_an_altered_cam(cam_vector: bytes) -> None:
     altered = dataclasses.replace(decode_cam(cam_vector), speed_mps=0.0, latitude_deg=48.0)
-    before, after = decode(cam_vector), decode(encode_cam(altered))
+    before, after = decode_cam_tree(cam_vector), decode_cam_tree(encode_cam(altered))
     high = before["cam"]["camParameters"]["highFrequencyContainer"][1]
     high["speed"]["speedValue"] = 0
     before["cam"]["camParameters"]["basicContainer"]["referencePosition"]["latitude"] = 480_000_000
@@ -161,12 +161,12 @@ def test_a_road_side_unit(random_cam_tree: Callable[..., CamTree]) -> None:
     cam = Cam(station_id=1, station_type=15, generation_delta_time_ms=5, roadside={})
     payload = encode_cam(cam)
     assert decode_cam(payload) == cam
-    kind, _ = decode(payload)["cam"]["camParameters"]["highFrequencyContainer"]
+    kind, _ = decode_cam_tree(payload)["cam"]["camParameters"]["highFrequencyContainer"]
     assert kind == "rsuContainerHighFrequency"
 
 
 def test_containers_of_a_later_release(cam_vector: bytes) -> None:
-    tree = decode(cam_vector)
+    tree = decode_cam_tree(cam_vector)
     tree["cam"]["camParameters"]["highFrequencyContainer"] = ("_ext_0", b"\x12")
     with pytest.raises(CamError, match="of a later release"):
-        decode_cam(encode(tree))
+        decode_cam(encode_cam_tree(tree))

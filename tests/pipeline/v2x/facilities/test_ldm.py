@@ -13,7 +13,7 @@ from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.v2x.codec.codes import StationType
 from advpipe.pipeline.v2x.facilities.cam import Cam, cam_of_state
 from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam, encode_cam
-from advpipe.pipeline.v2x.facilities.ldm import LocalDynamicMap, Report, Verdict, report_of_cam
+from advpipe.pipeline.v2x.facilities.ldm import LdmReport, LocalDynamicMap, Verdict, report_of_cam
 from advpipe.pipeline.v2x.facilities.reference_point import reference_point
 from advpipe.pipeline.v2x.facilities.station_state import StationState
 from advpipe.pipeline.v2x.section import LdmRules
@@ -23,9 +23,9 @@ MS = 1_000_000
 GEODESY = Geodesy(48.1351, 11.5820, 520.0)
 
 
-def report(station_id: int = 7, age_ms: float = 0, speed_mps: float = 10) -> Report:
+def report(station_id: int = 7, age_ms: float = 0, speed_mps: float = 10) -> LdmReport:
     generation_ns = NOW_NS - round(age_ms * MS)
-    return Report(station_id, 5, generation_ns, (10.0, 20.0, 1.0), math.pi / 2, speed_mps, 4.0, 2.0)
+    return LdmReport(station_id, 5, generation_ns, (10.0, 20.0, 1.0), math.pi / 2, speed_mps, 4.0, 2.0)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.v2x.radio.access import Access
-from advpipe.pipeline.v2x.radio.frame import Frame
+from advpipe.pipeline.v2x.radio.frame import RadioFrame
 from advpipe.pipeline.v2x.radio.ofdm import Ofdm
 from advpipe.pipeline.v2x.section import Radio
 
@@ -14,15 +14,15 @@ AIR_US, AIFS_US, SLOT_US = 208, 110, 13
 EVERYBODY = (0, 1, 2)
 
 
-def frame(sender: int, request_us: float, slots: int, heard_by: tuple[int, ...] = EVERYBODY) -> Frame:
+def frame(sender: int, request_us: float, slots: int, heard_by: tuple[int, ...] = EVERYBODY) -> RadioFrame:
     hearing = np.isin(np.arange(3), (sender, *heard_by))
     level = np.zeros(3)
     request_ns, air_ns = round(request_us * 1000), AIR_US * 1000
-    return Frame(0, 0, sender, sender, request_ns, air_ns, 1000, slots, level, level, hearing)
+    return RadioFrame(0, 0, sender, sender, request_ns, air_ns, 1000, slots, level, level, hearing)
 
 
 def starts_us(
-    *frames: Frame, queue_delay_max_us: float = 1e6, cuts_us: tuple[float, ...] = ()
+    *frames: RadioFrame, queue_delay_max_us: float = 1e6, cuts_us: tuple[float, ...] = ()
 ) -> list[float]:
     """When each is sent, -0.001 for those dropped."""
     access = Access(Ofdm(Radio()), round(queue_delay_max_us * 1000))
@@ -82,7 +82,7 @@ def test_cuts_change_nothing() -> None:
     requests_us = np.sort(rng.uniform(0, 20_000, 60)).round(3)
     senders, slots = rng.integers(0, 3, 60), rng.integers(0, 16, 60)
 
-    def frames() -> list[Frame]:
+    def frames() -> list[RadioFrame]:
         return [frame(*values) for values in zip(senders.tolist(), requests_us, slots.tolist(), strict=True)]
 
     whole = starts_us(*frames())

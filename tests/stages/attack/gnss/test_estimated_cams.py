@@ -11,7 +11,7 @@ import pytest
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import attack_spec
-from advpipe.pipeline.v2x.codec.codec import decode, encode
+from advpipe.pipeline.v2x.codec.codec import decode_cam_tree, encode_cam_tree
 from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam
 from advpipe.pipeline.v2x.facilities.ellipsoid import east_north_m
 from advpipe.stages.attack.gnss.change import spoof
@@ -118,7 +118,7 @@ def test_a_station_type_that_no_standard_names_stays(drive):
     seen = 0
     for step in V2xDrive(drive).steps():
         odd = [
-            replace(one, payload=encode(with_fields(decode(one.payload), station_type=200)))
+            replace(one, payload=encode_cam_tree(with_fields(decode_cam_tree(one.payload), station_type=200)))
             for one in step.sent
         ]
         for new in editor.edit(step, odd):

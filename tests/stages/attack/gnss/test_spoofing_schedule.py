@@ -8,10 +8,10 @@ import pytest
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.stages.attack.gnss.spoofing_schedule import SpoofingSchedule
-from advpipe.stages.attack.recording import Recording
+from advpipe.stages.attack.recording import RecordedTimes
 
 START_NS = 5_000_000_000
-TEN_SECONDS = Recording(START_NS, START_NS + 10_000_000_000)
+TEN_SECONDS = RecordedTimes(START_NS, START_NS + 10_000_000_000)
 
 
 def offsets(*specs: dict, seed: int = 1) -> list[float | None]:

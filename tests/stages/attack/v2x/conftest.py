@@ -23,7 +23,7 @@ from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam
 from advpipe.pipeline.v2x.section import V2x
 from advpipe.stages.attack.registry import find_attack
 from advpipe.stages.attack.v2x.base import AttackContext, Numbers
-from advpipe.stages.attack.v2x.cams import Cams
+from advpipe.stages.attack.v2x.cams import CamEditor
 from advpipe.stages.simulate.run import simulate
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -46,7 +46,7 @@ def _context(word: str, active: Callable[[int], bool], seed: int) -> AttackConte
         start_ns=START_NS,
         v2x=V2x(),
         geodesy=Geodesy(48.0, 11.0, 520.0),
-        cams=Cams(),
+        cams=CamEditor(),
         numbers=Numbers(10_000, {ATTACKER, OTHER}),
     )
 

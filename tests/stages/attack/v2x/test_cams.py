@@ -6,24 +6,24 @@ import pytest
 from one_attacker import honest
 
 from advpipe.pipeline.v2x.codec.cam_error import CamError
-from advpipe.pipeline.v2x.codec.codec import decode
+from advpipe.pipeline.v2x.codec.codec import decode_cam_tree
 from advpipe.pipeline.v2x.facilities.cam_tree import cam_of_tree
 from advpipe.pipeline.v2x.facilities.cam_values import FIELDS, values
-from advpipe.stages.attack.v2x.cams import Cams, field_of, with_fields
+from advpipe.stages.attack.v2x.cams import CamEditor, field_of, with_fields
 
 OTHER = {"heading_rad": None, "speed_mps": math.inf, "acceleration_control": None, "yaw_rate_radps": 0.5}
 
 
 @pytest.mark.parametrize("fields", [{}, OTHER])
 def test_fields_are_those_of_a_cam(fields):
-    tree = decode(honest(0, **fields).payload)
+    tree = decode_cam_tree(honest(0, **fields).payload)
     cam = cam_of_tree(tree)
     assert {name: field_of(tree, name) for name in FIELDS} == {name: getattr(cam, name) for name in FIELDS}
     assert values(tree) == {name: getattr(cam, name) for name in FIELDS}
 
 
 def test_what_is_retold_and_nothing_else():
-    tree = decode(honest(0).payload)
+    tree = decode_cam_tree(honest(0).payload)
     new = with_fields(tree, speed_mps=3.21, station_id=99, acceleration_control=64)
     assert {name for name in FIELDS if field_of(new, name) != field_of(tree, name)} == {
         "speed_mps",
@@ -47,9 +47,9 @@ def test_what_is_retold_and_nothing_else():
 
 
 def test_bytes_that_are_no_cam_and_those_of_a_closed_one():
-    cams = Cams()
+    cams = CamEditor()
     assert cams.open(b"\xff" * 20) is None
-    tree = with_fields(decode(honest(0).payload), speed_mps=1.0)
+    tree = with_fields(decode_cam_tree(honest(0).payload), speed_mps=1.0)
     payload = cams.close(tree)
     assert cams.open(payload) is tree
     cams.forget()

@@ -17,7 +17,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.messages.topics import V2X_STATIONS, V2X_STATISTICS
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.attacks import attack_spec
-from advpipe.pipeline.v2x.codec.codec import decode, encode
+from advpipe.pipeline.v2x.codec.codec import decode_cam_tree, encode_cam_tree
 from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.attack.v2x.change import forge
@@ -25,11 +25,11 @@ from advpipe.stages.attack.v2x.delay import Delay, Stale
 from advpipe.stages.attack.v2x.flood import Dos, DosDisruptive, DosDisruptiveSybil, DosRandom, DosRandomSybil
 from advpipe.stages.attack.v2x.ghosts import GhostBrake, GhostStop
 from advpipe.stages.attack.v2x.masquerade import Masquerade
-from advpipe.stages.attack.v2x.replay import DisruptiveReplay, Replay
+from advpipe.stages.attack.v2x.replay import CamReplay, DisruptiveReplay
 from advpipe.stages.attack.v2x.sybil import SybilCongestion, SybilGrid, SybilReplay
 from advpipe.stages.simulate.run import simulate
 
-KINDS = (Replay, DisruptiveReplay, Stale, Delay, Masquerade, Dos, DosRandom, DosDisruptive, DosRandomSybil)
+KINDS = (CamReplay, DisruptiveReplay, Stale, Delay, Masquerade, Dos, DosRandom, DosDisruptive, DosRandomSybil)
 KINDS += (DosDisruptiveSybil, SybilGrid, SybilReplay, SybilCongestion, GhostStop, GhostBrake)
 
 
@@ -142,7 +142,7 @@ def test_tshark_reads_every_lie(tmp_path):
         lies = [payload for payload in lies if payload not in own]
         assert lies, kind
         payloads += lies
-    assert [encode(decode(payload)) for payload in payloads] == payloads
+    assert [encode_cam_tree(decode_cam_tree(payload)) for payload in payloads] == payloads
     path = tmp_path / "cams.pcap"
     records = [struct.pack("<IIII", 0, 0, len(one), len(one)) + one for one in payloads]
     path.write_bytes(struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 147) + b"".join(records))

@@ -6,7 +6,7 @@ from v2x_lane import BEGIN_NS, MS, STEP_NS, context, edited, lane, said, time_s
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.v2x.facilities.ldm import LocalDynamicMap, Verdict
 from advpipe.pipeline.v2x.section import LdmRules
-from advpipe.stages.attack.v2x.replay import DisruptiveReplay, Replay
+from advpipe.stages.attack.v2x.replay import CamReplay, DisruptiveReplay
 
 DRIVE = lane({1: 0.0, 2: 50.0}, 40)
 
@@ -17,7 +17,7 @@ def of(messages, station):
 
 def test_it_says_what_another_said_a_second_ago():
     """At 2.01 s, station 2's last message of more than 1 s ago is that of 0.92 s: where it was at 0.9 s."""
-    after = edited(Replay(context("cam-replay"), age_s=1.0), DRIVE)
+    after = edited(CamReplay(context("cam-replay"), age_s=1.0), DRIVE)
     assert of(after, 2) == [one for step in DRIVE for one in step.sent if one.station_id == 2]
     message = next(one for one in of(after, 1) if one.request_ns == BEGIN_NS + 2010 * MS)
     told, report = said(message)
@@ -30,7 +30,7 @@ def test_it_says_what_another_said_a_second_ago():
 
 def test_under_their_name_and_with_their_time():
     """At 2.01 s, maps keep what was generated at 0.9 s; their last CAM of it expires at 2.0 s."""
-    attack = Replay(context("cam-replay"), age_s=1.0, identity="theirs", restamp=False)
+    attack = CamReplay(context("cam-replay"), age_s=1.0, identity="theirs", restamp=False)
     message = next(one for one in of(edited(attack, DRIVE), 1) if one.request_ns == BEGIN_NS + 2010 * MS)
     told, report = said(message)
     assert told.station_id == 2
@@ -40,7 +40,7 @@ def test_under_their_name_and_with_their_time():
 
 def test_messages_from_the_future_shut_out_the_true_ones():
     """Generated 0.5 s ahead under the other's id: what that says itself meanwhile no longer enters."""
-    attack = Replay(context("cam-replay"), age_s=0.0, identity="theirs", ahead_s=0.5)
+    attack = CamReplay(context("cam-replay"), age_s=0.0, identity="theirs", ahead_s=0.5)
     known, verdicts = LocalDynamicMap(LdmRules()), {1: [], 2: []}
     for one in edited(attack, DRIVE):
         told, report = said(one)
@@ -54,7 +54,7 @@ def test_messages_from_the_future_shut_out_the_true_ones():
 def test_it_follows_each_for_some_messages():
     """Three others, 50 m apart: runs of exactly two messages, unless the same one is drawn again."""
     drive = lane({1: 0.0, 2: 50.0, 3: 100.0, 4: 150.0}, 60)
-    attack = Replay(context("cam-replay"), age_s=0.0, messages_min=2, messages_max=2)
+    attack = CamReplay(context("cam-replay"), age_s=0.0, messages_min=2, messages_max=2)
     followed = []
     for one in of(edited(attack, drive), 1)[1:]:
         before_m = said(one)[1].front_m[0] - 10 * time_s(one.request_ns)
@@ -65,13 +65,13 @@ def test_it_follows_each_for_some_messages():
 
 @pytest.mark.parametrize("settings", [{"range_m": 49.0}, {"age_s": 10.0}])
 def test_without_anything_heard_the_truth(settings):
-    after = edited(Replay(context("cam-replay"), **settings), DRIVE)
+    after = edited(CamReplay(context("cam-replay"), **settings), DRIVE)
     assert after == [one for step in DRIVE for one in step.sent]
 
 
 def test_only_when_it_acts():
     until_ns = BEGIN_NS + 20 * STEP_NS
-    attack = Replay(context("cam-replay", active=lambda time_ns: time_ns >= until_ns), age_s=0.0)
+    attack = CamReplay(context("cam-replay", active=lambda time_ns: time_ns >= until_ns), age_s=0.0)
     changed = [
         one.number
         for one, old in zip(edited(attack, DRIVE), [o for s in DRIVE for o in s.sent], strict=True)
@@ -112,4 +112,4 @@ def test_same_seed_same_messages():
 )
 def test_bad_parameters(settings, message):
     with pytest.raises(AdvpipeError, match=message):
-        Replay(context("cam-replay"), **settings)
+        CamReplay(context("cam-replay"), **settings)

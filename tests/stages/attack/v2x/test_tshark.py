@@ -11,7 +11,7 @@ import pytest
 
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import attack_spec
-from advpipe.pipeline.v2x.codec.codec import decode
+from advpipe.pipeline.v2x.codec.codec import decode_cam_tree
 from advpipe.pipeline.v2x.facilities.cam_values import HIGH
 from advpipe.stages.attack.gnss.change import spoof
 from advpipe.stages.attack.registry import ATTACKS
@@ -56,7 +56,7 @@ def test_every_message_of_every_attack(recorded, tmp_path):
     lines = read(payloads, tmp_path / "attacks.pcap")
     assert len(lines) == len(payloads)
     for payload, (*values, malformed) in zip(payloads, lines, strict=True):
-        tree = decode(payload)
+        tree = decode_cam_tree(payload)
         fast = tree["cam"]["camParameters"][HIGH][1]
         place = tree["cam"]["camParameters"]["basicContainer"]["referencePosition"]
         ours = (

@@ -22,7 +22,7 @@ from advpipe.pipeline.messages.topics import TF_STATIC, VehicleTopics
 from advpipe.stages.evaluate.cooperative.fusion import fuse_detections, without_oneself
 from advpipe.stages.evaluate.cooperative.instants import asked_for, fused_instants
 from advpipe.stages.evaluate.cooperative.pair import Alignment, find_pair, misalignment_deg, misalignment_m
-from advpipe.stages.evaluate.cooperative.section import cooperative_rows, sections
+from advpipe.stages.evaluate.cooperative.section import cooperative_rows, cooperative_sections
 
 EGO, OTHER = VehicleTopics("ego"), VehicleTopics("other")
 STAMPS_NS = (1_000_000_000, 1_100_000_000, 1_200_000_000)
@@ -69,7 +69,7 @@ def write(
         for frame, stamp_ns in enumerate(STAMPS_NS):
             is_false = false_from <= frame < false_to
             car = Boxes(np.array([CAR]), np.zeros(1, np.int64), ("car",), np.zeros((1, 3)))
-            bag.write(EGO.objects, build.detections(stamp_ns, "map", car), stamp_ns)
+            bag.write(EGO.objects, build.detections_message(stamp_ns, "map", car), stamp_ns)
             for one in vehicles:
                 pose, map_m = seen[one]
                 told = pose.copy()
@@ -171,17 +171,17 @@ def test_nobody_is_an_object_to_itself() -> None:
 
 def test_a_section_where_gps_was_attacked(tmp_path: Path) -> None:
     clean, attacked = write(tmp_path / "clean"), write(tmp_path / "paa", (3.0, 0.0))
-    (section,) = sections(clean, [clean, attacked], 0, DETECTOR)
+    (section,) = cooperative_sections(clean, [clean, attacked], 0, DETECTOR)
     assert {record["poses"] for record in rows_of(section)} == {"alone", "true poses", "clean poses", "paa"}
     assert all(len(line) == len(section.tables[0].heads) for line in section.tables[0].lines)
     (picture,) = section.pictures
     assert picture.png.startswith(b"\x89PNG")
-    assert sections(clean, [clean], 0, DETECTOR) == ()
+    assert cooperative_sections(clean, [clean], 0, DETECTOR) == ()
 
 
 def test_no_section_with_one_vehicle(tmp_path: Path) -> None:
     clean = write(tmp_path / "clean", vehicles=(EGO,))
-    assert sections(clean, [clean], 0, DETECTOR) == ()
+    assert cooperative_sections(clean, [clean], 0, DETECTOR) == ()
 
 
 class Terminal(io.StringIO):
@@ -195,7 +195,7 @@ def test_frames_choose_the_clouds_that_are_fused(tmp_path: Path, monkeypatch: py
     attacked = write(tmp_path / "paa", (1.0, 0.0), false_from=1)
     for chosen, frames in (("::", 2), ("0:2", 1), ("2", 1), ("0::2", 1)):
         monkeypatch.setattr("sys.stderr", terminal := Terminal())
-        (section,) = sections(clean, [attacked], 0, DETECTOR, frames=FrameSlice.parse(chosen))
+        (section,) = cooperative_sections(clean, [attacked], 0, DETECTOR, frames=FrameSlice.parse(chosen))
         assert {record["frames"] for record in rows_of(section)} == {frames}
         assert "cooperative perception" in terminal.getvalue()
         assert f"{frames}/{frames}" in terminal.getvalue()
@@ -204,12 +204,12 @@ def test_frames_choose_the_clouds_that_are_fused(tmp_path: Path, monkeypatch: py
 def test_frames_at_which_all_poses_are_right_need_no_detector(tmp_path: Path) -> None:
     clean = write(tmp_path / "clean")
     attacked = write(tmp_path / "paa", (1.0, 0.0), false_from=1)
-    (section,) = sections(clean, [attacked], 0, "there is none", frames=FrameSlice(0, 1))
+    (section,) = cooperative_sections(clean, [attacked], 0, "there is none", frames=FrameSlice(0, 1))
     expected = "No poses are false at the frames 0:1:1: nothing was fused. Choose later or more frames."
     assert section.lead == expected
     assert not section.records
     with pytest.raises(AdvpipeError, match="choose none of the bag's 3 frames"):
-        sections(clean, [attacked], 0, DETECTOR, frames=FrameSlice(7, 9))
+        cooperative_sections(clean, [attacked], 0, DETECTOR, frames=FrameSlice(7, 9))
 
 
 def test_frames_count_in_the_clouds_that_are_named(tmp_path: Path) -> None:

@@ -17,8 +17,8 @@ from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
 from advpipe.stages.attack.request import AttackRequest
 from advpipe.stages.attack.run import attack
 from advpipe.stages.evaluate.coordinated.attack_timeline import AttackTimeline
-from advpipe.stages.evaluate.coordinated.section import sections, together
-from advpipe.stages.evaluate.report.section import SECTION, Section
+from advpipe.stages.evaluate.coordinated.section import coordinated_sections, together
+from advpipe.stages.evaluate.report.section import SECTION, ReportSection
 from advpipe.stages.simulate.run import simulate
 
 COARSE = ("sensors.lidars.lidar.channels=8", "sensors.lidars.lidar.points_per_second=8000")
@@ -47,12 +47,12 @@ def struck(smoke: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def found(smoke: Path, struck: Path) -> Section:
-    (one,) = sections(smoke, [struck], 0)
+def found(smoke: Path, struck: Path) -> ReportSection:
+    (one,) = coordinated_sections(smoke, [struck], 0)
     return one
 
 
-def test_all_that_strikes_one_vehicle_is_in_one_table(found: Section, struck: Path) -> None:
+def test_all_that_strikes_one_vehicle_is_in_one_table(found: ReportSection, struck: Path) -> None:
     """Ten fixes and two of the six clouds that the bag holds: those of 1.0 and 1.5 s."""
     when, means = found.tables
     assert [line[:3] for line in when.lines] == [
@@ -72,7 +72,7 @@ def test_all_that_strikes_one_vehicle_is_in_one_table(found: Section, struck: Pa
     ]
 
 
-def test_the_means_are_those_of_the_common_time(found: Section, struck: Path) -> None:
+def test_the_means_are_those_of_the_common_time(found: ReportSection, struck: Path) -> None:
     """Pulled towards a place 80 m away; up to six ghosts in its map; a twentieth of each cloud is gone."""
     (record,) = rows_of(found)
     assert record["attacks"] == {
@@ -91,8 +91,8 @@ def test_the_means_are_those_of_the_common_time(found: Section, struck: Path) ->
     assert (record["points_touched_clean"], record["points_touched"]) == (0, gone[3])  # 1.5 s alone
 
 
-def test_the_picture_is_the_same_again(found: Section, smoke: Path, struck: Path) -> None:
-    (again,) = sections(smoke, [struck], 1)
+def test_the_picture_is_the_same_again(found: ReportSection, smoke: Path, struck: Path) -> None:
+    (again,) = coordinated_sections(smoke, [struck], 1)
     (picture,) = found.pictures
     assert picture.section == SECTION
     assert picture.file_name == "three-ego-coordinated.png"
@@ -103,15 +103,15 @@ def test_the_picture_is_the_same_again(found: Section, smoke: Path, struck: Path
 def test_one_kind_alone_is_not_coordinated(smoke: Path, tmp_path: Path) -> None:
     attack(smoke, tmp_path / "gps", AttackRequest((GPS,), 7))
     attack(smoke, tmp_path / "jam", AttackRequest((JAM,), 7))
-    assert sections(smoke, [tmp_path / "gps", tmp_path / "jam"]) == ()
-    assert sections(smoke, []) == ()
+    assert coordinated_sections(smoke, [tmp_path / "gps", tmp_path / "jam"]) == ()
+    assert coordinated_sections(smoke, []) == ()
 
 
 def test_one_after_the_other_is_said(smoke: Path, tmp_path: Path) -> None:
     """Messages that aim at nobody strike who listens; a receiver that is spoofed when they are over."""
     spec = AttackSpec(type="cam-heading-reversed", schedule=Schedule(to_s=0.9))
     attack(smoke, tmp_path / "both", AttackRequest((GPS, spec), 7))
-    (found,) = sections(smoke, [tmp_path / "both"])
+    (found,) = coordinated_sections(smoke, [tmp_path / "both"])
     expected = "both: gnss-relocate and cam-heading-reversed strike ego, but never at the same time."
     assert found.lead == expected
     assert len(found.tables) == 1
@@ -119,11 +119,13 @@ def test_one_after_the_other_is_said(smoke: Path, tmp_path: Path) -> None:
     assert "own_place_m" not in record
 
 
-def test_a_window_counts_the_strikes_and_effects_in_it(smoke: Path, struck: Path, found: Section) -> None:
+def test_a_window_counts_the_strikes_and_effects_in_it(
+    smoke: Path, struck: Path, found: ReportSection
+) -> None:
     """From 1.2 to 1.7 s: five fixes, the cloud of 1.5 s alone; means of the time that they share in it."""
     begin_ns = int(BagReader(smoke).log_times_ns("/ego/odometry")[0])
     window = Window(begin_ns + 1_200_000_000, begin_ns + 1_700_000_000)
-    (part,) = sections(smoke, [struck], window=window)
+    (part,) = coordinated_sections(smoke, [struck], window=window)
     sent = pq.read_table(struck / "v2x_labels.parquet").to_pylist()
     inside = sum(
         window.begin_ns <= row["time_ns"] < window.end_ns
@@ -134,13 +136,13 @@ def test_a_window_counts_the_strikes_and_effects_in_it(smoke: Path, struck: Path
     (record,), (whole,) = rows_of(part), rows_of(found)
     assert (record["from_s"], record["to_s"]) == (1.5, 1.5)
     assert record["points_touched"] == whole["points_touched"]
-    (everything,) = sections(smoke, [struck], window=Window(begin_ns, begin_ns + 10**10))
+    (everything,) = coordinated_sections(smoke, [struck], window=Window(begin_ns, begin_ns + 10**10))
     np.testing.assert_equal(everything, found)
 
 
 def test_a_window_before_it_names_the_bag_alone(smoke: Path, struck: Path) -> None:
     begin_ns = int(BagReader(smoke).log_times_ns("/ego/odometry")[0])
-    (early,) = sections(smoke, [struck], window=Window(begin_ns, begin_ns + 900_000_000))
+    (early,) = coordinated_sections(smoke, [struck], window=Window(begin_ns, begin_ns + 900_000_000))
     assert early.lead == "three: no vehicle is struck by attacks of two kinds in this window."
     assert (early.tables, early.records, early.pictures) == ((), (), ())
 
@@ -159,4 +161,4 @@ def test_labels_that_are_none(smoke: Path, struck: Path, tmp_path: Path) -> None
         (tmp_path / file.name).write_bytes(file.read_bytes())
     (tmp_path / "frames.parquet").write_text("no labels")
     with pytest.raises(AdvpipeError, match=r"frames.parquet holds no labels of clouds: .*; attack again"):
-        sections(smoke, [tmp_path])
+        coordinated_sections(smoke, [tmp_path])

@@ -8,7 +8,7 @@ from advpipe.pipeline.geometry.boxes import points_in_boxes
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, xyz
 from advpipe.stages.evaluate.detection.baseline import baseline_title, random_baselines
 from advpipe.stages.evaluate.detection.cloud_difference import cloud_difference
-from advpipe.stages.evaluate.detection.random_change import Budget, RandomChange, regions
+from advpipe.stages.evaluate.detection.random_change import RandomChange, SpentBudget, regions
 
 BOXES = np.array([[-10.0, 0.0, 0.0, 6.0, 6.0, 10.0, 0.0], [10.0, 5.0, 0.0, 6.0, 6.0, 10.0, 0.5]])
 
@@ -43,7 +43,7 @@ def no_worth(points: np.ndarray) -> np.ndarray:
 
 def clouds_of(after: np.ndarray, seed: int = 0, tries: int = 1, worth=no_worth, parameters=None, boxes=BOXES):
     change = cloud_difference(cloud(), after)
-    budget = Budget.of(cloud(), after, change, parameters or {})
+    budget = SpentBudget.of(cloud(), after, change, parameters or {})
     return dict(random_baselines(cloud(), boxes, budget, worth, tries=tries, seed=seed, index=3))
 
 
@@ -115,7 +115,7 @@ def test_untouched_frame_and_frame_without_objects():
 
 
 def test_points_without_coordinates_are_no_points_to_take():
-    change = Budget(300, 0, np.zeros(0), 0.0, 0.0)
+    change = SpentBudget(300, 0, np.zeros(0), 0.0, 0.0)
     points = cloud()
     points["x"][100:] = np.nan
     random = RandomChange(points, BOXES, change, np.ones(400, bool), np.random.default_rng(0))
@@ -195,7 +195,7 @@ def test_as_many_intensities_as_the_attack_changed():
     change = cloud_difference(clean, after)
     assert change.intensity_changed.tolist() == list(range(9))
     assert len(change.moved) == 0
-    budget = Budget.of(clean, after, change, {})
+    budget = SpentBudget.of(clean, after, change, {})
     clouds = dict(random_baselines(clean, BOXES, budget, no_worth, tries=2, seed=0, index=3))
     near = points_near_boxes(clean, BOXES)
     for word, random in clouds.items():

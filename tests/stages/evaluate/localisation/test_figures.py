@@ -9,15 +9,17 @@ import numpy as np
 import pytest
 
 from advpipe.stages.evaluate.localisation.figures import errors, gate, localisation_record, was_attacked
-from advpipe.stages.evaluate.localisation.track import Track
+from advpipe.stages.evaluate.localisation.track import LocalisationTrack
 
 TIMES_NS = 7_000_000_000 + 100_000_000 * np.arange(10)
 TRUE_M = np.column_stack([np.zeros(10), np.arange(10.0), np.zeros(10)])
 
 
-def track(error_m=0.0, nis=3.0) -> Track:
+def track(error_m=0.0, nis=3.0) -> LocalisationTrack:
     ahead = np.tile([0.0, 1.0, 0.0], (10, 1))
-    return Track(TIMES_NS, TRUE_M, ahead, TRUE_M, TRUE_M + error_m, np.broadcast_to(nis, 10).astype(float))
+    return LocalisationTrack(
+        TIMES_NS, TRUE_M, ahead, TRUE_M, TRUE_M + error_m, np.broadcast_to(nis, 10).astype(float)
+    )
 
 
 def test_the_threshold_is_that_of_the_tables():

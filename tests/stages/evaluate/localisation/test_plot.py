@@ -3,17 +3,17 @@ from __future__ import annotations
 import numpy as np
 
 from advpipe.stages.evaluate.localisation.plot import draw_localisation, spans
-from advpipe.stages.evaluate.localisation.track import Track
+from advpipe.stages.evaluate.localisation.track import LocalisationTrack
 
 
-def track(off_m: np.ndarray) -> Track:
+def track(off_m: np.ndarray) -> LocalisationTrack:
     """100 m along x in 10 s, with estimates and fixes that far to the left."""
     count = len(off_m)
     true_m = np.stack([np.linspace(0, 100, count), np.zeros(count), np.zeros(count)], axis=1)
     ahead, left = np.tile([1.0, 0, 0], (count, 1)), np.array([0.0, 1, 0])
     times_ns = np.linspace(0, 10e9, count).astype(np.int64)
     estimate_m = true_m + off_m[:, None] * left
-    return Track(times_ns, true_m, ahead, estimate_m.copy(), estimate_m, np.ones(count))
+    return LocalisationTrack(times_ns, true_m, ahead, estimate_m.copy(), estimate_m, np.ones(count))
 
 
 def test_the_second_map_shows_the_largest_error():

@@ -17,7 +17,7 @@ from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.stages.evaluate.families import added_sections
 from advpipe.stages.evaluate.localisation.figures import gate
-from advpipe.stages.evaluate.localisation.section import sections
+from advpipe.stages.evaluate.localisation.section import localisation_sections
 from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns, read_track
 from advpipe.stages.evaluate.options import Options
 
@@ -50,7 +50,7 @@ def test_which_fixes_were_attacked(clean, attacked):
 
 def test_records_tables_and_pictures(clean, attacked):
     bags = [attacked("far", **FAR), attacked("jam", **JAM), attacked("aware", **AWARE)]
-    (section,) = sections(clean, bags, 0)
+    (section,) = localisation_sections(clean, bags, 0)
     far, jam, aware = rows_of(section)
     assert [one["bag"] for one in rows_of(section)] == ["far", "jam", "aware"]
     assert (far["fixes"], far["attacked"], far["lost"]) == (100, 35, 0)
@@ -75,7 +75,7 @@ def test_records_tables_and_pictures(clean, attacked):
 def test_pictures_show_the_attack(clean, attacked, tmp_path: Path):
     """The shade of the attacked span, and the same bytes again."""
     bags = [attacked("far", **FAR)]
-    (picture,), (again,) = (sections(clean, bags, 0)[0].pictures for _ in range(2))
+    (picture,), (again,) = (localisation_sections(clean, bags, 0)[0].pictures for _ in range(2))
     assert picture.png == again.png
     (tmp_path / "p.png").write_bytes(picture.png)
     pixels = np.asarray(Image.open(tmp_path / "p.png").convert("RGB")).reshape(-1, 3)
@@ -84,8 +84,8 @@ def test_pictures_show_the_attack(clean, attacked, tmp_path: Path):
 
 
 def test_no_section_without_an_attack_on_gps(clean):
-    assert sections(clean, [clean], 0) == ()
-    assert sections(clean, [], 0) == ()
+    assert localisation_sections(clean, [clean], 0) == ()
+    assert localisation_sections(clean, [], 0) == ()
 
 
 def test_refuses_a_bag_of_some_frames(clean, attacked, tmp_path: Path):
@@ -95,7 +95,7 @@ def test_refuses_a_bag_of_some_frames(clean, attacked, tmp_path: Path):
         for raw in reader.raw_messages(last_ns=last_ns):
             bag.copy(raw)
     with pytest.raises(AdvpipeError, match="holds other estimates of ego"):
-        sections(clean, [tmp_path / "cut"], 0)
+        localisation_sections(clean, [tmp_path / "cut"], 0)
 
 
 def steps(clean: Path, first: int, end: int) -> Window:
@@ -106,7 +106,7 @@ def steps(clean: Path, first: int, end: int) -> Window:
 def test_a_window_counts_what_the_whole_drives_tracks_hold_in_it(clean, attacked):
     """Steps 90 to 119, by hand: fixes at every second step, all false there, from an attack since step 80."""
     bag = attacked("far", **FAR)
-    (section,) = sections(clean, [bag], window=steps(clean, 90, 120))
+    (section,) = localisation_sections(clean, [bag], window=steps(clean, 90, 120))
     (row,) = rows_of(section)
     before, after = read_track(BagReader(clean), "ego"), read_track(BagReader(bag), "ego")
     off_m, clean_m = (np.linalg.norm(each.error_m[90:120, :2], axis=1) for each in (after, before))
@@ -127,7 +127,9 @@ def test_a_window_counts_what_the_whole_drives_tracks_hold_in_it(clean, attacked
 
 def test_a_window_of_everything_changes_no_figure_and_no_byte(clean, attacked):
     bag = attacked("far", **FAR)
-    (whole,), (same,) = (sections(clean, [bag], window=w) for w in (WHOLE_DRIVE, steps(clean, 0, 200)))
+    (whole,), (same,) = (
+        localisation_sections(clean, [bag], window=w) for w in (WHOLE_DRIVE, steps(clean, 0, 200))
+    )
     np.testing.assert_equal(rows_of(same), rows_of(whole))
     assert [table.lines for table in same.tables] == [table.lines for table in whole.tables]
     assert "over the whole drive" in dict(whole.formulas)["ate"]
@@ -136,25 +138,25 @@ def test_a_window_of_everything_changes_no_figure_and_no_byte(clean, attacked):
 def test_before_the_attack_begins_nothing_is_off(clean, attacked, tmp_path):
     """The victim that the provenance names is told, with no attacked fix and the error of the clean drive."""
     bag = attacked("far", **FAR)
-    assert sections(clean, [bag], window=steps(clean, 0, 79)) == ()  # it names no attack
+    assert localisation_sections(clean, [bag], window=steps(clean, 0, 79)) == ()  # it names no attack
     with BagWriter(tmp_path / "told", provenance={"attacks": json.dumps([FAR])}) as writer:
         for raw in BagReader(bag).raw_messages():
             writer.copy(raw)
-    (section,) = sections(clean, [tmp_path / "told"], window=steps(clean, 0, 79))
+    (section,) = localisation_sections(clean, [tmp_path / "told"], window=steps(clean, 0, 79))
     (row,) = rows_of(section)
     assert (row["attacked"], row["span_s"]) == (0, 0)
     assert row["ate_m"] == row["ate_clean_m"] > 0
     assert all(np.isnan(row[name]) for name in ("adv_mean_m", "detection_rate", "echo_rate", "success_rate"))
-    (after,) = rows_of(sections(clean, [bag], window=steps(clean, 160, 190))[0])
+    (after,) = rows_of(localisation_sections(clean, [bag], window=steps(clean, 160, 190))[0])
     assert after["attacked"] == 0  # it is over
     assert after["ate_m"] != after["ate_clean_m"]
 
 
 def test_a_window_of_one_step_or_none(clean, attacked):
     bag = attacked("far", **FAR)
-    (one,) = rows_of(sections(clean, [bag], window=steps(clean, 90, 91))[0])
+    (one,) = rows_of(localisation_sections(clean, [bag], window=steps(clean, 90, 91))[0])
     assert (one["fixes"], one["attacked"]) == (1, 1)
-    assert sections(clean, [bag], window=steps(clean, 300, 310)) == ()
+    assert localisation_sections(clean, [bag], window=steps(clean, 300, 310)) == ()
 
 
 def test_what_comes_after_the_window_is_not_read(clean, attacked, monkeypatch):
@@ -167,7 +169,7 @@ def test_what_comes_after_the_window_is_not_read(clean, attacked, monkeypatch):
     counts = []
     for window in (WHOLE_DRIVE, steps(clean, 80, 100)):
         decoded.clear()
-        sections(clean, [bag], window=window)
+        localisation_sections(clean, [bag], window=window)
         counts.append(len(decoded))
     assert max(decoded) < steps(clean, 80, 100).end_ns
     assert counts[1] == pytest.approx(0.5 * counts[0], rel=0.02)

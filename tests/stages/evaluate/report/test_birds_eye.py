@@ -13,7 +13,7 @@ from advpipe.stages.evaluate.detection.cloud_difference import cloud_difference
 from advpipe.stages.evaluate.detection.scoring import Truth
 from advpipe.stages.evaluate.report.birds_eye import LOST, PREDICTION, TRUTH, draw_scene
 from advpipe.stages.evaluate.report.pictures import to_png
-from advpipe.stages.evaluate.report.scene import Scene, View, crop
+from advpipe.stages.evaluate.report.scene import CloudView, ReportScene, crop
 
 BOXES = np.array([[12.0, 6.0, 0.0, 4.5, 2.0, 1.5, 0.4], [20.0, -8.0, 0.0, 4.5, 2.0, 1.5, 0.0]])
 
@@ -27,22 +27,22 @@ def cloud() -> np.ndarray:
     return points
 
 
-def scene(lost=(False, False), after_boxes=BOXES, attacked=True) -> Scene:
+def scene(lost=(False, False), after_boxes=BOXES, attacked=True) -> ReportScene:
     boxes = Boxes(BOXES, np.zeros(2, np.int64), ("a", "b"), np.zeros((2, 3)))
     truth = Truth(boxes, np.array([True, True]), np.array([True, True]), np.array([90, 40]), np.zeros(2))
-    after = View(cloud()[50:], after_boxes)
+    after = CloudView(cloud()[50:], after_boxes)
     change = cloud_difference(cloud(), after.cloud)
-    before = View(cloud(), BOXES)
+    before = CloudView(cloud(), BOXES)
     if not attacked:
-        return Scene("title", "name", truth, np.array(lost), before, None, None)
-    return Scene("title", "name", truth, np.array(lost), before, after, change)
+        return ReportScene("title", "name", truth, np.array(lost), before, None, None)
+    return ReportScene("title", "name", truth, np.array(lost), before, after, change)
 
 
 def pixels(picture: np.ndarray, colour: str) -> int:
     return int((np.abs(picture[..., :3] - to_rgb(colour)).max(axis=-1) < 0.25).sum())
 
 
-def drawn(of: Scene) -> np.ndarray:
+def drawn(of: ReportScene) -> np.ndarray:
     return imread(io.BytesIO(to_png(draw_scene(of))))
 
 
@@ -73,8 +73,8 @@ def test_a_clean_scene_has_one_panel():
 
 def test_a_frame_without_anything():
     nothing = Truth(Boxes(), np.zeros(0, bool), np.zeros(0, bool), np.zeros(0, np.int64), np.zeros(0))
-    empty = View(np.zeros(0, POINT_DTYPE), np.zeros((0, 7)))
-    blank = Scene(
+    empty = CloudView(np.zeros(0, POINT_DTYPE), np.zeros((0, 7)))
+    blank = ReportScene(
         "nothing", "n", nothing, np.zeros(0, bool), empty, empty, cloud_difference(empty.cloud, empty.cloud)
     )
     assert drawn(blank).shape[0] > 400

@@ -2,9 +2,10 @@
 
 import pytest
 
-from advpipe.pipeline.results.evaluation import plain
+from advpipe.pipeline.results.evaluation import plain_value
 from advpipe.stages.evaluate.detection.summary import classes_in_map
-from advpipe.stages.evaluate.report.table import changed_percent, interval, number
+from advpipe.stages.evaluate.report.numbers import formatted_number
+from advpipe.stages.evaluate.report.table import changed_percent, interval
 
 
 @pytest.mark.parametrize(
@@ -12,7 +13,7 @@ from advpipe.stages.evaluate.report.table import changed_percent, interval, numb
     [(0.12345, 3, "0.123"), (1234, 0, "1,234"), (None, 2, "–"), (float("nan"), 2, "–"), (65.0, 2, "65.00")],
 )
 def test_numbers(value, digits, text):
-    assert number(value, digits) == text
+    assert formatted_number(value, digits) == text
 
 
 def test_intervals():
@@ -33,4 +34,7 @@ def test_classes_of_the_map():
 
 
 def test_json_has_no_nan():
-    assert plain({"b": float("nan"), "a": (1 / 3, float("inf"))}) == {"a": [0.33333333, None], "b": None}
+    assert plain_value({"b": float("nan"), "a": (1 / 3, float("inf"))}) == {
+        "a": [0.33333333, None],
+        "b": None,
+    }

@@ -13,7 +13,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.labels.messages import MessageLabel
 from advpipe.pipeline.misbehaviour.config import DetectorConfig
-from advpipe.stages.evaluate.v2x.drive import Drive, read_drive
+from advpipe.stages.evaluate.v2x.drive import EvaluatedDrive, read_drive
 from advpipe.stages.evaluate.v2x.radio import MessageNumbers
 from advpipe.stages.evaluate.v2x.section import section
 from advpipe.stages.evaluate.v2x.tables import victim_table
@@ -22,15 +22,15 @@ ODOMETRY = "/ego/odometry"
 
 
 @pytest.fixture(scope="module")
-def clean(smoke: Path) -> Drive:
+def clean(smoke: Path) -> EvaluatedDrive:
     return read_drive(smoke, "clean")
 
 
-def test_the_most_fooled(clean: Drive) -> None:
+def test_the_most_fooled(clean: EvaluatedDrive) -> None:
     assert clean.most_fooled == "ego"
 
 
-def test_the_map_during_an_attack_is_of_its_time(clean: Drive) -> None:
+def test_the_map_during_an_attack_is_of_its_time(clean: EvaluatedDrive) -> None:
     """One ghost while it lasts is shown, not nine long after."""
     times_ns = [moment.time_ns for moment in clean.moments["ego"]]
     ghosts = np.zeros(len(times_ns))
@@ -43,7 +43,7 @@ def test_the_map_during_an_attack_is_of_its_time(clean: Drive) -> None:
     assert [moment.time_ns for moment in at_once.telling("ego")] == [times_ns[1], times_ns[-1]]
 
 
-def test_nobody_listens(clean: Drive) -> None:
+def test_nobody_listens(clean: EvaluatedDrive) -> None:
     """No map, so no picture of one, nor a line about a victim."""
     silent = replace(clean, name="silent", errors={}, moments={}, warned={}, heard={})
     assert silent.most_fooled is None
@@ -52,7 +52,7 @@ def test_nobody_listens(clean: Drive) -> None:
     assert [record["bag"] for record in rows_of(made)] == ["clean"]
 
 
-def test_delivery_is_of_the_same_messages(clean: Drive) -> None:
+def test_delivery_is_of_the_same_messages(clean: EvaluatedDrive) -> None:
     """Of 1 to 4, the clean drive delivers 1, 2 and 4; with 4 forged, 1, 2 and 3 are honest: two before, one
     under attack. What is far away counts for nothing."""
     near = frozenset({1, 2, 3, 4})
@@ -67,7 +67,7 @@ def test_delivery_is_of_the_same_messages(clean: Drive) -> None:
     assert victim_table([before, nothing]).lines[1][-1] == "– → –"
 
 
-def test_a_vehicle_that_estimated_nothing(clean: Drive, smoke: Path, tmp_path: Path) -> None:
+def test_a_vehicle_that_estimated_nothing(clean: EvaluatedDrive, smoke: Path, tmp_path: Path) -> None:
     """The topic is there, but empty: the truth stands in for what the vehicle believes."""
     reader = BagReader(smoke)
     with BagWriter(tmp_path / "bag", provenance=reader.provenance) as bag:

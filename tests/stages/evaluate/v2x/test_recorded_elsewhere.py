@@ -18,11 +18,11 @@ from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import LANES, SCENARIO_INFO, VehicleTopics
 from advpipe.pipeline.messages.types import serialise
-from advpipe.pipeline.v2x.channel import Air
+from advpipe.pipeline.v2x.channel import Channel
 from advpipe.pipeline.v2x.radio.medium import Medium
 from advpipe.stages.evaluate.v2x.drive import read_drive
 from advpipe.stages.evaluate.v2x.receptions import read_receptions
-from advpipe.stages.evaluate.v2x.section import has_v2x, sections
+from advpipe.stages.evaluate.v2x.section import has_v2x, v2x_sections
 from advpipe.stages.evaluate.v2x.veremi import export_veremi
 
 EGO = VehicleTopics("ego")
@@ -59,9 +59,9 @@ def test_the_radio_does_not_run(smoke: Path, offset: Path, monkeypatch: pytest.M
     def refuse(*_: object) -> None:
         raise AssertionError("a radio is asked what was received")
 
-    for made in (Air, Medium):
+    for made in (Channel, Medium):
         monkeypatch.setattr(made, "__init__", refuse)
-    (found,) = sections(smoke, [offset])
+    (found,) = v2x_sections(smoke, [offset])
     assert found.notes == ()
     with pytest.raises(AssertionError, match="a radio is asked"):
         export_veremi(smoke, smoke.parent / "refused")  # of the vehicles that recorded nothing
@@ -89,9 +89,9 @@ def test_a_real_cars_drive(smoke: Path, tmp_path: Path) -> None:
 
 def test_bags_recorded_before_receptions_were(smoke: Path, offset: Path, tmp_path: Path) -> None:
     """Nobody guesses which of the received messages were lies: all else is evaluated, and a line says so."""
-    (whole,) = sections(smoke, [offset])
+    (whole,) = v2x_sections(smoke, [offset])
     old = [copied(bag, tmp_path / bag.name, without(*BESIDE)) for bag in (smoke, offset)]
-    (found,) = sections(old[0], old[1:])
+    (found,) = v2x_sections(old[0], old[1:])
     (note,) = found.notes
     assert note.startswith(f"{offset.name}: which sent messages ")
     assert "recorded again" in note

@@ -19,19 +19,19 @@ from advpipe.pipeline.misbehaviour.scores import Scores
 from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
 from advpipe.stages.attack.request import AttackRequest
 from advpipe.stages.attack.run import attack
-from advpipe.stages.evaluate.report.section import SECTION, Section
-from advpipe.stages.evaluate.v2x.detection import Part
-from advpipe.stages.evaluate.v2x.section import read_drive, section, sections
+from advpipe.stages.evaluate.report.section import SECTION, ReportSection
+from advpipe.stages.evaluate.v2x.detection import ScoredAttack
+from advpipe.stages.evaluate.v2x.section import read_drive, section, v2x_sections
 from advpipe.stages.evaluate.v2x.tables import detection_table
 
 
 @pytest.fixture(scope="module")
-def found(smoke: Path, offset: Path) -> Section:
-    (one,) = sections(smoke, [offset], 0)
+def found(smoke: Path, offset: Path) -> ReportSection:
+    (one,) = v2x_sections(smoke, [offset], 0)
     return one
 
 
-def test_section(found: Section, offset: Path) -> None:
+def test_section(found: ReportSection, offset: Path) -> None:
     assert found.key == "v2x"
     for table in found.tables:
         assert all(len(line) == len(table.heads) for line in table.lines)
@@ -65,15 +65,15 @@ def test_section(found: Section, offset: Path) -> None:
     assert one["f1"] == attacked["f1"]
 
 
-def test_pictures_are_the_same_again(found: Section, smoke: Path, offset: Path) -> None:
-    (again,) = sections(smoke, [offset], 1)  # no draw depends on the seed
+def test_pictures_are_the_same_again(found: ReportSection, smoke: Path, offset: Path) -> None:
+    (again,) = v2x_sections(smoke, [offset], 1)  # no draw depends on the seed
     assert [p.png for p in again.pictures] == [p.png for p in found.pictures]
     np.testing.assert_equal(rows_of(again), rows_of(found))
 
 
 def test_nothing_to_say_without_attacks_on_messages(smoke: Path) -> None:
-    assert sections(smoke, [], 0) == ()
-    assert sections(smoke, [smoke], 0) == ()
+    assert v2x_sections(smoke, [], 0) == ()
+    assert v2x_sections(smoke, [smoke], 0) == ()
 
 
 def test_bags_without_lies_do_not_count_in_the_mean(smoke: Path, offset: Path) -> None:
@@ -92,7 +92,7 @@ def test_lines_where_one_attack_is_all_or_nobody_lies(offset: Path) -> None:
     half = replace(own, attack="cam-mix / cam-delay", lies=own.lies - 1)
     none = replace(own, attack="cam-drop", lies=0, ours=Scores(0, 3, 10, 0), baseline=Scores(0, 3, 10, 0))
 
-    def lines(*parts: Part) -> list[tuple[str, ...]]:
+    def lines(*parts: ScoredAttack) -> list[tuple[str, ...]]:
         return list(detection_table([replace(lied, detection=replace(lied.detection, parts=parts))]).lines)
 
     assert [line[1] for line in lines(own, half)] == [own.attack, half.attack]
@@ -107,20 +107,20 @@ def test_attacks_that_met_nothing_are_named(smoke: Path, offset: Path, tmp_path:
     idle = tmp_path / "idle"
     spec = AttackSpec(type="cam-drop", schedule=Schedule(from_s=0.0009, to_s=0.001))
     attack(smoke, idle, AttackRequest((spec,)))
-    (found,) = sections(smoke, [idle, offset])
+    (found,) = v2x_sections(smoke, [idle, offset])
     assert {line[0] for line in found.tables[0].lines} == {offset.name}
     assert found.notes == ("idle: the attacks touched no message, so there is nothing to say.",)
-    assert sections(smoke, [idle]) == ()
+    assert v2x_sections(smoke, [idle]) == ()
 
 
 def test_without_its_roads_a_bag_has_those_checks_off_and_the_report_says_so(
     smoke: Path, offset: Path, tmp_path: Path
 ) -> None:
-    (on,) = sections(smoke, [offset])
+    (on,) = v2x_sections(smoke, [offset])
     assert on.notes == ()
     assert "off" not in [line[2] for line in on.tables[3].lines]
     roadless = [without_lanes(bag, tmp_path / bag.name) for bag in (smoke, offset)]
-    (off,) = sections(roadless[0], roadless[1:])
+    (off,) = v2x_sections(roadless[0], roadless[1:])
     assert [line[0] for line in off.tables[3].lines if line[2] == "off"] == ["position", "wrong_way"]
     (note,) = off.notes
     assert f"{roadless[0].name}, {roadless[1].name}: the bag does not tell its roads (/map/lanes)" in note

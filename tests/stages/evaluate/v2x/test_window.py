@@ -22,9 +22,9 @@ from advpipe.stages.evaluate.families import added_sections
 from advpipe.stages.evaluate.options import Options
 from advpipe.stages.evaluate.v2x import receptions
 from advpipe.stages.evaluate.v2x.collision import warnings
-from advpipe.stages.evaluate.v2x.drive import Drive, read_drive
+from advpipe.stages.evaluate.v2x.drive import EvaluatedDrive, read_drive
 from advpipe.stages.evaluate.v2x.receptions import read_receptions
-from advpipe.stages.evaluate.v2x.section import sections
+from advpipe.stages.evaluate.v2x.section import v2x_sections
 
 
 def seconds(bag: Path, first_s: float, end_s: float) -> Window:
@@ -33,12 +33,14 @@ def seconds(bag: Path, first_s: float, end_s: float) -> Window:
 
 
 @pytest.fixture(scope="module")
-def late(smoke: Path, offset: Path) -> tuple[Window, Drive]:
+def late(smoke: Path, offset: Path) -> tuple[Window, EvaluatedDrive]:
     window = seconds(smoke, 2.5, 3.3)
     return window, read_drive(offset, "offset", window=window)
 
 
-def test_detection_is_of_the_messages_that_arrive_in_it(offset: Path, late: tuple[Window, Drive]) -> None:
+def test_detection_is_of_the_messages_that_arrive_in_it(
+    offset: Path, late: tuple[Window, EvaluatedDrive]
+) -> None:
     """By hand: the whole drive's verdicts, one a message, cut to the window."""
     window, drive = late
     (ego,) = read_receptions(BagReader(offset))
@@ -56,7 +58,9 @@ def test_detection_is_of_the_messages_that_arrive_in_it(offset: Path, late: tupl
     assert whole.lies > found.lies
 
 
-def test_the_map_and_the_warning_are_of_the_maps_in_it(offset: Path, late: tuple[Window, Drive]) -> None:
+def test_the_map_and_the_warning_are_of_the_maps_in_it(
+    offset: Path, late: tuple[Window, EvaluatedDrive]
+) -> None:
     window, drive = late
     whole = read_drive(offset, "offset")
     inside = window.holds(whole.errors["ego"].time_ns)
@@ -68,7 +72,7 @@ def test_the_map_and_the_warning_are_of_the_maps_in_it(offset: Path, late: tuple
 
 
 def test_messages_of_both_bags_are_those_of_the_same_time(
-    smoke: Path, offset: Path, late: tuple[Window, Drive]
+    smoke: Path, offset: Path, late: tuple[Window, EvaluatedDrive]
 ) -> None:
     window, drive = late
     clean = read_drive(smoke, "clean", window=window)
@@ -83,7 +87,7 @@ def test_messages_of_both_bags_are_those_of_the_same_time(
 def test_the_channel_is_told_of_whole_drives_alone(smoke: Path, offset: Path) -> None:
     """All else is the same in a window of everything, and the report says what is left out."""
     (whole,), (same,) = (
-        sections(smoke, [offset], window=window) for window in (WHOLE_DRIVE, seconds(smoke, 0, 9))
+        v2x_sections(smoke, [offset], window=window) for window in (WHOLE_DRIVE, seconds(smoke, 0, 9))
     )
     radio = [name for name in rows_of(whole)[0] if name.startswith("radio_")]
     assert len(radio) == 6
@@ -96,7 +100,7 @@ def test_the_channel_is_told_of_whole_drives_alone(smoke: Path, offset: Path) ->
 
 def test_before_the_attack_begins_nobody_lies(smoke: Path, offset: Path) -> None:
     """Lies begin after 2 s: until then both bags are one."""
-    (found,) = sections(smoke, [offset], window=seconds(smoke, 0.5, 1.9))
+    (found,) = v2x_sections(smoke, [offset], window=seconds(smoke, 0.5, 1.9))
     clean, attacked = rows_of(found)
     assert (attacked["lies"], attacked["attack"]) == (0, "cam-position-offset")
     names = [name for name in clean if name.startswith(("ldm_", "warning_", "honest_"))]
@@ -125,7 +129,7 @@ def test_nothing_after_the_window_is_read(smoke: Path, offset: Path, monkeypatch
 def test_frames_choose_the_window_and_the_report_says_so(smoke: Path, offset: Path) -> None:
     frames = FrameSlice.parse("25:33:4")  # 25 and 29: until 3.0 s, and all that lies between
     (found,) = added_sections(smoke, [offset], Options(frames=frames))
-    (expected,) = sections(smoke, [offset], window=seconds(smoke, 2.5, 3.0))
+    (expected,) = v2x_sections(smoke, [offset], window=seconds(smoke, 2.5, 3.0))
     np.testing.assert_equal(rows_of(found), rows_of(expected))
     assert window_of(BagReader(smoke), frames) == seconds(smoke, 2.5, 3.0)
     assert "window of 0.5 s" in found.notes[-1]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.scenario import Scenario
 from advpipe.pipeline.v2x.channel import Received, Sent
-from advpipe.pipeline.v2x.facilities.ldm import Snapshot, Verdict
+from advpipe.pipeline.v2x.facilities.ldm import LdmSnapshot, Verdict
 from advpipe.stages.simulate.network.protocol import Exchange
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 
@@ -48,7 +48,7 @@ class Telepathy:
         ]
         self.radios = sorted(places, key=lambda place: place.station_id)
 
-    def local_dynamic_maps(self) -> Sequence[tuple[str, Snapshot]]:
+    def local_dynamic_maps(self) -> Sequence[tuple[str, LdmSnapshot]]:
         return ()
 
     def finish(self) -> Exchange:

@@ -50,7 +50,7 @@ def test_behind_a_buildings_windows_there_are_rooms() -> None:
 
 
 def test_a_sign_is_bright_to_the_front_only() -> None:
-    scene = Scene(furniture.sign(np.random.default_rng(3)))
+    scene = Scene(furniture.traffic_sign(np.random.default_rng(3)))
     y, z = np.meshgrid(np.linspace(-0.8, 0.8, 60), np.linspace(1.9, 3.5, 60))
     rays = np.zeros((y.size, 6), np.float32)
     rays[:, 0], rays[:, 1], rays[:, 2], rays[:, 3] = -5, y.ravel(), z.ravel(), 1
