@@ -9,11 +9,12 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -72,6 +73,15 @@ IN_DATA_SET = ("lidar", "cam", "gnss", "evaluate", "sweep")
 """Cases whose output is a part of `d`: what a kill leaves there is in the way of nobody who shares it."""
 
 NIGHTLY = pytest.mark.nightly
+EVERY_TIME = ("simulate", "lidar", "share in parts")
+"""Commands that are killed in every run of the tests: a job, one that resumes, and files beside each other."""
+
+
+def chosen(names: Iterable[str]) -> list[Any]:
+    """The other commands are killed at night."""
+    return [name if name in EVERY_TIME else pytest.param(name, marks=NIGHTLY) for name in names]
+
+
 OWN_TIMES = {"times.json"}
 """Files that differ from run to run."""
 
@@ -182,7 +192,7 @@ def check(
         assert not hidden(folder)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", chosen(CASES))
 def test_a_killed_command_is_run_again(
     forks: Forks, ready: Path, tmp_path: Path, alone: Alone, name: str
 ) -> None:
@@ -263,7 +273,7 @@ def left_by_a_full_disk(forks: Forks, folder: Path, before: dict[str, str], case
 
 
 @pytest.mark.parametrize("share_of_largest", [0.02, pytest.param(0.6, marks=NIGHTLY)])
-@pytest.mark.parametrize("name", [name for name in CASES if name not in ("plot", "schema")])
+@pytest.mark.parametrize("name", chosen(name for name in CASES if name not in ("plot", "schema")))
 def test_files_that_may_not_grow(
     forks: Forks, ready: Path, tmp_path: Path, alone: Alone, name: str, share_of_largest: float
 ) -> None:
