@@ -74,7 +74,7 @@ IN_DATA_SET = ("lidar", "cam", "gnss", "evaluate", "sweep")
 
 NIGHTLY = pytest.mark.nightly
 EVERY_TIME = ("simulate", "lidar", "share in parts")
-"""Commands that are killed in every run of the tests: a job, one that resumes, and files beside each other."""
+"""Killed in every run of the tests: a job, one that goes on where it stopped, files beside each other."""
 
 
 def chosen(names: Iterable[str]) -> list[Any]:
