@@ -14,7 +14,7 @@ from advpipe.pipeline.core.shown import shown
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.process.folder import refuse_undecodable
 from advpipe.pipeline.scenario.attacks import attack_spec
-from advpipe.stages.attack.registry import usual_budget
+from advpipe.stages.attack.registry import default_budget
 from advpipe.stages.attack.run import AttackRequest, AttackSummary, attack_id
 from advpipe.stages.attack.run import attack as run
 
@@ -71,7 +71,7 @@ def attack(
             {
                 "type": type,
                 "recipe": recipe,
-                "parameters": {**usual_budget(type), **_together(parameters or {}, more_parameters)},
+                "parameters": {**default_budget(type), **_together(parameters or {}, more_parameters)},
                 "schedule": {"from_s": from_s, "to_s": to_s},
                 "attackers": attackers_section([attacker] if isinstance(attacker, str) else attacker),
                 "victim": victim,

@@ -16,7 +16,7 @@ from advpipe.stages.attack.base import Attack
 
 REQUIRED = inspect.Parameter.empty
 
-MOST_BY_UNIT: dict[str, float] = {
+MAX_BY_UNIT: dict[str, float] = {
     "m": 1e6,  # farther than any map
     "cm": 1e4,
     "s": 1e6,  # longer than any drive
@@ -28,7 +28,7 @@ MOST_BY_UNIT: dict[str, float] = {
 }
 """The largest magnitude of a parameter, by the unit that its name ends in."""
 
-MOST_WITHOUT_UNIT = 1e6
+MAX_WITHOUT_UNIT = 1e6
 """Of counts, shares, factors and weights: a million rounds for each cloud would take days."""
 
 
@@ -108,7 +108,7 @@ def _checked(attack: str, name: str, value: Value, types: Mapping[str, Any]) -> 
     if name not in types:
         return value
     if types[name] == tuple[str, ...]:
-        value = _words(value)
+        value = _strings(value)
     try:
         if isinstance(value, tuple):
             _refuse_other_kinds(value, kinds)
@@ -134,12 +134,12 @@ def _refuse_other_kinds(value: Value, kinds: set[Any]) -> None:
 def _refuse_beyond(attack: str, name: str, value: Any) -> None:
     """ValueError for a number that its unit forbids; a user's own attack bounds its own."""
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    most = MOST_BY_UNIT.get(name.rpartition("_")[2], MOST_WITHOUT_UNIT)
+    most = MAX_BY_UNIT.get(name.rpartition("_")[2], MAX_WITHOUT_UNIT)
     if is_number and ":" not in attack and not abs(value) <= most:
         raise ValueError(f"it may be {most:g} at most")
 
 
-def _words(value: Value) -> tuple[Value, ...]:
+def _strings(value: Value) -> tuple[Value, ...]:
     """A list of words, also from one alone; ids such as 7, that YAML takes for numbers, are words."""
     items = value if isinstance(value, tuple) else (value,)
     return tuple(str(item) if type(item) is int else item for item in items)

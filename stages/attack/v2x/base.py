@@ -69,7 +69,7 @@ class MessageEditor(Protocol):
 
 
 @dataclass
-class Numbers:
+class AllocatedIds:
     """What all attacks on one drive share: numbers of new messages, and station ids that are taken."""
 
     next_message: int
@@ -95,7 +95,7 @@ class AttackContext:
     v2x: V2x
     geodesy: Geodesy
     cams: CamEditor
-    numbers: Numbers
+    numbers: AllocatedIds
     _copies: count[int] = field(default_factory=lambda: count(1))
 
     @cached_property

@@ -102,7 +102,7 @@ def test_groups_are_of_one_attack_and_of_so_many_at_most():
 
 def unkept(attack):
     """The attack with its last attempt: it need not do harm, which to random weights it hardly does."""
-    attack.tactics = replace(attack.tactics, keep=False)
+    attack.settings = replace(attack.settings, keep_best=False)
     return attack
 
 

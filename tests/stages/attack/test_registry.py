@@ -9,10 +9,10 @@ from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.family_registry import FamilyRegistry
 from advpipe.stages.attack.registry import (
     ATTACKS,
+    default_budget,
     find_attack,
     refuse_foreign_keys,
     resolved_name,
-    usual_budget,
 )
 from advpipe.stages.attack.v2x.falsification import Falsification
 from advpipe.stages.attack.v2x.stop import SuddenStop
@@ -73,6 +73,6 @@ def test_a_class_that_does_not_declare_itself_is_not_registered():
 
 
 def test_usual_budgets():
-    assert usual_budget("detach") == {"ratio": 0.01}
-    assert usual_budget("perturb") == {"eps_cm": 10.0}
-    assert usual_budget("rba") == usual_budget("cam-dos") == {}
+    assert default_budget("detach") == {"ratio": 0.01}
+    assert default_budget("perturb") == {"eps_cm": 10.0}
+    assert default_budget("rba") == default_budget("cam-dos") == {}

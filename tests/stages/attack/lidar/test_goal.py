@@ -97,7 +97,9 @@ def test_every_other_gradient_is_that_of_a_lie(scene, monkeypatch):
 
 def test_robust_moves_points_where_the_reach_is_shorter_than_its_landing(scene):
     attack = Perturb(eps_cm=2, recipe="robust")
-    attack.tactics = type(attack.tactics)(landing_m=attack.tactics.landing_m, jitter_m=0.01, keep=False)
+    attack.settings = type(attack.settings)(
+        landing_m=attack.settings.landing_m, jitter_m=0.01, keep_best=False
+    )
     result = attack(*scene, rng())
     assert len(result.labels) > 0
     assert result.loss_after > result.loss_before

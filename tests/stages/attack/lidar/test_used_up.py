@@ -45,7 +45,7 @@ def test_detach_still_spends_its_budget(scene):
 @pytest.mark.parametrize("recipe", ["best", "paper"])
 def test_perturb_keeps_what_it_moved(scene, recipe):
     attack = Perturb(eps_cm=60, recipe=recipe)
-    attack.tactics = type(attack.tactics)(keep=False)  # this detector's score stays where it is: at 1
+    attack.settings = type(attack.settings)(keep_best=False)  # this detector's score stays where it is: at 1
     result = attack(*scene, np.random.default_rng(0))
     assert result.loss_before < -1
     assert result.loss_after > result.loss_before

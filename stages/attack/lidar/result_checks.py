@@ -14,18 +14,20 @@ from advpipe.pipeline.labels.quantity import excesses
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud
 from advpipe.stages.attack.lidar.base import LidarResult
 
-_KINDS = {"point": "iu", "action": "U", "displacement_m": "f"}
+_DTYPE_KINDS = {"point": "iu", "action": "U", "displacement_m": "f"}
 """The arrays of `PointLabels`, by the kinds of their numbers as numpy calls them."""
 
 
-def refuse_wrong(attack: str, clean: Cloud, result: Any) -> None:
+def refuse_invalid(attack: str, clean: Cloud, result: Any) -> None:
     """Raises AdvpipeError where what an attack returned is no result, or its labels do not tell it."""
     if not isinstance(result, LidarResult):
         raise AdvpipeError(f"{attack} returned {type(result).__name__}, no LidarResult")
     cloud = result.cloud
     if not isinstance(cloud, np.ndarray) or cloud.dtype != POINT_DTYPE or cloud.ndim != 1:
         fields = ", ".join(POINT_DTYPE.names or ())
-        raise AdvpipeError(f"{attack} returned {_shape(cloud)} as its cloud, no points (N,) of {fields}")
+        raise AdvpipeError(
+            f"{attack} returned {_description(cloud)} as its cloud, no points (N,) of {fields}"
+        )
     _refuse_labels(attack, result.labels, len(clean))
     actions = result.labels.action
     removed, added = int((actions == REMOVED).sum()), int((actions == ADDED).sum())
@@ -34,7 +36,7 @@ def refuse_wrong(attack: str, clean: Cloud, result: Any) -> None:
             f"{attack} made {len(clean)} points {len(cloud)}, but labels {removed} as removed and "
             f"{added} as added"
         )
-    if _untold_changes(clean, cloud, result.labels):
+    if _has_unlabelled_changes(clean, cloud, result.labels):
         raise AdvpipeError(
             f"{attack} changed points that its labels do not tell of; the points that it keeps stay in their "
             "order, and those that it adds follow"
@@ -46,7 +48,7 @@ def refuse_wrong(attack: str, clean: Cloud, result: Any) -> None:
         raise AdvpipeError(f"{attack} returned {result.note!r} as its note, no text")
 
 
-def refuse_beyond(
+def refuse_out_of_bounds(
     attack: str, bounds: Mapping[str, tuple[float, float]], clean: Cloud, result: LidarResult
 ) -> None:
     """Raises AdvpipeError where an attack went beyond the bounds that it declares."""
@@ -56,7 +58,7 @@ def refuse_beyond(
             raise AdvpipeError(f"{attack} went beyond its bounds: {excess}")
 
 
-def _untold_changes(clean: Cloud, cloud: Cloud, labels: PointLabels) -> bool:
+def _has_unlabelled_changes(clean: Cloud, cloud: Cloud, labels: PointLabels) -> bool:
     """Whether a point is neither what it was nor labelled; bytes are compared, so a NaN is itself."""
     kept, told = np.ones(len(clean), bool), np.zeros(len(clean), bool)
     kept[labels.point[labels.action == REMOVED]] = False
@@ -71,12 +73,12 @@ def _untold_changes(clean: Cloud, cloud: Cloud, labels: PointLabels) -> bool:
 def _refuse_labels(attack: str, labels: Any, points: int) -> None:
     """Raises AdvpipeError for what are no labels of a clean cloud of so many points."""
     if not isinstance(labels, PointLabels):
-        raise AdvpipeError(f"{attack} returned {_shape(labels)} as its labels, no PointLabels")
-    for name, kinds in _KINDS.items():
+        raise AdvpipeError(f"{attack} returned {_description(labels)} as its labels, no PointLabels")
+    for name, kinds in _DTYPE_KINDS.items():
         array = getattr(labels, name)
         if not isinstance(array, np.ndarray) or array.ndim != 1 or array.dtype.kind not in kinds:
-            raise AdvpipeError(f"{attack} returned {_shape(array)} as labels.{name}; see PointLabels")
-    lengths = {name: len(getattr(labels, name)) for name in _KINDS}
+            raise AdvpipeError(f"{attack} returned {_description(array)} as labels.{name}; see PointLabels")
+    lengths = {name: len(getattr(labels, name)) for name in _DTYPE_KINDS}
     if len(set(lengths.values())) > 1:
         raise AdvpipeError(f"{attack} returned labels of several lengths: {lengths}")
     if strange := sorted(set(labels.action.tolist()) - set(ACTIONS)):
@@ -91,7 +93,7 @@ def _refuse_labels(attack: str, labels: Any, points: int) -> None:
         )
 
 
-def _shape(value: Any) -> str:
+def _description(value: Any) -> str:
     """What a value is, in short: its type, and of an array the shape and the type of its numbers."""
     if isinstance(value, np.ndarray):
         return f"an array {value.shape} of {value.dtype}"

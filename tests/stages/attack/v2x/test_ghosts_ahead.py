@@ -5,7 +5,7 @@ import pytest
 from v2x_lane import BEGIN_NS, STEP_NS, context, edited, lane, said, time_s
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.stages.attack.v2x.ghosts import GhostBrake, GhostStop
+from advpipe.stages.attack.v2x.ghosts_ahead import GhostBrake, GhostStop
 
 GAP_M = 2 + 10 + 10**2 / (2 * 6)
 """Margin, a second of reaction, braking at 6 m/s2: 20.33 m from the victim's front to the ghost's rear."""
@@ -22,7 +22,7 @@ def test_it_stands_at_the_safety_distance():
     assert len({said(one)[0].station_id for one in told} - {1, 2}) == 1
     for one in told:
         cam, report = said(one)
-        assert report.front_m == pytest.approx((52.25 + GAP_M + 4.5, 0, 0), abs=0.02)
+        assert report.reference_point_m == pytest.approx((52.25 + GAP_M + 4.5, 0, 0), abs=0.02)
         assert (cam.speed_mps, cam.longitudinal_acceleration_mps2) == (0, 0)
         assert report.yaw_rad == pytest.approx(0, abs=0.002)
 
@@ -40,7 +40,7 @@ def test_once_passed_another_one_stands_ahead():
     drive = lane({1: 0.0, 2: 0.0}, 45)
     told = ghosts(GhostStop(context("cam-ghost-stop", victim=2)), drive)
     first, second = dict.fromkeys(said(one)[0].station_id for one in told)
-    starts_m = {said(one)[0].station_id: said(one)[1].front_m[0] for one in told}
+    starts_m = {said(one)[0].station_id: said(one)[1].reference_point_m[0] for one in told}
     assert starts_m[second] - starts_m[first] == pytest.approx(10 * 2.3, abs=0.02)
 
 
@@ -57,8 +57,8 @@ def test_only_before_who_drives():
 
 def test_without_a_victim_each_attacker_haunts_its_own_way():
     told = ghosts(GhostStop(context("cam-ghost-stop", attackers=(1, 2))), lane({1: 0.0, 2: 50.0}, 15))
-    fronts_m = {one.station_id: said(one)[1].front_m[0] for one in told}
-    assert fronts_m == pytest.approx({1: 2.25 + GAP_M + 4.5, 2: 52.25 + GAP_M + 4.5}, abs=0.02)
+    reference_points_m = {one.station_id: said(one)[1].reference_point_m[0] for one in told}
+    assert reference_points_m == pytest.approx({1: 2.25 + GAP_M + 4.5, 2: 52.25 + GAP_M + 4.5}, abs=0.02)
 
 
 def test_the_nearest_attacker_sends_and_has_an_heir():
@@ -74,14 +74,14 @@ def test_it_brakes_as_it_says():
     drive = lane({1: 0.0, 2: 0.0}, 34)
     told = [said(one) for one in ghosts(GhostBrake(context("cam-ghost-brake", victim=2)), drive)]
     times_s = [time_s(report.generation_ns) for _, report in told]
-    fronts_m = [report.front_m[0] - (2.25 + 10 + 4.5) for _, report in told]
-    for (cam, _), at_s, front_m in zip(told, times_s, fronts_m, strict=True):
+    reference_points_m = [report.reference_point_m[0] - (2.25 + 10 + 4.5) for _, report in told]
+    for (cam, _), at_s, reference_point_m in zip(told, times_s, reference_points_m, strict=True):
         braking_s = min(max(at_s - 2, 0), 1.25)
         way_m = 10 * (min(at_s, 2) + braking_s) - 4 * braking_s**2
-        assert front_m == pytest.approx(way_m, abs=0.02)
+        assert reference_point_m == pytest.approx(way_m, abs=0.02)
         assert cam.speed_mps == pytest.approx(10 - 8 * braking_s, abs=0.011)
         assert cam.longitudinal_acceleration_mps2 == (-8 if 2 <= at_s < 3.25 else 0)
-    assert fronts_m[-1] == pytest.approx(26.25, abs=0.02)
+    assert reference_points_m[-1] == pytest.approx(26.25, abs=0.02)
     # 4 m at 10 m/s: in 0.4 to 0.5 s; while it brakes, it loses 0.5 m/s in less than a tenth of a second.
     cruising = np.diff([at_s for at_s in times_s if 0.8 < at_s < 2])
     assert set(np.round(cruising, 1)) <= {0.4, 0.5}

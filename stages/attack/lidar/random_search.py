@@ -1,4 +1,4 @@
-"""Points moved by chance: the baselines of the same budget."""
+"""Random search: the random baselines with the same budget."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ Bool = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Chance:
-    """Points (N, 4) moved by the whole reach in random directions, as far as the rules let them.
+class RandomSearch:
+    """Points (N, 4) moved by the whole reach in random directions, as far as the rules allow.
 
-    near: (N,) the only ones that take part. Where intensities are attacked, theirs are drawn anew.
+    near: (N,) the only points that move. Where intensities are attacked, they are drawn uniformly.
     """
 
     points: Float32
@@ -28,7 +28,7 @@ class Chance:
     reach_m: float
     rng: np.random.Generator
 
-    def attempts(self, steps: int) -> Iterator[Float32]:
+    def candidates(self, steps: int) -> Iterator[Float32]:
         points, rules, rng = self.points, self.rules, self.rng
         for _ in range(steps):
             directions = rng.standard_normal((len(points), 3))
@@ -41,5 +41,5 @@ class Chance:
                 moved[:, 3] = np.where(chosen, drawn, points[:, 3])
             yield moved
 
-    def keep(self, better: Bool) -> None:
-        """Each attempt begins anew."""
+    def accept(self, better: Bool) -> None:
+        """Ignored: candidates are independent of each other."""

@@ -1,4 +1,4 @@
-"""What `detach` plays for: voxels (or points) of each object, the most harmful first."""
+"""The allocation problem of `detach`: which voxels (or points) of each object are removed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import torch
 
 from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
 from advpipe.stages.attack.lidar.attack_objective import AttackObjective
-from advpipe.stages.attack.lidar.goal import Goal
+from advpipe.stages.attack.lidar.goal import AttackGoal
 from advpipe.stages.attack.lidar.gradient import gradients_of
 from advpipe.stages.attack.lidar.selection import NoGradientError
 
@@ -19,32 +19,32 @@ Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 
-MOST = 0.85
-"""The share of its points that an object may lose while the search looks for what it costs."""
+MAX_SHARE_PER_OBJECT = 0.85
+"""The largest share of its points that an object may lose during the search."""
 
 
 @dataclass(frozen=True)
-class DetachGame:
+class DetachProblem:
     """The items are points of the clean cloud, (N, 4); taking one removes it.
 
     owner: (N,) the object of the goal that each point belongs to, -1 for one that must not be touched.
-    jitter_m: standard deviation of the noise under which effects are looked for and judged; 0 for none.
-    blind: points are proposed by chance; the baseline with the same selection.
+    jitter_m: standard deviation of the noise for gradients and evaluations; 0 for none.
+    is_random: propose random points, for the random baseline with the same selection.
     """
 
     points: Float32
     owner: Int64
-    goal: Goal
-    judge: AttackObjective
+    goal: AttackGoal
+    objective: AttackObjective
     detector: ObjectDetector
     rng: np.random.Generator
     jitter_m: float = 0.0
-    blind: bool = False
+    is_random: bool = False
 
     @property
-    def most(self) -> Int64:
+    def max_items(self) -> Int64:
         of_object = np.bincount(self.owner[self.owner >= 0], minlength=len(self.goal.targets))
-        most: Int64 = np.ceil(MOST * of_object).astype(np.int64)
+        most: Int64 = np.ceil(MAX_SHARE_PER_OBJECT * of_object).astype(np.int64)
         return most
 
     def propose(self, taken: Int64, wanted: Int64, room: Int64) -> list[Int64]:
@@ -56,17 +56,17 @@ class DetachGame:
             proposals.append(left[mine[_whole_groups(gain[mine], group[mine], count, most)]])
         return proposals
 
-    def harm(self, taken: Int64) -> Float64:
-        return self.judge(self._shaken(np.delete(self.points, taken, axis=0)))
+    def evaluate(self, taken: Int64) -> Float64:
+        return self.objective(self._jittered(np.delete(self.points, taken, axis=0)))
 
-    def enough(self, harm: Float64) -> Bool:
-        return self.judge.enough(harm)
+    def is_satisfied(self, values: Float64) -> Bool:
+        return self.objective.is_satisfied(values)
 
     def _gains(self, left: Int64) -> tuple[Float64, Int64]:
-        """What removing each point that is left brings, and which points only matter together, by number."""
-        if self.blind:
+        """The estimated gain of removing each remaining point, and its group: points that count together."""
+        if self.is_random:
             return self.rng.random(len(left)), np.arange(len(left))
-        points = torch.from_numpy(self._shaken(self.points[left]))
+        points = torch.from_numpy(self._jittered(self.points[left]))
         loss_targets = self.goal.loss_targets
         if not isinstance(self.detector, VoxelDetector):
             return self._gains_of_points(points, self.owner[left]), np.arange(len(left))
@@ -81,8 +81,8 @@ class DetachGame:
         return gain, np.where(row >= 0, row, len(of_voxel) + np.arange(len(row)))
 
     def _gains_of_points(self, points: torch.Tensor, owner: Int64) -> Float64:
-        """By the loss alone: dropping a point is like moving it into its object's centre, where it says
-        nothing, to first order (Zheng et al. 2019, "PointCloud Saliency Maps", section 3.2)."""
+        """First-order gain by the loss alone: dropping a point is like moving it to its object's centre,
+        where it carries no information (Zheng et al. 2019, "PointCloud Saliency Maps", section 3.2)."""
         leaf, loss_targets = points.requires_grad_(), self.goal.loss_targets
         loss = self.detector.loss(leaf, loss_targets.boxes, loss_targets.labels)
         (gradient,) = gradients_of(loss, leaf)
@@ -93,7 +93,7 @@ class DetachGame:
         gain: Float64 = self.goal.sign * (slope * inwards).sum(axis=1)
         return gain
 
-    def _shaken(self, points: Float32) -> Float32:
+    def _jittered(self, points: Float32) -> Float32:
         if not self.jitter_m:
             return points
         noise = np.zeros(points.shape)
@@ -102,8 +102,8 @@ class DetachGame:
 
 
 def _whole_groups(gain: Float64, group: Int64, count: int, room: int) -> Int64:
-    """The places (K,) of whole groups, those of the highest positive gain a point first, until there are
-    `count`; a group that does not fit into the room is left out, unless no group does."""
+    """Indices (K,) of whole groups in order of positive gain per point, until there are `count` points;
+    groups larger than the remaining `room` are skipped, unless none fits."""
     order = np.lexsort((group, -gain))
     order = order[gain[order] > 0]
     if not count or not len(order):

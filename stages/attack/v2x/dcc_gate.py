@@ -1,4 +1,4 @@
-"""Congestion control of attackers who keep to it although they flood."""
+"""Congestion control (DCC) of attackers that respect it while they flood."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from advpipe.pipeline.v2x.radio.path_loss import PATH_LOSS
 from advpipe.pipeline.v2x.section import V2x
 
 
-class Gate:
-    """The least time between two messages of each attacker's radio, by reactive congestion control.
+class DccGate:
+    """The minimum time between two messages of each attacker's radio, by reactive congestion control.
 
-    The radio decides only after all editors are through, so the channel load is an estimate: the air time of
-    all that is sent at such distances that it is strong enough on average, overlaps counted twice.
+    The radio model runs only after all editors, so the channel load is an estimate: the air time of all
+    messages whose mean received power exceeds the carrier sense threshold; overlaps count twice.
     """
 
     def __init__(self, v2x: V2x, attackers: Sequence[int]) -> None:
@@ -28,11 +28,11 @@ class Gate:
         self._since_ns: int | None = None
 
     def interval_s(self, attacker: int) -> float:
-        """For all its messages together, whatever station ids they claim."""
+        """The minimum interval of all messages of its radio, whatever station ids they claim."""
         return self._controls[attacker].interval_s
 
-    def hear(self, step: V2xStep, sent: Sequence[Sent]) -> None:
-        """Takes what was sent in a step, in which radios stand still, when it is over."""
+    def observe(self, step: V2xStep, sent: Sequence[Sent]) -> None:
+        """Update the load with the messages of a step, after the step; radios stand still within it."""
         if step.end_ns is None:
             return
         self._since_ns = step.begin_ns if self._since_ns is None else self._since_ns

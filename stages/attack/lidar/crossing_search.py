@@ -1,8 +1,8 @@
-"""Crossing voxel faces: move the points that empty and fill the voxels which the detector's answer hangs on.
+"""A search that moves points across voxel faces to empty and fill the voxels that matter to the detector.
 
-A detector on voxels reads which of them are occupied, hardly where in them the points lie. So each round
-asks for the gradient of the loss to the occupancy of every voxel in reach, empty ones included, and lets
-points cross where that gains most: singly, or all points of a voxel together so that it empties.
+A voxel detector reads which voxels are occupied, but hardly where in a voxel its points are. So each round
+computes the gradient of the loss with respect to the occupancy of every voxel in reach, empty ones included,
+and points cross where the gain is largest: single points, or all points of a voxel so that it empties.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from advpipe.pipeline.baselines import move_within
 from advpipe.pipeline.detector.protocol import VoxelDetector
 from advpipe.stages.attack.lidar.constraints import Rules
 from advpipe.stages.attack.lidar.crossings import find_crossings
-from advpipe.stages.attack.lidar.goal import Goal
+from advpipe.stages.attack.lidar.goal import AttackGoal
 from advpipe.stages.attack.lidar.gradient import gradients_of
 from advpipe.stages.attack.lidar.per_object_best import jittered
 from advpipe.stages.attack.lidar.selection import NoGradientError
@@ -29,53 +29,54 @@ Int64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 
 INTENSITY_STEP = 0.2
-"""Of the cloud's range of intensities, a step where they are attacked."""
+"""A step of attacked intensities, as a fraction of the cloud's intensity range."""
 
 
 @dataclass(frozen=True)
-class Tactics:
-    """How crossings are chosen; chosen by measurement (benchmarks/ingredients.py).
+class CrossingSettings:
+    """Settings of the search, tuned by measurement (benchmarks/ingredients.py).
 
-    margin_m: points this near to an object take part. landing_m: how far past a face they land.
-    momentum: share of the earlier rounds in a voxel's gain. eager, calm: the probability that a crossing
-    that gains is made, in the first and in the last round of a cycle. rounds_a_cycle: each cycle starts
-    from the best that was kept. jitter_m: standard deviation of the noise under which gains are asked for.
-    groups: whole voxels may be emptied together. keep: judge attempts and keep the best. decoys: false
-    detections of the clean cloud are made surer. lie: every other gradient is that of a truth which holds the
-    decoys alone, if any; the focal loss of what is sure is flat, that of what should not be there is steep.
+    margin_m: points this near to an object may move. landing_m: how far past a face they land.
+    momentum: weight of the earlier rounds in a voxel's gain. first_probability, last_probability: of making a
+    crossing with a positive gain, in the first and in the last round of a cycle. rounds_per_cycle: each cycle
+    starts from the best points so far. jitter_m: standard deviation of the noise that gradients are taken
+    under. groups: all points of a voxel may leave it together. keep_best: evaluate the candidates
+    and keep the best points of each object. decoys: raise the scores of false detections of the clean cloud.
+    decoy_gradients: take every other gradient for a ground truth of the decoys alone, if any: the focal loss
+    is flat for confident detections and steep for false ones.
     """
 
     margin_m: float = 1.0
     landing_m: float = 0.001
     momentum: float = 0.5
-    eager: float = 0.9
-    calm: float = 0.2
-    rounds_a_cycle: int = 12
+    first_probability: float = 0.9
+    last_probability: float = 0.2
+    rounds_per_cycle: int = 12
     jitter_m: float = 0.0
     groups: bool = True
-    keep: bool = True
+    keep_best: bool = True
     decoys: bool = True
-    lie: bool = True
+    decoy_gradients: bool = True
 
 
-class Crossing:
-    """One cloud under attack: points (N, 4) float32, all finite."""
+class CrossingSearch:
+    """The search on one cloud: points (N, 4) float32, all finite; a `Search`."""
 
     def __init__(
         self,
         points: Float32,
-        goal: Goal,
+        goal: AttackGoal,
         detector: VoxelDetector,
         rules: Rules,
         owner: Int64,
         reach_m: float,
-        tactics: Tactics,
+        settings: CrossingSettings,
         rng: np.random.Generator,
     ) -> None:
-        """rules: what may be touched. owner: (N,) the object that a point belongs to, -1 for none: those
+        """rules: which points may move. owner: (N,) the object that each point belongs to; points with -1
         stay. reach_m: how far a point may move."""
         self.points, self.goal, self.detector, self.rules = points, goal, detector, rules
-        self.tactics, self.rng = tactics, rng
+        self.settings, self.rng = settings, rng
         self.grid = detector.voxel_grid
         keys = self.grid.keys(self.grid.cells(points))
         self.movable = np.flatnonzero((owner >= 0) & (keys >= 0) & rules.allowed)
@@ -84,7 +85,7 @@ class Crossing:
             points[self.movable, :3],
             self.grid,
             reach_m,
-            min(tactics.landing_m, reach_m / 2),  # a short reach lands nearer, rather than nowhere
+            min(settings.landing_m, reach_m / 2),  # with a short reach, land nearer to the face
             constraints.along_ray,
             rules.hidden if constraints.keep_occlusion_order else None,
         )
@@ -93,105 +94,109 @@ class Crossing:
         self.fixed_count = np.bincount(at, minlength=len(self.options.keys))
         self.intensity = points[self.movable, 3].copy()
         self.gain = np.zeros(len(self.options.keys))
-        self.asked = np.zeros(len(self.options.keys), bool)
-        # An empty voxel is tried with the point that has the shortest way into it.
+        self.has_gain = np.zeros(len(self.options.keys), bool)
+        # Each empty voxel is probed with the point that has the shortest way into it.
         by_length = np.lexsort((self.options.length_m, self.options.cell))
         _, first = np.unique(self.options.cell[by_length], return_index=True)
-        self.visitor = by_length[first]
+        self.probe_option = by_length[first]
         self.choice = self.options.home.copy()
         self.kept = self.choice.copy()
 
-    def attempts(self, rounds: int) -> Iterator[Float32]:
+    def candidates(self, rounds: int) -> Iterator[Float32]:
         """The points (N, 4) after each gradient."""
-        tactics = self.tactics
-        cycle = min(tactics.rounds_a_cycle, rounds)
+        settings = self.settings
+        cycle = min(settings.rounds_per_cycle, rounds)
         for number in range(rounds):
             phase = number % cycle
             if phase == 0:
                 self.choice = self.kept.copy()
             standing = np.bincount(self.options.cell[self.choice], minlength=len(self.gain))
             count = self.fixed_count + standing  # points in each voxel
-            self._ask(self.choice, count, lie=tactics.lie and self.goal.sign > 0 and number % 2 == 1)
-            probability = tactics.eager + (tactics.calm - tactics.eager) * phase / max(1, cycle - 1)
+            toward_decoys = settings.decoy_gradients and self.goal.sign > 0 and number % 2 == 1
+            self._update_gains(self.choice, count, toward_decoys)
+            first, last = settings.first_probability, settings.last_probability
+            probability = first + (last - first) * phase / max(1, cycle - 1)
             self.choice = self._cross(self.choice, count, probability)
             yield self.placed(self.choice)
 
-    def keep(self, better: Bool) -> None:
-        """The next cycle starts from the best of each point."""
+    def accept(self, better: Bool) -> None:
+        """Start the next cycle from the best choice of each point."""
         better = better[self.movable]
         self.kept[better] = self.choice[better]
 
     def placed(self, choice: Int64) -> Float32:
-        """The points (N, 4) where each movable one stands at its choice (P,)."""
+        """The points (N, 4) with the movable ones at their chosen options (P,)."""
         moved = self.points.copy()
         moved[self.movable, :3] = move_within(self.points[self.movable, :3], self.options.offset_m[choice])
         moved[self.movable, 3] = self.intensity
         return moved
 
-    def _ask(self, choice: Int64, count: Int64, lie: bool) -> None:
-        """Bring the gain of each voxel in reach up to date, by one backward pass."""
-        points = jittered(self.placed(choice), self.tactics.jitter_m, self.rng)
+    def _update_gains(self, choice: Int64, count: Int64, toward_decoys: bool) -> None:
+        """Update the gain of each voxel in reach by one backward pass."""
+        points = jittered(self.placed(choice), self.settings.jitter_m, self.rng)
         empty = np.flatnonzero(count == 0)
-        visitor = self.visitor[empty]
-        ghosts = self.points[self.movable[self.options.point[visitor]]]
-        ghosts[:, :3] = move_within(ghosts[:, :3], self.options.offset_m[visitor])
-        loss_targets, sign = (self.goal.decoys, -1.0) if lie else (self.goal.loss_targets, self.goal.sign)
+        probe_option = self.probe_option[empty]
+        probes = self.points[self.movable[self.options.point[probe_option]]]
+        probes[:, :3] = move_within(probes[:, :3], self.options.offset_m[probe_option])
+        loss_targets, sign = (
+            (self.goal.decoys, -1.0) if toward_decoys else (self.goal.loss_targets, self.goal.sign)
+        )
         leaf = torch.from_numpy(points).requires_grad_()
         loss, occupancy, rows = self.detector.occupancy_loss(
-            leaf, loss_targets.boxes, loss_targets.labels, torch.from_numpy(ghosts)
+            leaf, loss_targets.boxes, loss_targets.labels, torch.from_numpy(probes)
         )
         if self.rules.constraints.intensity:
             gradient, to_points = gradients_of(loss, occupancy, leaf)
-            self._shine(sign * to_points[self.movable, 3].cpu().double().numpy())
+            self._step_intensity(sign * to_points[self.movable, 3].cpu().double().numpy())
         else:
             (gradient,) = gradients_of(loss, occupancy)
         worth = np.nan_to_num(gradient.cpu().numpy().astype(np.float64), posinf=0.0, neginf=0.0)
-        if not worth.any() and (lie or self.asked.any()):
-            return  # the loss says nothing of what should not be there, or nothing more: what was kept stays
+        if not worth.any() and (toward_decoys or self.has_gain.any()):
+            return  # no gradient for decoys, or no more gradient: keep the earlier gains
         if not worth.any():
             raise NoGradientError
         worth *= sign / np.abs(worth).mean()  # the scales of losses differ
         row = rows.cpu().numpy()
         read = row >= 0
-        key = self.grid.keys(self.grid.cells(np.concatenate([points, ghosts])[read]))
+        key = self.grid.keys(self.grid.cells(np.concatenate([points, probes])[read]))
         key, first = np.unique(key, return_index=True)
         here = np.isin(key, self.options.keys)
         cell, new = np.searchsorted(self.options.keys, key[here]), worth[row[read][first[here]]]
-        memory = np.where(self.asked[cell], self.tactics.momentum, 0.0)
+        memory = np.where(self.has_gain[cell], self.settings.momentum, 0.0)
         self.gain[cell] = memory * self.gain[cell] + (1 - memory) * new
-        self.asked[cell] = True
+        self.has_gain[cell] = True
 
-    def _shine(self, rises: Float64) -> None:
-        """One step of the intensities (P,), within what the clean cloud knows."""
+    def _step_intensity(self, rises: Float64) -> None:
+        """Step the intensities (P,) within the range of the clean cloud."""
         low, high = self.points[:, 3].min(), self.points[:, 3].max()
         step = INTENSITY_STEP * (high - low) * np.sign(np.nan_to_num(rises))
         if self.rules.constraints.max_points is None:
             self.intensity = np.clip(self.intensity + step, low, high).astype(np.float32)
 
     def _cross(self, choice: Int64, count: Int64, probability: float) -> Int64:
-        """The next choice (P,): what gains is made with some probability. count: (C,) points in a voxel."""
+        """The next choice (P,): crossings with a gain, at this probability. count: (C,) points a voxel."""
         options, gain = self.options, self.gain
         here = options.cell[choice]
         is_move = options.cell != here[options.point]
         enter = np.where(count == 0, gain, 0.0)  # of a voxel
         leave = np.where(count == 1, -gain, 0.0)
         worth = np.where(is_move, enter[options.cell], -np.inf)
-        # The most worthy option of each point, a shorter way first where all else is equal.
+        # The best option of each point; of equal ones, the shortest.
         worth = worth - 1e-12 * options.length_m
         order = np.lexsort((-worth, options.point))
         best = order[np.searchsorted(options.point[order], np.arange(len(choice)))]
         single = np.where(np.isfinite(worth[best]), worth[best], -np.inf) + leave[here]
         taken = (single > 0) & (self.rng.random(len(choice)) < probability)
-        # Of several points that would enter one empty voxel, the worthiest alone goes.
+        # Of several points that would enter one empty voxel, only the one with the largest gain does.
         into = options.cell[best]
         arriving = np.flatnonzero(taken & (count[into] == 0))
         arriving = arriving[np.lexsort((-single[arriving], into[arriving]))]
         _, first = np.unique(into[arriving], return_index=True)
         taken[np.delete(arriving, first)] = False
-        if self.tactics.groups:
+        if self.settings.groups:
             taken |= self._groups(choice, best, worth, count, taken, probability)
         after = np.where(taken, best, choice)
-        if self.rules.constraints.max_points is not None:  # the least worthy moves are undone
+        if self.rules.constraints.max_points is not None:  # undo the moves with the smallest gains
             worth_of_points = np.zeros(len(self.points))
             brought = gain[options.cell[after]] - gain[options.cell[options.home]]
             moved = after != options.home
@@ -202,7 +207,7 @@ class Crossing:
     def _groups(
         self, choice: Int64, best: Int64, worth: Float64, count: Int64, taken: Bool, probability: float
     ) -> Bool:
-        """Which points (P,) leave their voxel together, so that it empties."""
+        """Which points (P,) leave their voxel together to empty it."""
         options = self.options
         here = options.cell[choice]
         several = (count > 1) & (self.fixed_count == 0)
@@ -212,7 +217,7 @@ class Crossing:
         members = np.flatnonzero(several[here] & ~stuck[here])
         if not len(members):
             return np.zeros(len(choice), bool)
-        # What a group brings: each voxel that it fills once, and its own one emptied.
+        # The gain of a group: each voxel that it fills counts once, and its emptied voxel.
         pair = here[members] * len(count) + options.cell[best[members]]
         _, one_each = np.unique(pair, return_index=True)
         brings = np.bincount(here[members[one_each]], worth[best[members[one_each]]], len(count))

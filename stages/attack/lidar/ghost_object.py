@@ -1,4 +1,4 @@
-"""A road user that is not there: what an attack may make a detector see."""
+"""A ghost object: a road user that does not exist and that an attack makes the detector find."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ SIZES_M = {
     "cyclist": (1.9, 0.75, 1.7),
     "pedestrian": (0.8, 0.7, 1.75),
 }
-"""Length, width and height of a ghost of each class."""
+"""Length, width and height of a ghost object of each class."""
 
 GROUND_RADIUS_M = 3.0
 _GROUND_PERCENTILE = 5
 
 
 @dataclass(frozen=True)
-class Ghost:
-    """A box of one of `geometry.boxes.CLASSES` at a place in the cloud's frame, on the ground there."""
+class GhostObject:
+    """A box of one of `geometry.boxes.CLASSES`, on the ground at a place in the cloud's frame."""
 
     name: str
     x_m: float
@@ -41,18 +41,18 @@ class Ghost:
                 raise UsageError(f"ghost: {place.name} is {getattr(self, place.name)}, but must be finite")
 
     @staticmethod
-    def parse(text: str) -> Ghost:
-        """The ghost of `CLASS:X:Y` or `CLASS:X:Y:YAW`, in metres and radians, such as `car:12:-3.5`."""
+    def parse(text: str) -> GhostObject:
+        """Parse `CLASS:X:Y` or `CLASS:X:Y:YAW`, in metres and radians, such as `car:12:-3.5`."""
         name, *numbers = text.split(":")
         try:
             if not 2 <= len(numbers) <= 3:
                 raise ValueError
-            return Ghost(name, *map(float, numbers))
+            return GhostObject(name, *map(float, numbers))
         except ValueError:
             raise UsageError(f"ghost is {text!r}, but must read CLASS:X:Y or CLASS:X:Y:YAW") from None
 
     def check(self, detector: ObjectDetector) -> None:
-        """Raises AdvpipeError if the detector does not find its class, or does not look at its place."""
+        """Raises AdvpipeError if it is not of the detector's classes or lies outside of its range."""
         if self.name not in detector.classes:
             known = ", ".join(detector.classes)
             raise UsageError(f"ghost: the detector finds no {self.name}; it finds {known}")
@@ -65,7 +65,7 @@ class Ghost:
             )
 
     def boxes(self, points: npt.NDArray[np.float32]) -> Boxes:
-        """Its box as `Boxes` of one; of none where the cloud (N, 3) has no points about to stand on."""
+        """Its box as `Boxes` of one; none if the cloud (N, 3) has no ground points near its place."""
         near = np.hypot(points[:, 0] - self.x_m, points[:, 1] - self.y_m) < GROUND_RADIUS_M
         if not near.any():
             return Boxes()

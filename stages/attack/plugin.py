@@ -13,7 +13,7 @@ from advpipe.stages.attack.base import Attack, refuse_undeclared
 BASES = "LidarAttack, V2xAttack or GnssAttack (stages/attack/lidar, v2x, gnss: base.py)"
 
 
-def own_attack(word: str) -> type[Attack]:
+def plugin_attack(word: str) -> type[Attack]:
     """The class; raises AdvpipeError, one line, for a module that cannot be loaded, and for what is no attack
     of any family or does not declare what its base asks for."""
     found: type[Attack] = own_object(word, f"cannot load attack {word}")

@@ -1,4 +1,4 @@
-"""What `attach` plays for: places about each object, the most harmful first."""
+"""The allocation problem of `attach`: which places near each object get a point."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import torch
 from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
 from advpipe.stages.attack.lidar.attach_places import Places
 from advpipe.stages.attack.lidar.attack_objective import AttackObjective
-from advpipe.stages.attack.lidar.goal import Goal
+from advpipe.stages.attack.lidar.goal import AttackGoal
 from advpipe.stages.attack.lidar.gradient import gradients_of
 from advpipe.stages.attack.lidar.selection import NoGradientError
 
@@ -20,41 +20,41 @@ Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 
-MOST = 60
-"""So many points an object may get while the search looks for what it costs; a ghost gets all there are."""
+MAX_POINTS_PER_OBJECT = 60
+"""The most points of one object during the search; a ghost object may take all places."""
 
-KNOWN, FRESH = 300, 500
-"""Places of an object that are weighed each round: the best of those weighed before, and others by chance."""
+KEPT_CANDIDATES, NEW_CANDIDATES = 300, 500
+"""Places of an object that are evaluated each round: the best of earlier rounds, and random new ones."""
 
 
 @dataclass(frozen=True)
-class AttachGame:
-    """The items are places; taking one puts a point there.
+class AttachProblem:
+    """The items are places; taking one adds a point there.
 
     clean: (N, 4) float32. decay_m: a place d away from its clean point counts exp(-(d / decay_m)**2).
-    jitter_m: standard deviation of the noise under which effects are looked for and judged; 0 for none.
-    blind: places are proposed by chance; the baseline with the same selection.
+    jitter_m: standard deviation of the noise for gradients and evaluations; 0 for none.
+    is_random: propose random places, for the random baseline with the same selection.
     """
 
     clean: Float32
     places: Places
-    goal: Goal
-    judge: AttackObjective
+    goal: AttackGoal
+    objective: AttackObjective
     detector: ObjectDetector
     rng: np.random.Generator
     decay_m: float
     jitter_m: float = 0.0
-    blind: bool = False
-    _worth: Float64 = field(init=False)
+    is_random: bool = False
+    _gain: Float64 = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_worth", np.full(len(self.places), -np.inf))
+        object.__setattr__(self, "_gain", np.full(len(self.places), -np.inf))
 
     @property
-    def most(self) -> Int64:
+    def max_items(self) -> Int64:
         owner = self.places.owner
         available = np.bincount(owner[owner >= 0], minlength=len(self.goal.targets))
-        return available if self.goal.kind == "create" else np.minimum(available, MOST)
+        return available if self.goal.kind == "create" else np.minimum(available, MAX_POINTS_PER_OBJECT)
 
     def propose(self, taken: Int64, wanted: Int64, room: Int64) -> list[Int64]:
         free = np.ones(len(self.places), bool)
@@ -62,53 +62,55 @@ class AttachGame:
         pools = [self._pool(np.flatnonzero(free & (self.places.owner == m))) for m in np.flatnonzero(wanted)]
         pool = np.concatenate([np.zeros(0, np.int64), *pools])
         if len(pool):
-            self._worth[pool] = self._gains(taken, pool)
+            self._gain[pool] = self._gains(taken, pool)
         proposals = []
         for number, count in enumerate(wanted):
             mine = pool[self.places.owner[pool] == number] if count else np.zeros(0, np.int64)
-            best = mine[np.argsort(-self._worth[mine], kind="stable")[:count]]
-            proposals.append(best[self._worth[best] > 0])
+            best = mine[np.argsort(-self._gain[mine], kind="stable")[:count]]
+            proposals.append(best[self._gain[best] > 0])
         return proposals
 
-    def harm(self, taken: Int64) -> Float64:
-        return self.judge(self._shaken(np.concatenate([self.clean, self.places.points[taken]])))
+    def evaluate(self, taken: Int64) -> Float64:
+        return self.objective(self._jittered(np.concatenate([self.clean, self.places.points[taken]])))
 
-    def enough(self, harm: Float64) -> Bool:
-        return self.judge.enough(harm)
+    def is_satisfied(self, values: Float64) -> Bool:
+        return self.objective.is_satisfied(values)
 
     def _pool(self, mine: Int64) -> Int64:
-        """The places of an object to weigh in this round."""
-        known = np.isfinite(self._worth[mine])
-        best = mine[known][np.argsort(-self._worth[mine[known]], kind="stable")[:KNOWN]]
-        fresh = self.rng.permutation(mine[~known])[: FRESH if known.any() else KNOWN + FRESH]
+        """The places of an object to evaluate in this round."""
+        known = np.isfinite(self._gain[mine])
+        best = mine[known][np.argsort(-self._gain[mine[known]], kind="stable")[:KEPT_CANDIDATES]]
+        fresh = self.rng.permutation(mine[~known])[
+            : NEW_CANDIDATES if known.any() else KEPT_CANDIDATES + NEW_CANDIDATES
+        ]
         return np.concatenate([best, fresh])
 
     def _gains(self, taken: Int64, pool: Int64) -> Float64:
-        """What a point at each place of the pool brings, beside those taken."""
-        if self.blind:
+        """The estimated gain (K,) of a point at each place of the pool, beside those taken."""
+        if self.is_random:
             return self.rng.random(len(pool)) + 1e-9
-        points = torch.from_numpy(self._shaken(np.concatenate([self.clean, self.places.points[taken]])))
+        points = torch.from_numpy(self._jittered(np.concatenate([self.clean, self.places.points[taken]])))
         if isinstance(self.detector, VoxelDetector):
-            gain = self._of_occupancy(self.detector, points, pool)
+            gain = self._occupancy_gains(self.detector, points, pool)
         else:
-            gain = self._of_copies(points, pool)
+            gain = self._copy_gains(points, pool)
         if not gain.any():
             raise NoGradientError
         return gain * np.exp(-((self.places.distance_m[pool] / self.decay_m) ** 2))
 
-    def _of_occupancy(self, detector: VoxelDetector, points: torch.Tensor, pool: Int64) -> Float64:
-        """The gradient to the occupancy of each place's voxel."""
-        loss_targets, ghosts = self.goal.loss_targets, torch.from_numpy(self.places.points[pool])
+    def _occupancy_gains(self, detector: VoxelDetector, points: torch.Tensor, pool: Int64) -> Float64:
+        """The gradient of the loss with respect to the occupancy of each place's voxel."""
+        loss_targets, probes = self.goal.loss_targets, torch.from_numpy(self.places.points[pool])
         loss, occupancy, row = detector.occupancy_loss(
-            points, loss_targets.boxes, loss_targets.labels, ghosts
+            points, loss_targets.boxes, loss_targets.labels, probes
         )
         (gradient,) = gradients_of(loss, occupancy)
         of_row = np.nan_to_num(self.goal.sign * gradient.double().cpu().numpy(), posinf=0.0, neginf=0.0)
         mine = row.cpu().numpy()[len(points) :]
         return np.where(mine >= 0, of_row[mine], 0.0)
 
-    def _of_copies(self, points: torch.Tensor, pool: Int64) -> Float64:
-        """By the loss alone: a copy of the place's clean point, moved there, to first order."""
+    def _copy_gains(self, points: torch.Tensor, pool: Int64) -> Float64:
+        """First-order gain by the loss alone: a copy of the place's clean point, moved to the place."""
         leaf, loss_targets = points.requires_grad_(), self.goal.loss_targets
         (gradient,) = gradients_of(self.detector.loss(leaf, loss_targets.boxes, loss_targets.labels), leaf)
         slope = np.nan_to_num(gradient[:, :3].double().cpu().numpy(), posinf=0.0, neginf=0.0)
@@ -117,7 +119,7 @@ class AttachGame:
         gain: Float64 = self.goal.sign * (slope[source] * way_m).sum(axis=1)
         return gain
 
-    def _shaken(self, points: Float32) -> Float32:
+    def _jittered(self, points: Float32) -> Float32:
         if not self.jitter_m:
             return points
         noise = np.zeros(points.shape)

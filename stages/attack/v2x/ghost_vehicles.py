@@ -1,4 +1,4 @@
-"""Vehicles that do not exist: they move as they say, and tell of it when the standard has them tell."""
+"""Ghost vehicles: they do not exist, but send consistent CAMs whenever the standard triggers one."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from advpipe.pipeline.v2x.facilities.reference_point import ReferencePoint, refe
 from advpipe.pipeline.v2x.facilities.station_state import StationState
 from advpipe.stages.attack.bounds import checked_number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack
-from advpipe.stages.attack.v2x.gate import Gate
+from advpipe.stages.attack.v2x.dcc_gate import DccGate
 
 Key = tuple[int, ...]
 
 
 class GhostMotion(NamedTuple):
-    """A phantom at the begin of a step: the ground below its middle (4, 4), and how it moves.
+    """The motion of a ghost vehicle at the start of a step; the pose (4, 4) is of the ground below its middle.
 
-    speed_mps: negative backwards. acceleration_mps2: forward. yaw_rate_radps: positive to the left.
+    speed_mps: negative when reversing. acceleration_mps2: forward. yaw_rate_radps: positive to the left.
     """
 
     map_SE3_base: Float64
@@ -49,13 +49,13 @@ class _Station:
     next_check_ns: int
 
 
-class Phantoms:
-    """The phantoms of one attack, each with a station id, a clock and a memory of its path of its own.
+class GhostVehicles:
+    """The ghost vehicles of one attack, each with its own station id, clock and path history.
 
-    A phantom checks every 0.1 s whether it has to send, as any station does, and leaves through the antenna
-    of an attacker. length_m, width_m: of each. ahead_s: how much later than it is they are generated; up to
-    the expiry of a map, they stay in it so much longer. dcc: whether all messages of an attacker's radio
-    together keep to reactive congestion control; each of its phantoms gets the same part.
+    A ghost vehicle checks every 0.1 s whether it has to send, like any station, and an attacker's radio
+    transmits its CAMs. length_m, width_m: of each vehicle. ahead_s: how far generation times lie in the future,
+    which keeps the vehicles in a receiver's LDM for longer, up to its expiry. dcc: whether all messages of an
+    attacker's radio together respect reactive congestion control, in equal shares for its ghost vehicles.
     """
 
     def __init__(
@@ -66,13 +66,13 @@ class Phantoms:
         self._width_m = float(checked_number(context.name, "width_m", width_m, 0.1, 6))
         self._ahead_ns = round(checked_number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
         self._rules = GenerationRules.of(context.v2x.cam)
-        self._gate = Gate(context.v2x, context.attackers) if dcc else None
+        self._gate = DccGate(context.v2x, context.attackers) if dcc else None
         self._stations: dict[Key, _Station] = {}
 
-    def tell(self, step: V2xStep, sender: int, motions: Mapping[Key, GhostMotion]) -> list[Sent]:
-        """What these phantoms have an attacker's radio send in this step, while the attack is active.
+    def messages(self, step: V2xStep, sender: int, motions: Mapping[Key, GhostMotion]) -> list[Sent]:
+        """The messages of these ghost vehicles that an attacker's radio sends in this step while active.
 
-        Keys name phantoms for all the drive; the first call with one switches it on.
+        A key identifies a ghost vehicle throughout the drive; its first use switches the vehicle on.
         """
         if step.end_ns is None or not motions:
             return []
@@ -95,23 +95,23 @@ class Phantoms:
                     sent.append(self._context.message(sender, at_ns, cam.payload))
         return sent
 
-    def hear(self, step: V2xStep, sent: Sequence[Sent]) -> None:
-        """Takes all that is sent in the step, for congestion control."""
+    def observe(self, step: V2xStep, sent: Sequence[Sent]) -> None:
+        """Update congestion control with everything that is sent in the step."""
         if self._gate is not None:
-            self._gate.hear(step, sent)
+            self._gate.observe(step, sent)
 
     def _station(self, step: V2xStep, key: Key) -> _Station:
         if key not in self._stations:
-            checked_number = self._context.pseudonym("phantom", *key)
-            first_ns = first_check_ns(step.begin_ns, self._context.seed, checked_number)
-            self._stations[key] = _Station(checked_number, CamGenerator(step.begin_ns, self._rules), first_ns)
+            station_id = self._context.pseudonym("phantom", *key)
+            first_ns = first_check_ns(step.begin_ns, self._context.seed, station_id)
+            self._stations[key] = _Station(station_id, CamGenerator(step.begin_ns, self._rules), first_ns)
         return self._stations[key]
 
     def _state(
         self, time_ns: int, station_id: int, motion: GhostMotion, place: ReferencePoint
     ) -> StationState:
-        believed = self._context.v2x.others
-        variance_m2 = believed.position_stddev_m**2
+        accuracy = self._context.v2x.others
+        variance_m2 = accuracy.position_stddev_m**2
         return own_state(
             Identity(
                 station_id, StationType.PASSENGER_CAR, self.length_m, self._width_m, TrailerPresence.NONE
@@ -121,8 +121,8 @@ class Phantoms:
             Accuracy(
                 (variance_m2, 0.0, variance_m2),
                 altitude_m=None,
-                heading_rad=math.radians(believed.heading_stddev_deg),
-                speed_mps=believed.speed_stddev_mps,
+                heading_rad=math.radians(accuracy.heading_stddev_deg),
+                speed_mps=accuracy.speed_stddev_mps,
                 yaw_rate_radps=None,
             ),
             speed_mps=motion.speed_mps,
@@ -131,8 +131,8 @@ class Phantoms:
         )
 
 
-class PhantomAttack(V2xAttack):
-    """An attack by phantoms, which take the last four parameters; see there."""
+class GhostAttack(V2xAttack):
+    """The base of attacks with ghost vehicles; see `GhostVehicles` for the parameters."""
 
     def __init__(
         self,
@@ -144,18 +144,20 @@ class PhantomAttack(V2xAttack):
         dcc: bool = False,
     ) -> None:
         super().__init__(context)
-        self._phantoms = Phantoms(context, length_m=length_m, width_m=width_m, ahead_s=ahead_s, dcc=dcc)
+        self._ghost_vehicles = GhostVehicles(
+            context, length_m=length_m, width_m=width_m, ahead_s=ahead_s, dcc=dcc
+        )
 
 
-class Companion:
-    """A place that moves with a vehicle, at a constant offset in its frame, and so turns with it."""
+class OffsetMotion:
+    """The motion of a place at a constant offset in a vehicle's frame, which turns with it."""
 
     def __init__(self, offset_m: tuple[float, float]) -> None:
         self._offset_m = np.array([*offset_m, 0.0])
         self._before: tuple[int, float, float] | None = None
 
     def motion(self, step: V2xStep, radio: RadioPlace) -> GhostMotion:
-        """Where the place is, and how it moves; call it in each step in which the vehicle is on the road."""
+        """The motion in this step; call it in each step in which the vehicle is on the road."""
         pose = radio.map_SE3_base.copy()
         pose[:3, 3] = transform_points(radio.map_SE3_base, self._offset_m)
         yaw_rad, yaw_rate_radps, acceleration_mps2 = yaw_of(pose), 0.0, 0.0
@@ -163,8 +165,8 @@ class Companion:
         if self._before is not None:
             elapsed_s = (step.begin_ns - self._before[0]) / 1e9
             yaw_rate_radps = float(wrap_angle(yaw_rad - self._before[1])) / elapsed_s
-        # Velocity of a point of a body that turns: of the two horizontal parts of the offset, the one to
-        # the left changes its speed along the heading.
+        # Velocity of a point of a turning body: only the leftward part of the offset changes its speed along
+        # the heading.
         forward_mps = float(radio.map_SE3_base[:3, 0] @ radio.velocity_mps)
         speed_mps = forward_mps - yaw_rate_radps * float(self._offset_m[1])
         if self._before is not None:
@@ -173,8 +175,8 @@ class Companion:
         return GhostMotion(pose, speed_mps, acceleration_mps2, yaw_rate_radps)
 
 
-class Braking(NamedTuple):
-    """A straight drive from a pose: at one speed for a while, then braking evenly down to another."""
+class BrakingMotion(NamedTuple):
+    """Straight motion from a pose: constant speed for a while, then constant braking down to a final speed."""
 
     map_SE3_start: Float64
     begin_ns: int
@@ -184,7 +186,7 @@ class Braking(NamedTuple):
     final_mps: float
 
     def motion(self, time_ns: int) -> GhostMotion:
-        """At a time after the begin."""
+        """The motion at a time after the start."""
         passed_s = (time_ns - self.begin_ns) / 1e9
         is_braking = 0 <= passed_s - self.cruise_s < self._stop_s
         braking_s = min(max(passed_s - self.cruise_s, 0.0), self._stop_s)

@@ -15,7 +15,7 @@ from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.facilities.cam_values import Values
 
 
-class Refusal:
+class BoundsCheck:
     """Follows what attacks did in the order of time; declared: by their places among all editors."""
 
     def __init__(self, geodesy: Geodesy, declared: Mapping[int, Declaration]) -> None:

@@ -10,7 +10,7 @@ import pytest
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.labels.points import PointLabels
 from advpipe.stages.attack.lidar.base import LidarResult
-from advpipe.stages.attack.lidar.refusal import refuse_wrong
+from advpipe.stages.attack.lidar.result_checks import refuse_invalid
 
 
 @pytest.fixture
@@ -24,18 +24,18 @@ def labels(points=(2, 3), actions=("removed", "removed"), displacement_m=None):
 
 
 def test_right_ones_pass(clean):
-    refuse_wrong("mine:Mine", clean, LidarResult(np.delete(clean, [2, 3]), labels()))
-    refuse_wrong("mine:Mine", clean, LidarResult(clean, labels((4,), ("moved",), np.array([0.1]))))
+    refuse_invalid("mine:Mine", clean, LidarResult(np.delete(clean, [2, 3]), labels()))
+    refuse_invalid("mine:Mine", clean, LidarResult(clean, labels((4,), ("moved",), np.array([0.1]))))
     added = LidarResult(np.concatenate([clean, clean[:1]]), labels((-1,), ("added",), np.array([0.1])))
-    refuse_wrong("mine:Mine", clean, replace(added, loss_before=1, loss_after=np.float32(2)))
-    refuse_wrong("mine:Mine", clean, LidarResult(clean, labels((), ())))
+    refuse_invalid("mine:Mine", clean, replace(added, loss_before=1, loss_after=np.float32(2)))
+    refuse_invalid("mine:Mine", clean, LidarResult(clean, labels((), ())))
 
 
 def test_changes_that_no_label_tells(clean):
     moved, turned = clean.copy(), clean[::-1].copy()
     moved["z"][4] += 0.1
     moved["z"][5] = clean["z"][5] = np.nan  # is what it was
-    refuse_wrong("mine:Mine", clean, LidarResult(moved, labels((4,), ("moved",), np.array([0.1]))))
+    refuse_invalid("mine:Mine", clean, LidarResult(moved, labels((4,), ("moved",), np.array([0.1]))))
     line = "changed points that its labels do not tell of"
     refused(clean, LidarResult(moved, labels((), ())), line)
     refused(clean, LidarResult(moved, labels((3,), ("moved",), np.array([0.1]))), line)
@@ -80,5 +80,5 @@ def test_wrong_clouds_and_figures(clean):
 
 def refused(clean, result, line):
     with pytest.raises(AdvpipeError, match=f"^mine:Mine .*{line}") as caught:
-        refuse_wrong("mine:Mine", clean, result)
+        refuse_invalid("mine:Mine", clean, result)
     assert "\n" not in str(caught.value)
