@@ -39,8 +39,8 @@ _PREFIXES: Mapping[str, str] = {
 }
 """The new beginning of each old one, of keys that name a baseline."""
 
-_OF_OTHERS = ("provenance", "parameters", "value")
-"""Under these keys stand the records of bags and the parameters of attacks, whose keys are not renamed."""
+_UNCHANGED = (DEPRECATED_KEYS, "provenance", "parameters", "value")
+"""The values of these keys are not rewritten: records of bags, parameters of attacks."""
 
 
 def old_key(key: str) -> str | None:
@@ -87,7 +87,7 @@ def with_new_keys(document: Any, source: object) -> Any:
 
 @cache
 def _notice_old_keys(source: str) -> None:
-    notice(f"{source} uses report keys of an earlier release, which the next release will not read;")
+    notice(f"{source}: deprecated report keys, which the next release will not read; make the report again")
 
 
 def _rewritten(value: Any, rewrite_key: Callable[[dict[str, Any], str], None]) -> Any:
@@ -97,7 +97,7 @@ def _rewritten(value: Any, rewrite_key: Callable[[dict[str, Any], str], None]) -
     if not isinstance(value, Mapping):
         return value
     record = {
-        key: item if key in _OF_OTHERS else _rewritten(item, rewrite_key) for key, item in value.items()
+        key: item if key in _UNCHANGED else _rewritten(item, rewrite_key) for key, item in value.items()
     }
     for key in value:
         rewrite_key(record, key)
