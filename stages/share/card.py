@@ -20,7 +20,7 @@ from advpipe.pipeline.core.errors import one_line
 from advpipe.pipeline.dataset.layout import Layout
 from advpipe.pipeline.sensors.registry import SENSORS
 from advpipe.stages.share import names
-from advpipe.stages.share.effects import banners, effect_tables
+from advpipe.stages.share.effects import effect_tables, report_warnings
 from advpipe.stages.share.facts import BagFacts, TopicFacts
 from advpipe.stages.share.markdown import Markdown, authors_text, block, code, escaped, link, literal
 from advpipe.stages.share.options import ShareOptions
@@ -149,7 +149,7 @@ def write_card(
         lidars=[{"name": name, **dict(lidar)} for name, lidar in scenario.sensors.lidars.items()],
         sensors=_sensors(clean),
         origin=_origin(clean, scenario),
-        banners=banners(found.reports),
+        warnings=report_warnings(found.reports),
         effects=effect_tables(found.reports),
         has_messages=any(topic.type.startswith("advpipe_msgs/") for topic in clean.topics.values()),
         first_topic=first.name,

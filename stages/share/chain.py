@@ -29,7 +29,8 @@ def check_chain(layout: Layout, sha256_of_bags: Mapping[str, str]) -> list[str]:
 
 
 def _check_report(path: Path, sha256_of_bags: Mapping[str, str]) -> None:
-    for bag, stated in read_report(path).bags.items():
+    report = read_report(path)
+    for bag, stated in report.bags.items():
         if bag not in sha256_of_bags:
             raise AdvpipeError(
                 f"{path} compares {bag}, which is not in the data set; move the report elsewhere"
@@ -39,6 +40,10 @@ def _check_report(path: Path, sha256_of_bags: Mapping[str, str]) -> None:
                 f"{path} was made from another {bag} than the one in the data set; evaluate again with "
                 "--overwrite"
             )
+    if report.clean_sha256s - set(sha256_of_bags.values()):
+        raise AdvpipeError(
+            f"{path} was made from another clean bag than the one in the data set; move the report elsewhere"
+        )
 
 
 def _check_bag(bag: Path, record: Provenance, drives: Collection[str]) -> str:

@@ -77,7 +77,7 @@ class Sweep:
         of_map = map_status(self.options.detector, detector, BagReader(self.clean).provenance)
         report = SweepReport(self.store.folder, done, shown, [of_map.text] if of_map.text else [])
         commands = commands_of(self.clean, self.options.table, done)
-        write_document(report.folder, done, shown, commands, pictures, report.banners)
+        write_document(report.folder, done, shown, commands, pictures, report.warnings)
         return report
 
     def _run_missing(self, recipe: str, budget: SweepBudget) -> bool:
@@ -97,7 +97,7 @@ class SweepReport(Tabular):
     folder: Path
     cells: Sequence[Cell]
     recipes: Sequence[str]
-    banners: Sequence[str]
+    warnings: Sequence[str]
 
     def __str__(self) -> str:
         names = ", ".join(cell.name for cell in self.cells)
@@ -122,7 +122,7 @@ class SweepReport(Tabular):
 
     def show(self) -> None:
         """The tables on the terminal."""
-        print_document(self.cells, self.recipes, self.banners)
+        print_document(self.cells, self.recipes, self.warnings)
 
 
 def _line(cell: Cell, budget: SweepBudget, times: Times) -> str:

@@ -109,7 +109,7 @@ def _short(value: object) -> str:
 
 def _read(path: Path) -> Cell:
     try:
-        cell = Cell.from_json(path.read_text(encoding="utf-8"))
+        cell = Cell.from_json(path.read_text(encoding="utf-8"), path.parent)
         if path.stem != cell.name or cell.budget not in {budget.name for budget in TABLES["paper"]}:
             raise ValueError(f"holds {cell.name}")
         return cell

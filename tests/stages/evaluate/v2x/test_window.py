@@ -102,7 +102,7 @@ def test_before_the_attack_begins_nobody_lies(smoke: Path, offset: Path) -> None
     """Lies begin after 2 s: until then both bags are one."""
     (found,) = v2x_sections(smoke, [offset], window=seconds(smoke, 0.5, 1.9))
     clean, attacked = rows_of(found)
-    assert (attacked["lies"], attacked["attack"]) == (0, "cam-position-offset")
+    assert (attacked["false_messages"], attacked["attack"]) == (0, "cam-position-offset")
     names = [name for name in clean if name.startswith(("ldm_", "warning_", "honest_"))]
     assert len(names) > 10
     for name in (*names, "messages"):
