@@ -99,7 +99,7 @@ class ReportDocument(Document):
 
 def read_report(path: Path) -> ReportDocument:
     """A report.json; raises AdvpipeError for a file that is none, or that cannot be read."""
-    where = f"{path} is no report of this version"
+    where = f"{path} is not a report of this version"
     text = read_text(path, LIMIT_BYTES)
     found: ReportDocument = read_json(text, ReportDocument, where, _HINT, LIMIT_BYTES)
     return found

@@ -79,7 +79,7 @@ def attack_of(comparison: Comparison) -> AttackRecord:
         parameters=parameters,
         attacked_against=provenance.get("detector"),
         is_white_box=comparison.is_white_box,
-        looks=provenance.said.looks,
+        looks=provenance.fields.looks,
         baseline_tries=comparison.baseline_tries,
     )
 

@@ -30,4 +30,4 @@ class Reports(FolderCheck):
                 if name not in real:
                     yield Fault(where, f"compares {name}, which is not in the data set")
                 elif real[name].sha256 not in (sha256, None):
-                    yield Fault(where, f"was made from another {name} than the one in the data set")
+                    yield Fault(where, f"was made from a {name} that differs from the one in the data set")

@@ -298,9 +298,9 @@ def test_while_recovering_no_run_removes_the_source(drive: Path, tmp_path: Path)
     dead = PartialFolder(tmp_path / "town")
     dead._lock.close()  # as the kernel does when a process is killed
     shutil.copy(drive / "drive_0.mcap", dead.path / "town_0.mcap")
-    from advpipe.pipeline.bag.remains import find_remains
+    from advpipe.pipeline.bag.partial_recording import find_partial_recording
 
-    with find_remains(tmp_path / "town"):
+    with find_partial_recording(tmp_path / "town"):
         PartialFolder(tmp_path / "town").commit(lambda _: False)
         assert dead.path.is_dir()
     os.rmdir(tmp_path / "town")

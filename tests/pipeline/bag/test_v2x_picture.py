@@ -61,7 +61,9 @@ def test_what_cannot_be_drawn(bag: Path, tmp_path: Path, record: Callable[..., P
         draw_bag(plain, tmp_path / "v2x.png")
     with BagWriter(tmp_path / "odd", provenance={}) as writer:
         writer.write(V2X_STATISTICS, string('{"pairs": 1}'), 5)
-    with pytest.raises(AdvpipeError, match="odd: /v2x/statistics holds no statistics of this version"):
+    with pytest.raises(
+        AdvpipeError, match="odd: /v2x/statistics does not hold V2X statistics of this version"
+    ):
         draw_bag(tmp_path / "odd", tmp_path / "v2x.png")
     with pytest.raises(OSError, match="nowhere"):
         draw_bag(bag, tmp_path / "nowhere" / "v2x.png")

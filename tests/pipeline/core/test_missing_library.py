@@ -202,7 +202,7 @@ def test_a_sumo_program_that_does_not_start_says_why(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
     assert done.stderr.splitlines()[-1] == (
         f"advpipe.pipeline.core.errors.AdvpipeError: netconvert: the shared library {tmp_path}/libexpat.so.1 "
-        "cannot be loaded (file too short); install its package anew: apt-get install --reinstall libexpat1"
+        "cannot be loaded (file too short); reinstall its package: apt-get install --reinstall libexpat1"
     )
 
 

@@ -12,7 +12,7 @@ import pytest
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.dataset import checksums
 from advpipe.pipeline.dataset.archive import Limits, contents, pack, unpack_archive
-from advpipe.pipeline.dataset.lay_out import lay_out
+from advpipe.pipeline.dataset.lay_out import write_folder
 from advpipe.pipeline.dataset.layout import read_layout
 
 NAMES = ("README.md", "clean/clean_0.mcap", "clean/metadata.yaml", "figures/größe.png", "e/" * 60 + "empty")
@@ -267,16 +267,16 @@ def test_files_and_their_list_must_fit(tmp_path: Path, folder: Path) -> None:
     with pytest.raises(AdvpipeError, match=r"README\.md is missing, though it lists it"):
         pack({name: path for name, path in files.items() if name != "README.md"}, tmp_path / "a.tar")
     with pytest.raises(AdvpipeError, match="more is not listed"):
-        lay_out({**files, "more": files["README.md"]}, tmp_path / "a")
+        write_folder({**files, "more": files["README.md"]}, tmp_path / "a")
     assert [path.name for path in tmp_path.iterdir()] == ["town"]
 
 
 def test_a_laid_out_folder_is_the_same(tmp_path: Path, folder: Path) -> None:
-    lay_out(contents(folder), tmp_path / "new")
+    write_folder(contents(folder), tmp_path / "new")
     assert bytes_of(tmp_path / "new") == bytes_of(folder)
     with pytest.raises(AdvpipeError, match="new exists already"):
-        lay_out(contents(folder), tmp_path / "new")
+        write_folder(contents(folder), tmp_path / "new")
     (folder / "README.md").write_text("other", encoding="utf-8")
     with pytest.raises(AdvpipeError, match=r"README\.md changed while it was copied"):
-        lay_out(contents(folder), tmp_path / "newer")
+        write_folder(contents(folder), tmp_path / "newer")
     assert not (tmp_path / "newer").exists()

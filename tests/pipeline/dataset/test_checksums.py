@@ -62,7 +62,7 @@ LINE = f"{ABC}  a"
         (f"{ABC[1:]}  a\n", ":1: no line of `sha256sum`"),
         (f"{LINE}\n\n", ":2: no line of `sha256sum`"),
         (f"{LINE}\r\n", "no path of a file"),
-        (f"{ABC}  ../a\n", ":1: '../a' is no path of a file in this folder"),
+        (f"{ABC}  ../a\n", ":1: '../a' is not the path of a file in this folder"),
         (f"{ABC}  a/../../b\n", "no path of a file"),
         (f"{ABC}  /etc/passwd\n", "no path of a file"),
         (f"{ABC}  a//b\n", "no path of a file"),

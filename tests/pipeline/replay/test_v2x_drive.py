@@ -28,7 +28,7 @@ def test_a_scenario_that_is_none(tmp_path: Path, info: str) -> None:
     with BagWriter(tmp_path / "bag", provenance={}) as writer:
         writer.write(SCENARIO_INFO, string(info), 5)
         writer.write_cdr(*stations_message(5, ()))
-    with pytest.raises(AdvpipeError, match="/scenario/info holds no scenario of this version"):
+    with pytest.raises(AdvpipeError, match="/scenario/info does not hold a scenario of this version"):
         V2xDrive(BagReader(tmp_path / "bag"))
 
 

@@ -270,7 +270,7 @@ def test_a_report_on_other_bags_is_refused(dataset: Path, tmp_path: Path) -> Non
         share(dataset, tmp_path / "out")
     report["rows"] = 5
     path.write_text(json.dumps(report))
-    with pytest.raises(AdvpipeError, match="is no report of this version: rows"):
+    with pytest.raises(AdvpipeError, match="is not a report of this version: rows"):
         share(dataset, tmp_path / "out")
 
 
@@ -305,7 +305,7 @@ def test_bad_requests_are_refused(recorded: Path, dataset: Path, tmp_path: Path)
         share(dataset, tmp_path / "out")
     (dataset / "link").unlink()
     (dataset / "reports" / "small" / "report.json").write_text("{")
-    with pytest.raises(AdvpipeError, match=r"report\.json is no report of this version: not read as JSON"):
+    with pytest.raises(AdvpipeError, match=r"report\.json is not a report of this version: not read as JSON"):
         share(dataset, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 

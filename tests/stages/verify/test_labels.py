@@ -146,7 +146,11 @@ def bounded_by(**bounds: list[float]) -> Callable[[Attacks], None]:
     [
         ("perturb", {"max_displacement_m": [0, 1e-4]}, "m, where 0 to 0.0001 m is declared"),
         ("attach", {"points_added": [1, 1]}, "points added: "),
-        ("attach", {"max_added_distance_m": [0, 1e-4]}, "how far an added point stands from the clean cloud"),
+        (
+            "attach",
+            {"max_added_distance_m": [0, 1e-4]},
+            "largest distance of an added point from the clean cloud",
+        ),
         ("detach", {"share_removed": [0, 1e-4]}, "least share of the points"),
     ],
 )
@@ -209,7 +213,7 @@ def test_labels_as_older_versions_wrote_them(data_set: Path) -> None:
     pq.write_table(table.set_column(table.column_names.index("fields"), "fields", words), path)
     assert faults(path.parent, CamsCheck) == []
     unchecked = " ".join(gap.what for gap in verify(path.parent).unchecked)
-    assert "part and fields: not as this version writes them" in unchecked
+    assert "part and fields: not in the form of this version" in unchecked
 
 
 @pytest.mark.parametrize(
