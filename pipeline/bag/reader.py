@@ -119,7 +119,8 @@ class BagReader:
             raise
         except Exception:  # rosbags makes code of the bag's definitions: they can fail in any way
             raise AdvpipeError(
-                f"{self.path}: a message of {raw.topic.name} at {raw.log_time_ns} ns is not a valid {raw.topic.type}"
+                f"{self.path}: a message of {raw.topic.name} at {raw.log_time_ns} ns is not a valid "
+                f"{raw.topic.type}"
             ) from None
 
     def type_hash(self, raw: RawMessage) -> str:

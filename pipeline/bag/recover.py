@@ -59,7 +59,10 @@ class Recovery:
             if count
         ]
         saved = f"{self.messages:,} messages ({self.clouds:,} clouds) recovered from {self.source.found}"
-        return f"{self.out}: {saved}; lost, besides the index: {', '.join(lost) or 'what had not been written yet'}"
+        return (
+            f"{self.out}: {saved}; lost, besides the index: "
+            f"{', '.join(lost) or 'what had not been written yet'}"
+        )
 
     def to_json(self) -> str:
         """The counts."""

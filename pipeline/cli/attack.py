@@ -122,7 +122,8 @@ def _parameters(options: dict[str, Any], settings: list[str]) -> dict[str, Any]:
             raise UsageError(f"--set {short_repr(setting)}: write name=value, such as rounds=20")
         if name in found:
             raise UsageError(
-                f"--set {short_repr(setting)}: {shorten(name)} is already {short_repr(found[name])}; give it once"
+                f"--set {short_repr(setting)}: {shorten(name)} is already {short_repr(found[name])}; "
+                "give it once"
             )
         try:
             found[name] = read_document(text).tree

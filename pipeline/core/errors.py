@@ -12,10 +12,10 @@ __all__ = [
     "AdvpipeError",
     "OutputExistsError",
     "UsageError",
+    "as_usage_error",
     "one_line",
     "os_error_line",
     "writing",
-    "as_usage_error",
 ]
 
 

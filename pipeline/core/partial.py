@@ -179,7 +179,8 @@ class FolderKind:
         lacking = [mark for mark in self.marks if not (folder / mark).is_file()]
         if taken and lacking:
             raise UsageError(
-                f"{folder} holds {taken[0]} but no {lacking[0]}, so it is not a {self.name}; it is not replaced, "
+                f"{folder} holds {taken[0]} but no {lacking[0]}, so it is not a {self.name}; it is "
+                "not replaced, "
                 "choose another name"
             )
 

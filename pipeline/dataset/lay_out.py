@@ -42,12 +42,13 @@ def write_folder(files: Mapping[str, Path], folder: Path, *, overwrite: bool = F
 
 
 def refuse_folder(folder: Path, *, overwrite: bool) -> None:
-    """Raises AdvpipeError for an output that exists, unless it is what `write_folder` made and may be replaced."""
+    """Refuse an output that exists, unless `write_folder` made it and it may be replaced (AdvpipeError)."""
     if not overwrite:
         raise OutputExistsError(folder)
     if not is_dataset(folder) or not (folder / checksums.FILE).is_file():
         raise UsageError(
-            f"{folder} is not a shared data set (it has no {checksums.FILE}) and is not replaced; choose another "
+            f"{folder} is not a shared data set (it has no {checksums.FILE}) and is not replaced; "
+            "choose another "
             "name"
         )
     found = read_layout(folder)
@@ -56,7 +57,8 @@ def refuse_folder(folder: Path, *, overwrite: bool) -> None:
     own = sorted(name for name in strangers if not any(left.holds(folder / name) for left in found.leftovers))
     if own:
         raise UsageError(
-            f"{folder} also holds {own[0]}, which `share` did not make, and is not replaced; choose another name"
+            f"{folder} also holds {own[0]}, which `share` did not make, and is not replaced; choose "
+            "another name"
         )
 
 

@@ -60,7 +60,8 @@ def read_layout(folder: Path) -> Layout:
         raise UsageError(f"{folder} {what}; give a data set, a folder with {CLEAN_NAME}/")
     if not is_dataset(folder):
         raise UsageError(
-            f"{folder} is not a data set: it holds no {CLEAN_NAME}/{METADATA_NAME}; `advpipe simulate` makes one"
+            f"{folder} is not a data set: it holds no {CLEAN_NAME}/{METADATA_NAME}; `advpipe "
+            "simulate` makes one"
         )
     reports = folder / REPORTS_NAME
     return Layout(

@@ -98,7 +98,8 @@ class Leftover:
         """Remove it, unless a living run holds it or it is gone. Raises OSError where that is refused."""
         if not HAS_LOCKS:
             raise AdvpipeError(
-                f"{self.path}: this system has no file locks to tell running from killed runs; remove it by hand"
+                f"{self.path}: this system has no file locks to tell running from killed runs; remove "
+                "it by hand"
             )
         # Folders are made and locked under their parent's lock, temporary ones are not.
         with nullcontext() if self.kind == "scratch" else one_at_a_time(self.path.parent):

@@ -41,7 +41,8 @@ def load_detector(name_or_path: str, device: str = CPU) -> ObjectDetector:
         return _load_class(name_or_path, place)
     known = ", ".join(shipped)
     raise UsageError(
-        f"unknown detector {short_repr(name_or_path)}; known: {known}, a path to FILE.safetensors, or module:Class"
+        f"unknown detector {short_repr(name_or_path)}; known: {known}, a path to FILE.safetensors, or "
+        "module:Class"
     )
 
 

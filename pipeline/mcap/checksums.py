@@ -38,7 +38,8 @@ class ChecksumCoverage:
         if not self.chunks_covered and not self.data_sections_covered:
             return "none in the bag: damage would go unnoticed"
         return (
-            f"valid; they cover {self.chunks_covered} of {self.chunks} chunks, {self.data_sections_covered} of "
+            f"valid; they cover {self.chunks_covered} of {self.chunks} chunks, "
+            f"{self.data_sections_covered} of "
             f"{self.files} data sections, {self.summaries_covered} of {self.files} summaries"
         )
 

@@ -117,7 +117,8 @@ class McapFile:
             times = self._indexed_times(topic_name) if self.is_indexed else self._read_times(topic_name)
             if len(times) != self.counts.get(topic_name, 0):
                 raise ValueError(
-                    f"the index lists {len(times)} messages of {topic_name}, the statistics {self.counts.get(topic_name, 0)}"
+                    f"the index lists {len(times)} messages of {topic_name}, the statistics "
+                    f"{self.counts.get(topic_name, 0)}"
                 )
             return np.sort(times)
 
@@ -298,7 +299,8 @@ def ros2_topic(path: Path, channel: Channel, schema: Schema) -> Topic:
         )
     if schema.encoding not in _SCHEMA_ENCODINGS:
         raise UsageError(
-            f"{path}: {channel.topic} has a schema encoded as {short_repr(schema.encoding)}, which is not a ROS 2 encoding"
+            f"{path}: {channel.topic} has a schema encoded as {short_repr(schema.encoding)}, which is "
+            "not a ROS 2 encoding"
         )
     if not _TYPE_NAME.fullmatch(schema.name):  # rosbags makes code of it
         raise AdvpipeError(
@@ -306,7 +308,8 @@ def ros2_topic(path: Path, channel: Channel, schema: Schema) -> Topic:
         )
     if len(schema.data) > SCHEMA_LIMIT_BYTES:
         raise AdvpipeError(
-            f"{path}: the definition of {schema.name} has {len(schema.data)} bytes; at most {SCHEMA_LIMIT_BYTES} are read"
+            f"{path}: the definition of {schema.name} has {len(schema.data)} bytes; at most "
+            f"{SCHEMA_LIMIT_BYTES} are read"
         )
     try:
         qos = _qos(channel.metadata.get("offered_qos_profiles", ""))

@@ -26,7 +26,8 @@ def working_path(path: str | Path) -> Path:
     """A path that may be relative; raises UsageError for one that is, in a folder that was deleted."""
     if _is_gone and not Path(path).is_absolute():
         raise UsageError(
-            f"{path}: the working directory was deleted; change to one that exists (cd), or give absolute paths"
+            f"{path}: the working directory was deleted; change to one that exists (cd), or give "
+            "absolute paths"
         )
     return Path(path)
 

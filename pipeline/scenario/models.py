@@ -108,7 +108,8 @@ class Scenario(Section):
                 if spec.victim is not None and spec.victim not in self.vehicles:
                     known = ", ".join(sorted(self.vehicles))
                     raise ValueError(
-                        f"{place} names the victim {spec.victim!r}, which is not one of the vehicles ({known})"
+                        f"{place} names the victim {spec.victim!r}, which is not one of the vehicles "
+                        f"({known})"
                     )
                 if spec.schedule.from_s >= self.simulation.duration_s:
                     raise ValueError(

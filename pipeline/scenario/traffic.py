@@ -59,7 +59,8 @@ class SumoServer(Section):
     def _whose(self) -> SumoServer:
         if self.join is not None and (self.port is not None or self.clients > 1):
             raise ValueError(
-                "port and clients apply only to a SUMO server that advpipe starts; leave them out when join is given"
+                "port and clients apply only to a SUMO server that advpipe starts; leave them out "
+                "when join is given"
             )
         return self
 

@@ -136,7 +136,8 @@ class McapScanner:
             self.attachments += 1
         elif parsed is not None or record.opcode < FIRST_PRIVATE_OPCODE:
             self.faults.append(
-                f"a record with opcode {record.opcode:#04x} at {record.start} does not belong in the data section"
+                f"a record with opcode {record.opcode:#04x} at {record.start} does not belong in the "
+                "data section"
             )
 
     def _add_definition(self, definition: Schema | Channel) -> None:

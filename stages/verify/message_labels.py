@@ -186,7 +186,9 @@ class MessageLabels:
         if declared is None and not mattered:
             return
         if row["mattered"] is not (mattered and row["action"] != CORRUPT):
-            yield f"is labelled mattered={row['mattered']}, but by the rule it should be {not row['mattered']}"
+            yield (
+                f"is labelled mattered={row['mattered']}, but by the rule it should be {not row['mattered']}"
+            )
 
 
 def _undeclared(row: Row, before: _State | None, declared: Sequence[Terms]) -> Iterator[str]:

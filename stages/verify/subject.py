@@ -142,7 +142,8 @@ def find_subject(path: Path) -> Subject:
 def _lone(path: Path) -> Subject:
     if path.is_dir() and not (path / METADATA_NAME).is_file():
         raise UsageError(
-            f"{path} is neither a data set (no {CLEAN_NAME}/) nor a bag (no {METADATA_NAME}); give one of them"
+            f"{path} is neither a data set (no {CLEAN_NAME}/) nor a bag (no {METADATA_NAME}); give "
+            "one of them"
         )
     root = path if path.is_dir() else path.parent
     subject = Subject(root, None)

@@ -93,5 +93,6 @@ class CamsCheck(BagCheck):
         if labels.chained:
             yield Unchecked(
                 where,
-                f"{labels.chained} messages were changed by several attacks; their states in between are not checked",
+                f"{labels.chained} messages were changed by several attacks; their states in between "
+                "are not checked",
             )

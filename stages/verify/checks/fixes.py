@@ -155,7 +155,10 @@ class _Receiver:
             if any(value is not None for value in (*offsets, row["squared_sigmas"])):
                 yield "has no offset, but its label states one"
             if row["mattered"] is not (genuine is not None):
-                yield f"is labelled mattered={row['mattered']}, but by the rule it should be {not row['mattered']}"
+                yield (
+                    f"is labelled mattered={row['mattered']}, but by the rule it should be "
+                    f"{not row['mattered']}"
+                )
             return
         offset_m: Float64 = np.array([math.nan if value is None else value for value in offsets])
         real_m = self.geodesy.to_map(spoofed) - self.geodesy.to_map(genuine)
@@ -166,7 +169,9 @@ class _Receiver:
         if not math.isclose(squared, row["squared_sigmas"] or 0.0, rel_tol=ROUNDING):
             yield f"is offset by {squared:g} squared sigmas, but its label says {row['squared_sigmas']}"
         if row["mattered"] is not fix_matters(*offset_m.tolist()):
-            yield f"is labelled mattered={row['mattered']}, but by the rule it should be {not row['mattered']}"
+            yield (
+                f"is labelled mattered={row['mattered']}, but by the rule it should be {not row['mattered']}"
+            )
 
 
 def _pairs(readers: tuple[BagReader, BagReader], vehicle: str) -> Iterator[tuple[int, Any, Any]]:

@@ -134,7 +134,10 @@ def _distances(
     is_wrong = ~(np.abs(real_m - stated_m) <= ROUNDING_M + 1e-6 * np.abs(real_m))
     if is_wrong.any():
         first = int(np.flatnonzero(is_wrong)[0])
-        yield f"{int(is_wrong.sum())} {action} points with a wrong displacement, such as {stated_m[first]:.6f} m for {real_m[first]:.6f} m"
+        yield (
+            f"{int(is_wrong.sum())} {action} points with a wrong displacement, such as "
+            f"{stated_m[first]:.6f} m for {real_m[first]:.6f} m"
+        )
 
 
 def _bytes(cloud: Cloud, name: str | None = None) -> npt.NDArray[np.uint8]:

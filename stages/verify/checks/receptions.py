@@ -99,7 +99,8 @@ class ReceptionsCheck(MessageCheck):
             if len(beside) != len(packets) and not is_cut:
                 yield Fault(
                     self._where(vehicle, kind),
-                    f"holds {len(beside)} messages for the {len(packets)} packets received at {arrival.stamp_ns} ns",
+                    f"holds {len(beside)} messages for the {len(packets)} packets received at "
+                    f"{arrival.stamp_ns} ns",
                 )
         for packet, truth in zip(packets, truths, strict=False):
             if problem := self._wrong(packet, truth, arrival.stamp_ns):

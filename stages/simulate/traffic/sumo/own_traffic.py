@@ -110,7 +110,8 @@ def _configured(path: Path) -> OwnTraffic:
     begin_s = seconds(begin, math.nan)
     if not 0 <= begin_s <= LATEST_S:
         raise AdvpipeError(
-            f"traffic.sumo_config: {path}: begin {short_repr(begin)} is no number of seconds, 0 to {LATEST_S:g}"
+            f"traffic.sumo_config: {path}: begin {short_repr(begin)} is no number of seconds, 0 to "
+            f"{LATEST_S:g}"
         )
     return OwnTraffic(route_files, files("additional-files", "a"), begin_s)
 
