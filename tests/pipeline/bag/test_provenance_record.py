@@ -98,7 +98,7 @@ def test_a_record_without_end() -> None:
 
 
 def test_it_is_checked_when_it_is_written(tmp_path: Path) -> None:
-    with pytest.raises(AdvpipeError, match="parameters: not read as JSON: NaN"):
+    with pytest.raises(AdvpipeError, match="parameters: not valid JSON: NaN"):
         BagWriter(tmp_path / "bag", provenance={"parameters": '{"a": NaN}'})
     with BagWriter(tmp_path / "bag", provenance={"seed": "7"}):
         pass

@@ -218,7 +218,7 @@ def test_wrapped_and_old_messages() -> None:
     outer.__cause__ = cause
     assert "apt-get install libgl1" in (missing_library_line(outer) or "")
     old = "/lib/x86_64-linux-gnu/libc.so.6: version `GLIBC_2.35' not found (required by /a/pybind.so)"
-    assert "too old for pybind.so, which needs GLIBC 2.35" in (loader_line(old) or "")
+    assert "pybind.so needs GLIBC 2.35, which this operating system lacks" in (loader_line(old) or "")
 
 
 @pytest.mark.parametrize(

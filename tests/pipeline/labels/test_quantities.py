@@ -67,7 +67,7 @@ def test_nothing_changed_measures_nothing() -> None:
         ),
         (
             {"max_added_distance_m": (0.0, 0.5), "max_intensity_change": (0.0, 0.2)},
-            ["by how much an intensity"],
+            ["largest change of an intensity"],
         ),
     ],
 )

@@ -66,7 +66,7 @@ def test_station_twice_and_no_rotation(tmp_path: Path) -> None:
     _, message = decoded(stations_message(5, [PLACE]), tmp_path / "bag")
     turn = message.stations[0].pose.orientation
     turn.x = turn.y = turn.z = turn.w = 0.0
-    assert "is no rotation" in implausibility(V2X_STATIONS.name, V2X_STATIONS.type, message)
+    assert "is not a rotation" in implausibility(V2X_STATIONS.name, V2X_STATIONS.type, message)
 
 
 @pytest.mark.parametrize(

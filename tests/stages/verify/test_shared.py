@@ -151,5 +151,5 @@ def test_the_command(shared: Path) -> None:
     assert done.returncode == 1
     assert done.stderr == ""
     first, last = done.stdout.splitlines()
-    assert first == "scenario.yaml: has another SHA-256 than SHA256SUMS lists [checksums]"
+    assert first == "scenario.yaml: does not match its SHA-256 in SHA256SUMS [checksums]"
     assert last.endswith(": 1 finding")

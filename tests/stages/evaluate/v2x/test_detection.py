@@ -143,5 +143,5 @@ def test_published_figures(keys: dict[str, Any], published: dict[str, float]) ->
 
 def test_labels_that_are_none(tmp_path: Path) -> None:
     (tmp_path / FILE).write_bytes(b"no parquet")
-    with pytest.raises(AdvpipeError, match="holds no labels of messages"):
+    with pytest.raises(AdvpipeError, match="does not hold V2X message labels"):
         read_labels(tmp_path)
