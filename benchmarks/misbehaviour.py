@@ -34,7 +34,7 @@ from common import finish, machine, scratch
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.jobs import map_jobs
-from advpipe.pipeline.labels.messages import lies, read_labels
+from advpipe.pipeline.labels.messages import are_false, read_labels
 from advpipe.pipeline.misbehaviour.catch import TUNED_CATCH, CatchParameters
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
 from advpipe.pipeline.misbehaviour.detector import judge_all
@@ -225,7 +225,7 @@ def _parted(streams: Sequence[Stream]) -> tuple[list[Stream], list[Stream]]:
 def _streams(bag: Path, word: str) -> list[Stream]:
     labels = read_labels(bag)
     return [
-        Stream(one.claims, one.receivers, lies(one.numbers, labels), word)
+        Stream(one.claims, one.receivers, are_false(one.numbers, labels), word)
         for one in read_receptions(BagReader(bag))
     ]
 

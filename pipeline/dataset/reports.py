@@ -153,7 +153,7 @@ def read_report(path: Path) -> ReportDocument | SweepReportDocument:
 
     Raises AdvpipeError for a file that is no such report or cannot be read.
     """
-    where = f"{path} is no report of this version"
+    where = f"{path} is not a report of this version"
     text = read_text(path, LIMIT_BYTES)
     stored: dict[str, Any] = with_new_keys(read_json(text, dict[str, Any], where, _HINT, LIMIT_BYTES), path)
     kind = SweepReportDocument if "cells" in stored else ReportDocument

@@ -22,10 +22,10 @@ def check_chain(layout: Layout, sha256_of_bags: Mapping[str, str]) -> list[str]:
     if layout.clean in attacks:
         raise AdvpipeError(f"{layout.clean} is an adversarial bag; a data set's clean bag is no attack")
     drives = {sha256_of_bags[bag.name] for bag in records if bag not in attacks}
-    remarks = [remark for bag, record in attacks.items() if (remark := _check_bag(bag, record, drives))]
+    warnings = [warning for bag, record in attacks.items() if (warning := _check_bag(bag, record, drives))]
     for report in layout.reports:
         _check_report(report / REPORT_NAME, sha256_of_bags)
-    return remarks
+    return warnings
 
 
 def _check_report(path: Path, sha256_of_bags: Mapping[str, str]) -> None:
@@ -47,7 +47,7 @@ def _check_report(path: Path, sha256_of_bags: Mapping[str, str]) -> None:
 
 
 def _check_bag(bag: Path, record: Provenance, drives: Collection[str]) -> str:
-    stated = record.said.parent_sha256
+    stated = record.fields.parent_sha256
     if stated is None:
         return f"{bag.name} does not say which bag it was made from"
     if stated not in drives:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.provenance import clean_provenance
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.core.errors import wrong_use
-from advpipe.pipeline.core.garbage import gc_frozen
+from advpipe.pipeline.core.errors import as_usage_error
+from advpipe.pipeline.core.gc_freeze import gc_frozen
 from advpipe.pipeline.core.partial import FolderKind, staged_folder
-from advpipe.pipeline.core.plugins import mistakes_reported, plugin_names
+from advpipe.pipeline.core.plugins import plugin_errors, plugin_names
 from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.core.seeding import named_generator
@@ -106,10 +106,10 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
     with (
         staged_folder(out, overwrite, DATA_SET) as folder,
         scratch_folder() as scratch,
-        mistakes_reported(own),
+        plugin_errors(own),
     ):
         (folder / "scenario.yaml").write_text(text, encoding="utf-8")
-        with wrong_use():  # nothing but what the scenario names has been read so far
+        with as_usage_error():  # nothing but what the scenario names has been read so far
             roads = load_network(scenario.map, scratch, seed)
             variants = draw_variants(named_generator(seed, "bodies"), scenario.bodies)
             place = _Place(roads, build_world(scenario, roads, variants), variants)

@@ -23,7 +23,7 @@ from advpipe.pipeline.campaigns.sweep.tables import (
     table_one,
     table_two,
 )
-from advpipe.pipeline.core.whole_file import write_whole
+from advpipe.pipeline.core.atomic_file import write_atomically
 from advpipe.pipeline.results.deprecated import with_deprecated_keys
 from advpipe.stages.evaluate.report.page import rendered
 from advpipe.stages.evaluate.report.pictures import to_png
@@ -49,9 +49,9 @@ def write_document(
     pictures = [*panels, *_curves(cells)]
     (folder / "figures").mkdir(exist_ok=True)
     for picture in pictures:
-        write_whole(folder / "figures" / picture.file_name, picture.png)
-    write_whole(folder / "report.json", to_json(cells, recipes, command, warnings).encode())
-    write_whole(folder / "report.html", _html(cells, recipes, command, pictures, warnings).encode())
+        write_atomically(folder / "figures" / picture.file_name, picture.png)
+    write_atomically(folder / "report.json", to_json(cells, recipes, command, warnings).encode())
+    write_atomically(folder / "report.html", _html(cells, recipes, command, pictures, warnings).encode())
 
 
 def _curves(cells: Sequence[Cell]) -> list[ReportPicture]:

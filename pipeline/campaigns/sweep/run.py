@@ -18,7 +18,7 @@ from advpipe.pipeline.campaigns.sweep.settings import sweep_settings
 from advpipe.pipeline.campaigns.sweep.store import Store
 from advpipe.pipeline.campaigns.sweep.tables import paper_tables, recipes_of, records
 from advpipe.pipeline.campaigns.sweep.variants import steps_factor
-from advpipe.pipeline.core.errors import wrong_use
+from advpipe.pipeline.core.errors import as_usage_error
 from advpipe.pipeline.core.tabular import Rows, Tabular, html_paragraph, html_table
 from advpipe.pipeline.core.verbosity import detail, say
 from advpipe.pipeline.detector.registry import load_detector
@@ -41,12 +41,12 @@ class Sweep:
     @classmethod
     def prepared(cls, clean: Path, out: Path, options: SweepOptions) -> Sweep:
         """Raises AdvpipeError for whatever can be refused now rather than hours later."""
-        with wrong_use():
+        with as_usage_error():
             budgets = tuple(choose_budgets(options.table, list(options.cells)))
         settings = sweep_settings(clean, options)
         bench = Bench(clean, out, options.detector, options.workers, options.keep_bags, options.device)
         prepared = cls(clean, Store(out), bench, settings, budgets, options)
-        with wrong_use():
+        with as_usage_error():
             for recipe, budget in prepared.places():
                 bench.request(budget, recipe, settings).check()
         count = len(options.recipes) * len(budgets)

@@ -98,7 +98,7 @@ def together(strikes: Sequence[AttackTimeline]) -> tuple[int, int] | None:
 
 def _is_of_kinds(bag: Path) -> bool:
     """Whether a bag was attacked in two ways or three: fixes, messages, clouds."""
-    return len({one.family for one in BagReader(bag).provenance.said.attacks}) > 1
+    return len({one.family for one in BagReader(bag).provenance.fields.attacks}) > 1
 
 
 def _lead(

@@ -79,7 +79,7 @@ def attack_of(comparison: Comparison) -> AttackRecord:
         parameters=parameters,
         attacked_against=provenance.get("detector"),
         is_white_box=comparison.is_white_box,
-        query_budget=provenance.said.looks,
+        query_budget=provenance.fields.looks,
         baseline_tries=comparison.baseline_tries,
     )
 

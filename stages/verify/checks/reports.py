@@ -30,7 +30,7 @@ class Reports(FolderCheck):
                 if name not in real:
                     yield Fault(where, f"compares {name}, which is not in the data set")
                 elif real[name].sha256 not in (sha256, None):
-                    yield Fault(where, f"was made from another {name} than the one in the data set")
+                    yield Fault(where, f"was made from a {name} that differs from the one in the data set")
             known = {bag.sha256 for bag in real.values()}
             if None not in known and report.clean_sha256s - known:
                 yield Fault(where, "was made from another clean bag than the one in the data set")

@@ -185,7 +185,7 @@ def check(
         ways = [[], ["--overwrite"]] if case.has_overwrite else [[]]
         for overwrite in ways if every else ways[number % len(ways) :][:1]:
             again = forks.run(folder, *case.arguments, *overwrite)
-            is_done = again.code == 0 or (not overwrite and "exists already" in again.error)
+            is_done = again.code == 0 or (not overwrite and "already exists" in again.error)
             assert is_done, (moment, again.error)
         cleaned(forks, folder, "--remove", "--all")
         assert files(folder) == expected, moment
@@ -225,7 +225,7 @@ def test_an_output_that_was_being_replaced(forks: Forks, tmp_path: Path, alone: 
         work = copied(folder, tmp_path / "work")
         assert forks.run(work, *case.arguments, "--overwrite", kill_at=moment).code == -signal.SIGKILL
         again = forks.run(work, *case.arguments)
-        assert again.code == 0 or "exists already" in again.error, (moment, again.error)
+        assert again.code == 0 or "already exists" in again.error, (moment, again.error)
         cleaned(forks, work, "--remove", "--all")
         assert files(work) == expected, moment
         assert not hidden(work)

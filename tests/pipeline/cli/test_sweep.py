@@ -212,7 +212,7 @@ def test_the_command_names_the_clouds(swept: Path, clean: Path) -> None:
         ({"recipes": "best+thrice"}, "unknown variant 'thrice' of recipe best"),
         ({"recipes": "random-near+twice"}, "recipe random-near does not look at rounds"),
         ({"detector": "large"}, "large"),
-        ({"frames": "90:"}, "choose none of the bag's 12 frames"),
+        ({"frames": "90:"}, "select none of the bag's 12 frames"),
         ({"frames": "::3"}, r"holds best-detach-1 of another sweep \(frames 0::2, not 0::3\)"),
         ({"seed": 4}, r"of another sweep \(seed 0, not 4\)"),
         ({"check": 1, "cells": ["attach-1"]}, "holds none of these cells; run the sweep first"),

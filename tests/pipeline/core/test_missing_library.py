@@ -208,7 +208,7 @@ def test_a_sumo_program_that_does_not_start_says_why(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
     assert done.stderr.splitlines()[-1] == (
         f"advpipe.pipeline.core.errors.AdvpipeError: netconvert: the shared library {tmp_path}/libexpat.so.1 "
-        "cannot be loaded (file too short); install its package anew: apt-get install --reinstall libexpat1"
+        "cannot be loaded (file too short); reinstall its package: apt-get install --reinstall libexpat1"
     )
 
 
@@ -224,7 +224,7 @@ def test_wrapped_and_old_messages() -> None:
     outer.__cause__ = cause
     assert "apt-get install libgl1" in (missing_library_line(outer) or "")
     old = "/lib/x86_64-linux-gnu/libc.so.6: version `GLIBC_2.35' not found (required by /a/pybind.so)"
-    assert "too old for pybind.so, which needs GLIBC 2.35" in (loader_line(old) or "")
+    assert "pybind.so needs GLIBC 2.35, which this operating system lacks" in (loader_line(old) or "")
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.stages.simulate.road_network.file import check_xml, last_error, run_sumo
 from advpipe.stages.simulate.road_network.network import RoadNetwork
@@ -110,7 +110,8 @@ def _configured(path: Path) -> OwnTraffic:
     begin_s = seconds(begin, math.nan)
     if not 0 <= begin_s <= LATEST_S:
         raise AdvpipeError(
-            f"traffic.sumo_config: {path}: begin {shown(begin)} is no number of seconds, 0 to {LATEST_S:g}"
+            f"traffic.sumo_config: {path}: begin {short_repr(begin)} is no number of seconds, 0 to "
+            f"{LATEST_S:g}"
         )
     return OwnTraffic(route_files, files("additional-files", "a"), begin_s)
 
