@@ -27,7 +27,7 @@ CATCH_CHECKS = (
     *("position_speed", "heading", "intersection"),
 )
 """The eight that were used in the evaluation; sudden appearance was left out there as well."""
-MOST_INTERSECTION_S = 3.0
+MAX_INTERSECTION_S = 3.0
 """Boxes as old count for nothing with any `max_intersection_s` that is tried."""
 
 
@@ -136,7 +136,7 @@ def catch_flags(messages: CatchMessages, parameters: CatchParameters) -> npt.NDA
     return np.asarray(is_implausible | ~np.isfinite(messages.columns["x_m"]), np.bool_)
 
 
-def least_and_most_way_m(
+def travel_bounds_m(
     old_mps: Float64, new_mps: Float64, t_s: Float64, faster_mps2: float, slower_mps2: float
 ) -> tuple[Float64, Float64]:
     """The shortest and longest way (M,) between two speeds in a time, within both accelerations.
@@ -198,9 +198,7 @@ def _position_speed(
     )
     above, under = [], []
     for new, first in readings:
-        least_m, most_m = least_and_most_way_m(
-            first, new, t, p.max_acceleration_mps2, p.max_deceleration_mps2
-        )
+        least_m, most_m = travel_bounds_m(first, new, t, p.max_acceleration_mps2, p.max_deceleration_mps2)
         above.append(1 - _below(way_m, both_m, least_m - lenient_m))
         under.append(_below(way_m, both_m, most_m + p.margin_up_m))
     factor = np.minimum(np.mean(above, axis=0), np.mean(under, axis=0))
@@ -234,7 +232,7 @@ def _overlap(claim: Claim, claims: Sequence[Claim], newest: dict[int, int]) -> t
     worst, age_s = 0.0, 0.0
     for station, row in reversed(newest.items()):
         other = claims[row]
-        if (claim.arrival_ns - other.arrival_ns) / 1e9 >= MOST_INTERSECTION_S:
+        if (claim.arrival_ns - other.arrival_ns) / 1e9 >= MAX_INTERSECTION_S:
             break
         if station == claim.station_id or abs(other.x_m - claim.x_m) + abs(other.y_m - claim.y_m) > 30:
             continue

@@ -13,9 +13,9 @@ from advpipe.pipeline.geometry.iou import intersection_area
 from advpipe.pipeline.misbehaviour.claim import Claim, ReceivingVehicle
 from advpipe.pipeline.misbehaviour.config import Expectation
 
-LEAST_WAY_M = 1.0
+MIN_DISPLACEMENT_M = 1.0
 """Over which a direction of motion means something."""
-LEAST_SPEED_MPS = 1.0
+MIN_SPEED_MPS = 1.0
 _SHORT_S = 0.02
 
 
@@ -50,14 +50,14 @@ def velocity_mps(claim: Claim) -> tuple[float, float]:
     return claim.speed_mps * math.cos(claim.yaw_rad), claim.speed_mps * math.sin(claim.yaw_rad)
 
 
-def told_way_m(claim: Claim, last: Claim) -> tuple[float, float]:
+def claimed_displacement_m(claim: Claim, last: Claim) -> tuple[float, float]:
     """The way between two messages that the mean of their velocities makes."""
     (x0, y0), (x1, y1) = velocity_mps(last), velocity_mps(claim)
     half_s = elapsed_s(claim, last) / 2
     return (x0 + x1) * half_s, (y0 + y1) * half_s
 
 
-def bend_m(claim: Claim, last: Claim, expected: Expectation) -> float:
+def unmodelled_m(claim: Claim, last: Claim, expected: Expectation) -> float:
     """What the told way leaves out between two messages: changes of acceleration, and the arc of a turn."""
     t = elapsed_s(claim, last)
     turned_rad = math.remainder(claim.yaw_rad - last.yaw_rad, math.tau)
@@ -66,7 +66,7 @@ def bend_m(claim: Claim, last: Claim, expected: Expectation) -> float:
     return math.hypot(expected.acceleration_change_mps2 * t * t / 8, arc_m)
 
 
-def way_sigma_m(elapsed: float, expected: Expectation, *bends_m: float) -> float:
+def displacement_sigma_m(elapsed: float, expected: Expectation, *bends_m: float) -> float:
     """How well the told way and the way between places agree."""
     t = abs(elapsed)
     wander_m = expected.position_m_per_root_s * math.sqrt(t)
@@ -75,9 +75,11 @@ def way_sigma_m(elapsed: float, expected: Expectation, *bends_m: float) -> float
 
 def position_speed_sigma(claim: Claim, last: Claim, expected: Expectation) -> float:
     """The way from the last place against the one that both speeds and headings tell of."""
-    x_m, y_m = told_way_m(claim, last)
+    x_m, y_m = claimed_displacement_m(claim, last)
     miss_m = math.hypot(claim.x_m - last.x_m - x_m, claim.y_m - last.y_m - y_m)
-    return miss_m / way_sigma_m(elapsed_s(claim, last), expected, bend_m(claim, last, expected))
+    return miss_m / displacement_sigma_m(
+        elapsed_s(claim, last), expected, unmodelled_m(claim, last, expected)
+    )
 
 
 def heading_sigma(claim: Claim, last: Claim, expected: Expectation) -> float:
@@ -88,7 +90,7 @@ def heading_sigma(claim: Claim, last: Claim, expected: Expectation) -> float:
     x_m, y_m = claim.x_m - last.x_m, claim.y_m - last.y_m
     way_m = math.hypot(x_m, y_m)
     speed = min(abs(claim.speed_mps), abs(last.speed_mps))
-    if not (way_m >= LEAST_WAY_M and speed >= LEAST_SPEED_MPS):
+    if not (way_m >= MIN_DISPLACEMENT_M and speed >= MIN_SPEED_MPS):
         return math.nan
     turned_rad = math.remainder(claim.yaw_rad - last.yaw_rad, math.tau)
     moved_rad = math.atan2(y_m, x_m) + (math.pi if claim.speed_mps < 0 else 0.0)

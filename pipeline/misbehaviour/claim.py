@@ -12,7 +12,7 @@ from advpipe.pipeline.v2x.codec.codes import DriveDirection
 from advpipe.pipeline.v2x.facilities.cam import Cam
 from advpipe.pipeline.v2x.facilities.ldm import LdmReport, reports_of_cams
 
-_TOLD = (
+_REQUIRED_FIELDS = (
     *("latitude_deg", "longitude_deg", "heading_rad", "speed_mps", "length_m", "width_m"),
     *("longitudinal_acceleration_mps2", "yaw_rate_radps"),
 )
@@ -90,7 +90,7 @@ def claims_of_cams(
 def _claim(cam: Cam, report: LdmReport | None, arrival_ns: int) -> Claim:
     invalid = 0
     if cam.roadside is None:
-        values = [getattr(cam, name) for name in _TOLD]
+        values = [getattr(cam, name) for name in _REQUIRED_FIELDS]
         invalid = sum(value is None or not math.isfinite(value) for value in values)
     if report is None:
         return Claim(cam.station_id, arrival_ns, arrival_ns, invalid=max(invalid, 1))

@@ -28,7 +28,7 @@ class Judgement(NamedTuple):
     statistics: Float64
     flagged: npt.NDArray[np.bool_]
 
-    def because(self, config: DetectorConfig) -> npt.NDArray[np.bool_]:
+    def triggered(self, config: DetectorConfig) -> npt.NDArray[np.bool_]:
         """Which checks object, (M, C)."""
         limits = [config.thresholds.get(name, math.inf) for name in CHECKS]
         with np.errstate(invalid="ignore"):
@@ -121,7 +121,7 @@ class MisbehaviourDetector:
         values["range"] = checks.claimed_range_m(claim, receiver)
         values["speed"] = abs(claim.speed_mps)
         values["position"] = claim.off_road_m
-        if abs(claim.speed_mps) >= checks.LEAST_SPEED_MPS:
+        if abs(claim.speed_mps) >= checks.MIN_SPEED_MPS:
             values["wrong_way"] = claim.wrong_way_rad
         values["freshness"] = checks.freshness_s(claim)
         values["dynamics"] = checks.dynamics_mps2(claim, None)

@@ -25,7 +25,7 @@ class _TrackPoint(NamedTuple):
     faster_mps: float = 0.0
 
     def then(self, claim: Claim) -> _TrackPoint:
-        x_m, y_m = checks.told_way_m(claim, self.claim)
+        x_m, y_m = checks.claimed_displacement_m(claim, self.claim)
         mean_mps2 = (self.claim.acceleration_mps2 + claim.acceleration_mps2) / 2
         gained_mps = mean_mps2 * checks.elapsed_s(claim, self.claim)
         return _TrackPoint(claim, self.x_m + x_m, self.y_m + y_m, self.faster_mps + gained_mps)
@@ -68,9 +68,9 @@ class Track:
             claim.y_m - first.claim.y_m - (now.y_m - first.y_m),
         )
         # What each step leaves out adds up; errors of places and speeds grow with time.
-        bends_m = [checks.bend_m(b, a, config.expectation) for a, b in pairwise(self._claims(claim))]
+        bends_m = [checks.unmodelled_m(b, a, config.expectation) for a, b in pairwise(self._claims(claim))]
         elapsed_s = checks.elapsed_s(claim, first.claim)
-        return miss_m / checks.way_sigma_m(elapsed_s, config.expectation, *bends_m)
+        return miss_m / checks.displacement_sigma_m(elapsed_s, config.expectation, *bends_m)
 
     def impulse(self, claim: Claim, config: DetectorConfig) -> float:
         """The change of speed since the first message in the window, against all accelerations told since."""

@@ -26,9 +26,9 @@ from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
 from advpipe.pipeline.misbehaviour.detector import judge_all
 from advpipe.pipeline.misbehaviour.scores import Bools, scores
 
-MOST_FALSE_POSITIVES = 0.005
+MAX_FALSE_POSITIVE_RATE = 0.005
 """Of clean messages, on the tuning drives: half of the 1 % that another drive may show."""
-EXCEEDED = (0.0, 0.0005, 0.001)
+EXCEEDANCE_SHARES = (0.0, 0.0005, 0.001)
 """Shares of clean messages that may be above a check's tuned threshold."""
 PARDON_S = (3.0, 10.0, 30.0)
 """Never for ever: a drive is longer than those that tune, and an honest station may be flagged once."""
@@ -86,7 +86,7 @@ def tune(clean: Sequence[Stream], attacked: Sequence[Stream], base: DetectorConf
     Raises ValueError where no setting is within the bound.
     """
     base = base or DetectorConfig()
-    by_share = [base.with_thresholds(clean_thresholds(clean, share, base)) for share in EXCEEDED]
+    by_share = [base.with_thresholds(clean_thresholds(clean, share, base)) for share in EXCEEDANCE_SHARES]
     best = _best(by_share, clean, attacked)
     if not attacked:
         return best
@@ -104,14 +104,14 @@ def _best(
         if best is not None and config == best.config:
             continue
         rate = _false_positive_rate([judge_all(s.claims, s.receivers, config).flagged for s in clean])
-        if rate > MOST_FALSE_POSITIVES:
+        if rate > MAX_FALSE_POSITIVE_RATE:
             continue
         flags = (judge_all(s.claims, s.receivers, config).flagged for s in attacked)
         mean_f1 = _mean_f1(attacked, flags)
         if best is None or mean_f1 > best.mean_f1:
             best = Tuned(config, mean_f1, rate)
     if best is None:
-        raise ValueError(f"no setting flags less than {MOST_FALSE_POSITIVES:.1%} of the clean messages")
+        raise ValueError(f"no setting flags less than {MAX_FALSE_POSITIVE_RATE:.1%} of the clean messages")
     return best
 
 
@@ -123,10 +123,10 @@ def tune_catch(clean: Sequence[Stream], attacked: Sequence[Stream], seed: int = 
     best: TunedCatch | None = None
     for parameters in _catch_draws(seed):
         rate = _false_positive_rate([catch_flags(each, parameters) for each in honest])
-        if best is not None and rate > max(MOST_FALSE_POSITIVES, best.false_positive_rate):
+        if best is not None and rate > max(MAX_FALSE_POSITIVE_RATE, best.false_positive_rate):
             continue
         mean_f1 = _mean_f1(attacked, _catch_all(lying, parameters))
-        is_first_within = best is not None and best.false_positive_rate > MOST_FALSE_POSITIVES
+        is_first_within = best is not None and best.false_positive_rate > MAX_FALSE_POSITIVE_RATE
         if best is None or is_first_within or mean_f1 > best.mean_f1:
             best = TunedCatch(parameters, mean_f1, rate)
     assert best is not None

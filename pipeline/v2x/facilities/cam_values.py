@@ -47,7 +47,7 @@ FIELDS = (*PLAIN, *QUANTITIES, "acceleration_control")
 Values = Mapping[str, Any]
 """All of `FIELDS`: as in `Cam`, None where one is unavailable or left out."""
 
-SEVERAL, OTHER = ",", "other"
+SEPARATOR, OTHER = ",", "other"
 
 
 def is_vehicle(tree: CamTree) -> bool:
@@ -91,8 +91,8 @@ def values_of_payload(payload: bytes) -> Values | None:
 
 
 def changed_fields(before: Values, after: Values) -> str:
-    """Which of `FIELDS` differ, in their order, with `SEVERAL` between them; `OTHER` for none of them."""
-    return SEVERAL.join(name for name in FIELDS if before[name] != after[name]) or OTHER
+    """Which of `FIELDS` differ, in their order, with `SEPARATOR` between them; `OTHER` for none of them."""
+    return SEPARATOR.join(name for name in FIELDS if before[name] != after[name]) or OTHER
 
 
 def places_m(geodesy: Geodesy, said: Sequence[Values | None]) -> Float64:

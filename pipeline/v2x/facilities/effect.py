@@ -29,7 +29,7 @@ ALWAYS = ("station_id", "station_type", "acceleration_control")
 _PLACE = ("latitude_deg", "longitude_deg")
 
 
-def matters(true: Values | None, false: Values | None, moved_m: float, expiry_s: float) -> bool:
+def has_effect(true: Values | None, false: Values | None, moved_m: float, expiry_s: float) -> bool:
     """Whether receivers who believe `false` know something else than with `true`.
 
     None stands for bytes that are no vehicle's CAM. moved_m: how far the positions are apart on the ground;
@@ -49,7 +49,7 @@ def matters(true: Values | None, false: Values | None, moved_m: float, expiry_s:
     return _time_apart_ms(true, false) > 1000 * expiry_s
 
 
-def fix_matters(east_m: float, north_m: float, up_m: float) -> bool:
+def fix_has_effect(east_m: float, north_m: float, up_m: float) -> bool:
     """The same of a fix: whether it is that far off as matters in a message that tells it."""
     return math.hypot(east_m, north_m) > POSITION_M or abs(up_m) > THRESHOLDS["altitude_m"]
 

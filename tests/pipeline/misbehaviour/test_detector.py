@@ -38,7 +38,7 @@ def flags(claims: Sequence[Claim], ego: ReceivingVehicle, config: DetectorConfig
 def reasons(claim: Claim, before: Sequence[Claim], ego: ReceivingVehicle) -> set[str]:
     claims = [*before, claim]
     judged = judge_all(claims, [ego] * len(claims), CONFIG)
-    return {name for name, bad in zip(CHECKS, judged.because(CONFIG)[-1], strict=True) if bad}
+    return {name for name, bad in zip(CHECKS, judged.triggered(CONFIG)[-1], strict=True) if bad}
 
 
 def test_honest_messages_pass(make: Make, ego: ReceivingVehicle) -> None:
