@@ -31,7 +31,7 @@ MOST_HEADER_BYTES = 1 << 20
 """Ours have 16 kB; readers take some hundred times that."""
 
 
-class _About(Document):
+class _Metadata(Document):
     """The metadata of a checkpoint, under the key `advpipe`.
 
     Those of kind `advpipe-second-1` were written when SECOND was the only family, and name none.
@@ -97,7 +97,7 @@ def load_checkpoint(path: Path, device: torch.device | None = None) -> Checkpoin
     _check_size(path)
     try:
         with safe_open(path, framework="pt") as file:
-            net, provenance = _told_by(path, file.metadata() or {})
+            net, provenance = _read_metadata(path, file.metadata() or {})
             ours = {k: v.shape for k, v in net.state_dict().items() if v.is_floating_point()}
             # By what the file declares, before any of it is unpacked.
             shapes = {name: file.get_slice(name).get_shape() for name in file.keys()}  # noqa: SIM118
@@ -130,11 +130,13 @@ def _check_size(path: Path) -> None:
         raise UsageError(f"{path} is not a whole safetensors file ({reason}); train or copy it again")
 
 
-def _told_by(path: Path, metadata: Mapping[str, str]) -> tuple[DetectionNetwork, dict[str, str]]:
+def _read_metadata(path: Path, metadata: Mapping[str, str]) -> tuple[DetectionNetwork, dict[str, str]]:
     """The network that a checkpoint is of, its weights not set, and how it was trained."""
     where = f"{path} is no detector checkpoint of advpipe"
     with as_usage_error():
-        about: _About = read_json(metadata.get("advpipe", ""), _About, where, "make one with `advpipe train`")
+        about: _Metadata = read_json(
+            metadata.get("advpipe", ""), _Metadata, where, "make one with `advpipe train`"
+        )
     family = family_named(about.family)
     preset = family.preset(about.preset)
     if about.classes != preset.classes:

@@ -140,19 +140,19 @@ def _drive(
     recorder.start(clock.stamp_ns(0), vehicles, place.roads.lanes_m, footprints)
     tally = _Tally()
     for frame in track(range(clock.frames), f"simulating {scenario.name}"):
-        exchange = network.simulate_until(clock.stamp_ns(frame))  # and steps the traffic
+        network_step = network.simulate_until(clock.stamp_ns(frame))  # and steps the traffic
         drivers = traffic.road_users()
         users = [*drivers.values(), *(walker.at(frame * clock.step_s) for walker in walkers)]
         snapshots = [
-            vehicle.sense(exchange.stamp_ns, frame, drivers[vehicle.name], users, world)
+            vehicle.sense(network_step.stamp_ns, frame, drivers[vehicle.name], users, world)
             for vehicle in vehicles
             if vehicle.name in drivers  # one that follows a trajectory comes and goes with it
         ]
         network.update(drivers, {s.vehicle: s.onboard.estimate for s in snapshots})
         is_due = scenario.v2x.is_ldm_due(frame, clock.step_s)
         maps = network.local_dynamic_maps() if is_due else ()
-        recorder.record(exchange, snapshots, network.radios, maps)
+        recorder.record(network_step, snapshots, network.radios, maps)
         tally.add(snapshots)
-    exchange, v2x = network.finish(), network.statistics()
-    recorder.finish(exchange, v2x)
+    network_step, v2x = network.finish(), network.statistics()
+    recorder.finish(network_step, v2x)
     return tally, v2x

@@ -16,13 +16,13 @@ from advpipe.pipeline.scenario.attacks import NS_PER_S
 from advpipe.pipeline.v2x.facilities.cam_values import (
     FIELDS,
     OTHER,
-    SEVERAL,
+    SEPARATOR,
     Values,
     changed_fields,
     places_m,
     values_of_payload,
 )
-from advpipe.pipeline.v2x.facilities.effect import matters
+from advpipe.pipeline.v2x.facilities.effect import has_effect
 from advpipe.stages.verify.attackers import DeclaredAttackers
 from advpipe.stages.verify.message_bounds import beyond_declared
 from advpipe.stages.verify.message_store import Message, MessageDiff, MessageStore, Row
@@ -182,7 +182,7 @@ class MessageLabels:
         mattered = row["action"] == DROPPED or always
         if not mattered:
             moved_m = math.hypot(*(_number(row[f"true_{a}"]) - _number(row[f"false_{a}"]) for a in AXES))
-            mattered = matters(true, false, moved_m, self.attackers.expiry_s)
+            mattered = has_effect(true, false, moved_m, self.attackers.expiry_s)
         if declared is None and not mattered:
             return
         if row["mattered"] is not (mattered and row["action"] != CORRUPT):
@@ -203,7 +203,7 @@ def _undeclared(row: Row, before: _State | None, declared: Sequence[Terms]) -> I
     if all(found):
         what = f"only the {', '.join(declared[0].untrue)}" if declared[0].untrue else "nothing"
         name = row.get("part") or row["attack"]
-        yield f"had {SEVERAL.join(found[0])} changed; {name} declares {what} untrue"
+        yield f"had {SEPARATOR.join(found[0])} changed; {name} declares {what} untrue"
 
 
 def _action(row: Row, before: _State | None, forged: Message | None) -> Iterator[str]:

@@ -106,7 +106,7 @@ def detect(
         times_s.append([one.arrival_ns / 1e9 for one in received])
         decoded.append(np.array([claim.is_cam for claim in each.claims], bool)[inside])
         numbers += [one.number for one in received]
-        counts = judged.because(config)[inside & are_false(each.numbers, labels)].sum(axis=0).tolist()
+        counts = judged.triggered(config)[inside & are_false(each.numbers, labels)].sum(axis=0).tolist()
         objections.update(dict(zip(CHECKS, counts, strict=True)))
     heard = _Heard(
         numbers,

@@ -22,7 +22,7 @@ from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.replay.recorded_filter import read_filter
 from advpipe.pipeline.scenario.acting import Acting, acting_on_fixes
-from advpipe.pipeline.v2x.facilities.effect import fix_matters
+from advpipe.pipeline.v2x.facilities.effect import fix_has_effect
 from advpipe.stages.verify.attackers import MessageAttack, victims
 from advpipe.stages.verify.checks.attacked import AttackedBag
 from advpipe.stages.verify.checks.base import BagCheck
@@ -168,7 +168,7 @@ class _Receiver:
         squared = squared_sigmas(offset_m, np.array(clean.position_covariance, np.float64).reshape(3, 3))
         if not math.isclose(squared, row["squared_sigmas"] or 0.0, rel_tol=ROUNDING):
             yield f"is offset by {squared:g} squared sigmas, but its label says {row['squared_sigmas']}"
-        if row["mattered"] is not fix_matters(*offset_m.tolist()):
+        if row["mattered"] is not fix_has_effect(*offset_m.tolist()):
             yield (
                 f"is labelled mattered={row['mattered']}, but by the rule it should be {not row['mattered']}"
             )

@@ -41,14 +41,14 @@ def read_trajectory_table(path: Path, bodies: frozenset[str]) -> dict[str, Rows]
     more rows or ids than are held in memory.
     """
     columns, rows = table_rows(path, ("id", *REQUIRED), ("id", *REQUIRED, *OPTIONAL, "body"))
-    read = _Reading(f"trajectories.file: {path}", columns, bodies)
+    read = _TableReader(f"trajectories.file: {path}", columns, bodies)
     for place, values in rows:
         read.add(place, values)
     return read.finished()
 
 
 @dataclass
-class _Own:
+class _PartialRows:
     """What one id has so far, seven numbers a row; place: of its first."""
 
     place: str
@@ -57,12 +57,12 @@ class _Own:
     last_s: float = -np.inf
 
 
-class _Reading:
+class _TableReader:
     """Takes row after row, and keeps its numbers alone."""
 
     def __init__(self, where: str, columns: Sequence[str], bodies: frozenset[str]) -> None:
         self._where, self._columns, self._bodies = where, columns, bodies
-        self._of: dict[str, _Own] = {}
+        self._of: dict[str, _PartialRows] = {}
 
     def add(self, place: str, values: Sequence[Any]) -> None:
         given = dict(zip(self._columns, values, strict=True))
@@ -76,7 +76,7 @@ class _Reading:
         if own is None:
             if len(self._of) >= MOST_IDS:
                 raise AdvpipeError(f"{self._where}, {place}: more than {MOST_IDS} ids, too many to drive")
-            own = self._of[name] = _Own(place, body)
+            own = self._of[name] = _PartialRows(place, body)
         if numbers[0] <= own.last_s:
             rises = f"{numbers[0]:g} does not come after {own.last_s:g}, the row of {short_repr(name)} before"
             hint = "sort the rows of each id and drop repeated times"
