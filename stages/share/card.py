@@ -158,7 +158,7 @@ def write_card(
         is_signed=options.sign is not None,
         licence=options.licence or "None stated: ask the author before you use the data.",
         citation=block(options.citation) if options.citation else "None given.",
-        warnings=warnings,
+        notes=warnings,
         own_words=_own_words(found),
     )
 
