@@ -111,7 +111,7 @@ def attacked(summary: AttackSummary) -> Answer:
 def _parameters(options: dict[str, Any], settings: list[str]) -> dict[str, Any]:
     """Those given as options, and the values of `name=value`, each read as YAML."""
     from advpipe.pipeline.core.errors import UsageError
-    from advpipe.pipeline.core.shown import cut, shown
+    from advpipe.pipeline.core.short_repr import short_repr, shorten
     from advpipe.pipeline.scenario.document import DocumentError, read_document
 
     found = dict(options)
@@ -119,13 +119,14 @@ def _parameters(options: dict[str, Any], settings: list[str]) -> dict[str, Any]:
         word, equals, text = setting.partition("=")
         name = word.strip().replace("-", "_")
         if not equals or not name:
-            raise UsageError(f"--set {shown(setting)}: write name=value, such as rounds=20")
+            raise UsageError(f"--set {short_repr(setting)}: write name=value, such as rounds=20")
         if name in found:
             raise UsageError(
-                f"--set {shown(setting)}: {cut(name)} is {shown(found[name])} already; leave one of them out"
+                f"--set {short_repr(setting)}: {shorten(name)} is already {short_repr(found[name])}; "
+                "give it once"
             )
         try:
             found[name] = read_document(text).tree
         except DocumentError as error:
-            raise UsageError(f"--set {shown(setting)}: the value cannot be read: {error}") from None
+            raise UsageError(f"--set {short_repr(setting)}: the value cannot be read: {error}") from None
     return found

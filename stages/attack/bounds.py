@@ -7,7 +7,7 @@ from collections.abc import Collection
 from typing import Any
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.core.short_repr import short_repr
 
 
 def checked_number(attack: str, parameter: str, value: Any, low: float, high: float = math.inf) -> float:
@@ -15,7 +15,7 @@ def checked_number(attack: str, parameter: str, value: Any, low: float, high: fl
     number or outside of [low, high]."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not is_within(value, low, high):
         limits = f"at least {low:g}" if high == math.inf else f"{low:g} to {high:g}"
-        raise UsageError(f"{attack}: {parameter} is {shown(value)}; it takes a number, {limits}")
+        raise UsageError(f"{attack}: {parameter} is {short_repr(value)}; it takes a number, {limits}")
     return value
 
 
@@ -26,7 +26,7 @@ def is_within(value: float, low: float, high: float) -> bool:
 def checked_integer(attack: str, parameter: str, value: Any, low: int, high: int) -> int:
     """The same for whole numbers."""
     if int(checked_number(attack, parameter, value, low, high)) != value:
-        raise UsageError(f"{attack}: {parameter} is {shown(value)}; it takes a whole number")
+        raise UsageError(f"{attack}: {parameter} is {short_repr(value)}; it takes a whole number")
     return int(value)
 
 
@@ -47,5 +47,5 @@ def checked_range(
 def checked_choice(attack: str, parameter: str, value: Any, known: Collection[str]) -> str:
     """One of the known words."""
     if value not in known:
-        raise UsageError(f"{attack}: {parameter} is {shown(value)}; known: {', '.join(known)}")
+        raise UsageError(f"{attack}: {parameter} is {short_repr(value)}; known: {', '.join(known)}")
     return str(value)

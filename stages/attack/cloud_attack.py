@@ -10,7 +10,7 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
 from advpipe.pipeline.core.seeding import named_generator
-from advpipe.pipeline.detector.batching import run_together
+from advpipe.pipeline.detector.batching import run_batched
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.protocol import BatchDetector, ObjectDetector
 from advpipe.pipeline.detector.registry import load_detector
@@ -91,7 +91,7 @@ def cloud_attacker(
                     partial(attack_cloud, place, attacker(attack, member))
                     for member, place in enumerate(places)
                 ]
-                for place, result in zip(places, run_together(detector, works), strict=True):
+                for place, result in zip(places, run_batched(detector, works), strict=True):
                     job.store(place, result)
                 return
             for place in places:

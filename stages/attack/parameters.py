@@ -10,7 +10,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.section import leaves, written_number
-from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.scenario.attacks import AttackSpec, Value
 from advpipe.stages.attack.base import Attack
 
@@ -46,7 +46,7 @@ def resolved_parameters(spec: AttackSpec, kind: type[Attack]) -> dict[str, Any]:
     for name in spec.parameters:
         if name not in known:
             choice = f"known: {', '.join(known)}" if known else "it has none"
-            raise UsageError(f"{spec.type}: unknown parameter {shown(name)}; {choice}")
+            raise UsageError(f"{spec.type}: unknown parameter {short_repr(name)}; {choice}")
     for name, default in known.items():
         if default is REQUIRED and name not in spec.parameters:
             raise UsageError(f"{spec.type}: {name} is missing; pass --set {name}=VALUE")
@@ -59,7 +59,7 @@ def resolved_recipe(spec: AttackSpec, kind: type[Attack]) -> str:
     """The attack's recipe: its best one if none is named, "" for an attack that has none."""
     recipe = _keywords(kind).get("recipe")
     if recipe is None and spec.recipe is not None:
-        raise UsageError(f"{spec.type} has no recipes; leave out {shown(spec.recipe)}")
+        raise UsageError(f"{spec.type} has no recipes; leave out {short_repr(spec.recipe)}")
     if spec.recipe == "":
         raise UsageError(f"{spec.type}: the recipe is empty; name one, or leave it out")
     if recipe is None:
@@ -116,9 +116,9 @@ def _checked(attack: str, name: str, value: Value, types: Mapping[str, Any]) -> 
         _refuse_beyond(attack, name, found)
     except ValidationError as error:
         problem = error.errors()[0]["msg"].removeprefix("Value error, ")
-        raise UsageError(f"{attack}: {name} is {shown(value)}: {problem}") from None
+        raise UsageError(f"{attack}: {name} is {short_repr(value)}: {problem}") from None
     except ValueError as error:
-        raise UsageError(f"{attack}: {name} is {shown(value)}: {error}") from None
+        raise UsageError(f"{attack}: {name} is {short_repr(value)}: {error}") from None
     return found
 
 
@@ -128,7 +128,7 @@ def _refuse_other_kinds(value: Value, kinds: set[Any]) -> None:
         for item in value:
             _refuse_other_kinds(item, kinds)
     elif kinds <= {int, float} and isinstance(value, (bool, str)):
-        raise ValueError(f"{shown(value)} is no number")
+        raise ValueError(f"{short_repr(value)} is no number")
 
 
 def _refuse_beyond(attack: str, name: str, value: Any) -> None:

@@ -7,7 +7,7 @@ import inspect
 from pathlib import Path
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.implementation import own_object
+from advpipe.pipeline.core.implementation import import_object
 from advpipe.stages.attack.base import Attack, refuse_undeclared
 
 BASES = "LidarAttack, V2xAttack or GnssAttack (stages/attack/lidar, v2x, gnss: base.py)"
@@ -16,7 +16,7 @@ BASES = "LidarAttack, V2xAttack or GnssAttack (stages/attack/lidar, v2x, gnss: b
 def plugin_attack(word: str) -> type[Attack]:
     """The class; raises AdvpipeError, one line, for a module that cannot be loaded, and for what is no attack
     of any family or does not declare what its base asks for."""
-    found: type[Attack] = own_object(word, f"cannot load attack {word}")
+    found: type[Attack] = import_object(word, f"cannot load attack {word}")
     if not inspect.isclass(found):
         raise UsageError(f"{word} is no class; an attack is a class that inherits from {BASES}")
     if not issubclass(found, Attack) or not hasattr(found, "family"):

@@ -17,7 +17,12 @@ from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import MAP_FRAME, TF, V2X_STATIONS, VehicleTopics
 from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.messages.v2x import stations_of_message
-from advpipe.pipeline.replay.recorded_filter import GNSS_FIX, read_filter, usual_victim, vehicles_with_filter
+from advpipe.pipeline.replay.recorded_filter import (
+    GNSS_FIX,
+    default_victim,
+    read_filter,
+    vehicles_with_filter,
+)
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.gnss.base import gnss_traits
@@ -155,7 +160,7 @@ def _victim(reader: BagReader, spec: AttackSpec, known: Sequence[str]) -> str:
         return spec.victim
     if not known:
         raise UsageError(f"{spec.type}: {reader.path} has no vehicle with GPS (no topic …{GNSS_FIX})")
-    if (usual := usual_victim(known)) is None:
+    if (usual := default_victim(known)) is None:
         raise UsageError(f"{spec.type}: name a victim; {', '.join(known)} have GPS")
     return usual
 

@@ -26,8 +26,8 @@ class EstimatedCams:
 
     Position, ellipse, altitude, heading, speed, accelerations, yaw rate, curvature, pedals and path history,
     with their confidences, follow the estimate; without a false fix every bit is reproduced. The times of
-    CAMs, and which of them carry the low-frequency container, stay as recorded, although a vehicle with another
-    estimate would trigger them at other times (EN 302 637-2, 6.1.3).
+    CAMs, and which of them carry the low-frequency container, stay as recorded, although a vehicle with
+    another estimate would trigger them at other times (EN 302 637-2, 6.1.3).
 
     Calls of `edit` go through the drive's steps in order, once.
     """

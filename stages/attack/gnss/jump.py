@@ -18,7 +18,8 @@ class Jump(GnssAttack):
     """Each attacked fix jumps by distance_m with a probability, in a random horizontal direction.
 
     mode `glitch`: only this fix jumps. mode `step`: later fixes keep the offset until the span ends, and
-    jumps add up. The defaults are those of TDRobertson's SUDDEN_JUMP for CARLA: 5 m, probability 0.02 for each fix.
+    jumps add up. The defaults are those of TDRobertson's SUDDEN_JUMP for CARLA: 5 m, probability 0.02 for
+    each fix.
     """
 
     traits = GnssTraits()

@@ -11,7 +11,7 @@ from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.labels.columns import arrow_schema
 from advpipe.pipeline.labels.fixes import FIX_COLUMNS, GEOGRAPHIC, OFFSETS
 from advpipe.pipeline.localisation.gnss import squared_sigmas
-from advpipe.pipeline.v2x.facilities.effect import fix_matters
+from advpipe.pipeline.v2x.facilities.effect import fix_has_effect
 from advpipe.stages.attack.gnss.victim import FixRecord, SpoofedVehicle
 
 Row = dict[str, object]
@@ -39,7 +39,7 @@ def label(record: FixRecord) -> Row:
         "stamp_ns": record.stamp_ns,
         "attack": None if record.false_fix is None else record.false_fix.attack,
         "squared_sigmas": None if offset_m is None else squared_sigmas(offset_m, record.covariance_m2),
-        "mattered": is_lost or (offset_m is not None and fix_matters(*offset_m.tolist())),
+        "mattered": is_lost or (offset_m is not None and fix_has_effect(*offset_m.tolist())),
     }
     for kind, place in (("true", record.true_geographic), ("false", record.reported)):
         values = [None] * 3 if place is None else place.tolist()

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.plugins import mistakes_reported, plugin_names
+from advpipe.pipeline.core.plugins import plugin_errors, plugin_names
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.lidar.base import LidarAttack, lidar_traits
 from advpipe.stages.attack.lidar.registry import LIDAR_ATTACKS
@@ -20,7 +20,7 @@ def build_lidar_attack(spec: AttackSpec) -> LidarAttack:
     if recipe:
         _refuse_unused(spec, kind, recipe, keywords)
         keywords["recipe"] = recipe
-    with mistakes_reported(plugin_names([spec.type])):
+    with plugin_errors(plugin_names([spec.type])):
         return kind(**keywords)
 
 

@@ -187,7 +187,7 @@ class DosRandom(Flood):
 
 
 class DosRandomSybil(DosRandom):
-    """The same, with a new ghost station id in each message."""
+    """Random positions like `cam-dos-random`, with a new ghost station id in each message."""
 
     traits = V2xTraits(
         every_message_matters=True, needs_traffic=False, published=Published(veremi_extension=18)
@@ -231,7 +231,7 @@ class DosDisruptive(Flood):
 
 
 class DosDisruptiveSybil(DosDisruptive):
-    """The same, with a new ghost station id in each message."""
+    """Replayed messages like `cam-dos-disruptive`, with a new ghost station id in each message."""
 
     traits = V2xTraits(
         every_message_matters=True, needs_traffic=False, published=Published(veremi_extension=19)

@@ -24,7 +24,7 @@ from advpipe.pipeline.labels.messages import (
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.facilities.cam_values import FIELDS, Values, changed_fields, places_m, values
-from advpipe.pipeline.v2x.facilities.effect import matters
+from advpipe.pipeline.v2x.facilities.effect import has_effect
 from advpipe.stages.attack.v2x.base import MessageEditor, V2xAttack
 from advpipe.stages.attack.v2x.bounds_check import BoundsCheck
 from advpipe.stages.attack.v2x.cams import CamEditor, field_of
@@ -224,7 +224,7 @@ class Labels:
             return False
         if row.always_matters or row.action == DROPPED:
             return True
-        return matters(row.true, row.false, moved_m, self._expiry_s)
+        return has_effect(row.true, row.false, moved_m, self._expiry_s)
 
 
 def _changed_fields(row: _Row) -> str:

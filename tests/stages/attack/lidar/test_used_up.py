@@ -23,9 +23,9 @@ class Hinge(LinearVoxelDetector):
     def loss(self, points, boxes, labels):
         return self._hinged(self._scores(points, boxes, torch.zeros(0, 4))[0])
 
-    def occupancy_loss(self, points, boxes, labels, ghosts=None):
+    def occupancy_loss(self, points, boxes, labels, probes=None):
         none = torch.zeros(0, 4)
-        scores, occupancy, row = self._scores(points, boxes, none if ghosts is None else ghosts)
+        scores, occupancy, row = self._scores(points, boxes, none if probes is None else probes)
         return self._hinged(scores), occupancy, row
 
 

@@ -8,7 +8,7 @@ MOST_CHARACTERS = 100
 """Of a value in a message; a line with one or two of them is still read."""
 
 
-def shown(value: object, most: int = MOST_CHARACTERS) -> str:
+def short_repr(value: object, most: int = MOST_CHARACTERS) -> str:
     """The value as Python writes it, of at most so many characters; long ones lose their middle or end."""
     short = reprlib.Repr()
     short.maxstring = short.maxother = short.maxlong = most
@@ -19,6 +19,6 @@ def shown(value: object, most: int = MOST_CHARACTERS) -> str:
     return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
-def cut(text: str, most: int = MOST_CHARACTERS) -> str:
+def shorten(text: str, most: int = MOST_CHARACTERS) -> str:
     """A user's word without quotes, of at most so many characters."""
     return text if len(text) <= most else f"{text[: most - 3]}..."

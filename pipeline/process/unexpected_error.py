@@ -14,21 +14,23 @@ FOLDER = "ADVPIPE_TRACEBACK_DIR"
 """Environment variable: the folder of such files, instead of the one for temporary files."""
 
 
-def unexpected(error: BaseException) -> str:
+def report_unexpected(error: BaseException) -> str:
     """Writes the file; returns the line. The traceback is shown where asked for, or not to be written."""
     import traceback
 
     text = "".join(traceback.format_exception(error))
     what = one_line(f"unexpected {traceback.format_exception_only(error)[-1]}", 300)
     try:
-        told = f"please report it, with {_written(text)}"
+        request = f"please report it, with {_written(text)}"
         is_shown = os.environ.get(SHOW, "0") not in ("", "0")
     except OSError as refusal:
-        told = f"please report it, with the above, which cannot be written to a file: {refusal.strerror}"
+        request = (
+            f"please report it, with the traceback above, which cannot be saved to a file: {refusal.strerror}"
+        )
         is_shown = True
     if is_shown:
         print(text, end="", file=sys.stderr)
-    return f"{what}; this is a mistake in advpipe: {told}"
+    return f"{what}; this is a bug in advpipe: {request}"
 
 
 def _written(text: str) -> str:

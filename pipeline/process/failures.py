@@ -15,12 +15,12 @@ from advpipe.pipeline.core.errors import AdvpipeError, os_error_line
 from advpipe.pipeline.core.missing_library import missing_library_line
 from advpipe.pipeline.core.text import one_line
 from advpipe.pipeline.process.folder import undecodable
-from advpipe.pipeline.process.last_resort import unexpected
+from advpipe.pipeline.process.unexpected_error import report_unexpected
 
 FAILED, WRONG_USE = 1, 2
 
 
-def ended(error: BaseException) -> int:
+def report_failure(error: BaseException) -> int:
     """Prints the line of an error that ended a command; returns the exit code."""
     signals.uninstall()
     number = signals.received()
@@ -29,7 +29,7 @@ def ended(error: BaseException) -> int:
     if number is not None:
         _say(signals.last_line(number))
         return signals.exit_code(number)
-    if isinstance(error, BrokenPipeError) and streams.is_unread():
+    if isinstance(error, BrokenPipeError) and streams.is_reader_gone():
         streams.drop_output()
         return FAILED
     line, code = _told(error)
@@ -44,13 +44,13 @@ def _told(error: BaseException) -> tuple[str, int]:
         case ImportError() | OSError() if line := missing_library_line(error):
             return line, FAILED
         case OSError() if _folder_is_gone():
-            return "the working folder was deleted; go to one that exists (cd)", FAILED
+            return "the working directory was deleted; change to one that exists (cd)", FAILED
         case OSError():
             return os_error_line(error), FAILED
         case UnicodeEncodeError():
             return _unwritable(error), WRONG_USE
         case _:
-            return unexpected(error), FAILED
+            return report_unexpected(error), FAILED
 
 
 def _unwritable(error: UnicodeEncodeError) -> str:

@@ -15,7 +15,7 @@ _PATH = re.compile(
 )
 
 
-def remarks_on(found: Layout, bags: Sequence[BagFacts], options: ShareOptions) -> Iterator[str]:
+def sharing_warnings(found: Layout, bags: Sequence[BagFacts], options: ShareOptions) -> Iterator[str]:
     """One line each."""
     if options.licence is None:
         yield "no licence is stated, so nobody may use the data set: give one with --licence CC-BY-4.0, say"

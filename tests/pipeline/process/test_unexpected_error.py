@@ -64,7 +64,7 @@ def test_without_a_place_for_the_file_the_traceback_is_shown(tmp_path: Path) -> 
     done = inspect(FAULTS["ZeroDivisionError"], tmp_path, ADVPIPE_TRACEBACK_DIR=str(tmp_path / "nowhere"))
     assert done.returncode == 1
     assert done.stderr.startswith("Traceback (most recent call last)")
-    assert "cannot be written to a file: No such file or directory" in done.stderr.splitlines()[-1]
+    assert "cannot be saved to a file: No such file or directory" in done.stderr.splitlines()[-1]
 
 
 def test_a_mistake_of_the_users_shows_no_traceback(tmp_path: Path) -> None:

@@ -9,13 +9,13 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.locate import CLEAN_NAME
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
-from advpipe.pipeline.core.partial import final_path, held, leftovers
+from advpipe.pipeline.core.partial import final_path, leftovers, lock_leftover
 
 SCENARIO_NAME = "scenario.yaml"
 
 
 @dataclass(frozen=True)
-class Remains:
+class PartialRecording:
     """The .mcap files of a recording, and the file or folder where they were found.
 
     name: the path that it has or was to get. is_data_set: whether the bag is a data set's clean one.
@@ -39,7 +39,7 @@ class Remains:
 
 
 @contextmanager
-def find_remains(path: Path) -> Iterator[Remains]:
+def find_partial_recording(path: Path) -> Iterator[PartialRecording]:
     """The remains that a path means, which no other run removes within the block.
 
     path: an .mcap file, a rosbag2 directory, a data set, a hidden folder, or the name that a killed run
@@ -47,30 +47,30 @@ def find_remains(path: Path) -> Iterator[Remains]:
     living run is still writing.
     """
     if path.is_file():
-        yield Remains(path, final_path(path.with_suffix("")), (path,))
+        yield PartialRecording(path, final_path(path.with_suffix("")), (path,))
         return
     if path.name == CLEAN_NAME and (path.parent / SCENARIO_NAME).is_file():
         path = path.parent
     is_hidden = final_path(path).name != path.name
     for leftover in [path] if is_hidden and path.is_dir() else leftovers(path):
         if remains := _in_folder(leftover, final_path(leftover), is_leftover=True):
-            with held(leftover) as is_dead:
+            with lock_leftover(leftover) as is_dead:
                 if not is_dead:
                     raise AdvpipeError(f"{leftover} is still being written; wait for that run, or stop it")
                 yield remains
             return
     if not path.is_dir() or not (remains := _in_folder(path, path, is_leftover=False)):
         raise UsageError(
-            f"{path} holds no .mcap file, and no killed run left one beside it (in .{path.name}.partial-...)"
+            f"{path} holds no .mcap file, and no killed run left one next to it (in .{path.name}.partial-...)"
         )
     yield remains
 
 
-def _in_folder(folder: Path, name: Path, is_leftover: bool) -> Remains | None:
+def _in_folder(folder: Path, name: Path, is_leftover: bool) -> PartialRecording | None:
     clean = folder / CLEAN_NAME
     for bag in (*leftovers(clean), clean, folder):
         if files := sorted(bag.glob("*.mcap"), key=_number_last):
-            return Remains(folder, name, tuple(files), bag != folder, is_leftover)
+            return PartialRecording(folder, name, tuple(files), bag != folder, is_leftover)
     return None
 
 

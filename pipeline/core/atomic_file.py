@@ -9,14 +9,14 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from advpipe.pipeline.core.errors import OutputExistsError, writing
-from advpipe.pipeline.core.lock import lock_of_dead, one_at_a_time, take_lock
+from advpipe.pipeline.core.lock import one_at_a_time, take_lock, take_stale_lock
 
 MARK = ".advpipe-partial-"
 """Between the final name and eight hexadecimal digits in the name of a hidden file."""
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def atomic_file(path: Path) -> Iterator[Path]:
     """A hidden file beside `path` to write to; it becomes `path` when the block ends without an error.
 
     A killed run leaves the hidden file alone, and the next run that writes `path` removes it. An OSError
@@ -42,9 +42,9 @@ def whole_file(path: Path) -> Iterator[Path]:
         raise
 
 
-def write_whole(path: Path, content: bytes) -> None:
+def write_atomically(path: Path, content: bytes) -> None:
     """The file is the old one or the new one, never half of it."""
-    with whole_file(path) as beside:
+    with atomic_file(path) as beside:
         beside.write_bytes(content)
 
 
@@ -53,12 +53,12 @@ def write_new(path: Path, text: str, overwrite: bool = False) -> None:
     if path.exists() and not overwrite:
         raise OutputExistsError(path)
     with writing(path):
-        write_whole(path, text.encode())
+        write_atomically(path, text.encode())
 
 
 def _remove_leftovers(path: Path) -> None:
     prefix = f".{path.name}{MARK}"
     for leftover in path.parent.iterdir():
-        if leftover.name.startswith(prefix) and (lock := lock_of_dead(leftover)):
+        if leftover.name.startswith(prefix) and (lock := take_stale_lock(leftover)):
             with lock:
                 leftover.unlink(missing_ok=True)

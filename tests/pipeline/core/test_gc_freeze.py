@@ -2,7 +2,7 @@ import gc
 
 import pytest
 
-from advpipe.pipeline.core.garbage import gc_frozen
+from advpipe.pipeline.core.gc_freeze import gc_frozen
 
 
 def test_what_is_there_is_frozen_within_the_block_only() -> None:

@@ -4,18 +4,18 @@ from pathlib import Path
 
 import pytest
 
+from advpipe.pipeline.core.atomic_file import atomic_file, write_atomically, write_new
 from advpipe.pipeline.core.errors import OutputExistsError
-from advpipe.pipeline.core.leftover_names import has_leftover_name
-from advpipe.pipeline.core.whole_file import whole_file, write_new, write_whole
+from advpipe.pipeline.core.leftover_names import is_leftover_name
 
 
 def test_a_file_appears_whole(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     path.write_bytes(b"old")
-    with whole_file(path) as beside:
+    with atomic_file(path) as beside:
         beside.write_bytes(b"half")
         assert path.read_bytes() == b"old"
-        assert has_leftover_name(beside.name)
+        assert is_leftover_name(beside.name)
         assert beside.stat().st_mode & 0o777 == 0o666 & ~_umask()
     assert path.read_bytes() == b"half"
     assert [each.name for each in tmp_path.iterdir()] == ["a.json"]
@@ -30,7 +30,7 @@ def _umask() -> int:
 def test_a_failed_one_leaves_the_old_file(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     path.write_bytes(b"old")
-    with pytest.raises(TypeError), whole_file(path) as beside:
+    with pytest.raises(TypeError), atomic_file(path) as beside:
         beside.write_bytes("half")  # type: ignore[arg-type]
     assert path.read_bytes() == b"old"
     assert len(list(tmp_path.iterdir())) == 1
@@ -40,9 +40,9 @@ def test_what_a_killed_run_left_goes_with_the_next_and_a_living_ones_stays(tmp_p
     path = tmp_path / "a.json"
     (tmp_path / ".a.json.advpipe-partial-0123abcd").write_bytes(b"dead")
     (tmp_path / ".b.json.advpipe-partial-0123abcd").write_bytes(b"of another")
-    with whole_file(path) as living:
+    with atomic_file(path) as living:
         living.write_bytes(b"1")
-        write_whole(path, b"2")
+        write_atomically(path, b"2")
         assert living.exists()
     assert path.read_bytes() == b"1"
     assert {each.name for each in tmp_path.iterdir()} == {"a.json", ".b.json.advpipe-partial-0123abcd"}
@@ -50,7 +50,7 @@ def test_what_a_killed_run_left_goes_with_the_next_and_a_living_ones_stays(tmp_p
 
 def test_errors_name_the_file_that_was_asked_for(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=re.escape(str(tmp_path / "no" / "a.json"))):
-        write_whole(tmp_path / "no" / "a.json", b"")
+        write_atomically(tmp_path / "no" / "a.json", b"")
 
 
 def test_a_new_text_is_written_whole_and_not_over_another(tmp_path):

@@ -140,7 +140,7 @@ def test_bombs_are_refused_before_sumo_reads_them(
     message: str,
 ) -> None:
     monkeypatch.setattr(
-        "advpipe.stages.simulate.traffic.sumo.own_traffic._probe", lambda *_: pytest.fail("SUMO read it")
+        "advpipe.stages.simulate.traffic.sumo.user_traffic._probe", lambda *_: pytest.fail("SUMO read it")
     )
     with pytest.raises(AdvpipeError, match=message):
         drive(scenario(tmp_path, road(200), text), 1)

@@ -1,4 +1,4 @@
-"""What a reader of a sweep's tables must know beside the figures."""
+"""What a reader of a sweep's tables must know to interpret their values."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NOT_SURE = (
 )
 
 
-def sweep_warnings(cells: Sequence[Cell]) -> list[str]:
+def sweep_caveats(cells: Sequence[Cell]) -> list[str]:
     """Sentences for the page, the terminal and report.json."""
     return [
         SAME_DATA,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.stages.simulate.road_network.file import check_xml, last_error, run_sumo
 from advpipe.stages.simulate.road_network.network import RoadNetwork
@@ -23,25 +23,25 @@ MOST_FILES = 100
 LATEST_S = 1e9
 """SUMO counts milliseconds; nobody's day has so many."""
 
-MOST_WAITED_S = 120.0
+MAX_WAIT_S = 120.0
 """For room on the network, beyond the warm-up, as `Traffic` does."""
 
-OUR_NAMES = ("pedestrian", "parked")
+RESERVED_NAMES = ("pedestrian", "parked")
 """Of the people on foot and the parked cars, as in `parked.7`."""
 
 DEFAULT_TYPES = {"DEFAULT_VEHTYPE", "DEFAULT_TAXITYPE", "DEFAULT_BIKETYPE"}
 
 
 @dataclass(frozen=True)
-class OwnTraffic:
-    """What SUMO is given besides its network; `is_users` if a user wrote it."""
+class UserTraffic:
+    """What SUMO is given besides its network; `is_user_supplied` if a user wrote it."""
 
     route_files: tuple[Path, ...] = ()
     additional_files: tuple[Path, ...] = ()
     begin_s: float = 0.0
 
     @property
-    def is_users(self) -> bool:
+    def is_user_supplied(self) -> bool:
         return bool(self.route_files or self.additional_files)
 
     def options(self, types: Path) -> list[str]:
@@ -53,9 +53,9 @@ class OwnTraffic:
         return command
 
 
-def own_traffic(
+def user_traffic(
     scenario: Scenario, network: RoadNetwork, routes: Routes, types: Path, moved: Collection[str] = ()
-) -> OwnTraffic:
+) -> UserTraffic:
     """The user's traffic of a scenario, if it names any; departures count from the warm-up's start.
 
     Of a .sumocfg, its route and additional files and its begin are taken; the network is the scenario's.
@@ -66,13 +66,13 @@ def own_traffic(
     if scenario.traffic.sumo_config is not None:
         own = _configured(Path(scenario.traffic.sumo_config))
     elif scenario.traffic.routes is not None:
-        own = OwnTraffic(route_files=(Path(scenario.traffic.routes),))
+        own = UserTraffic(route_files=(Path(scenario.traffic.routes),))
     else:
-        return OwnTraffic()
+        return UserTraffic()
     key = "traffic.routes" if scenario.traffic.routes is not None else "traffic.sumo_config"
     roots = list(_roots(own, key))
     clock = scenario.simulation
-    last_s = own.begin_s + clock.warmup_s + MOST_WAITED_S + clock.duration_s
+    last_s = own.begin_s + clock.warmup_s + MAX_WAIT_S + clock.duration_s
     check_demand([root for _, root in roots], key, last_s)
     known = DEFAULT_TYPES | {str(root.get("id")) for root in ElementTree.parse(types).getroot()}
     for path, root in roots:
@@ -83,7 +83,7 @@ def own_traffic(
     return own
 
 
-def _roots(own: OwnTraffic, key: str) -> Iterator[tuple[Path, ElementTree.Element]]:
+def _roots(own: UserTraffic, key: str) -> Iterator[tuple[Path, ElementTree.Element]]:
     """Every file of the user's, and those that they include."""
     waiting = [(path, ROUTE_FILE) for path in own.route_files]
     waiting += [(path, ADDITIONAL_FILE) for path in own.additional_files]
@@ -95,7 +95,7 @@ def _roots(own: OwnTraffic, key: str) -> Iterator[tuple[Path, ElementTree.Elemen
         waiting += [(path.parent / str(found.get("href")), kind) for found in root.iter("include")]
 
 
-def _configured(path: Path) -> OwnTraffic:
+def _configured(path: Path) -> UserTraffic:
     root = check_xml(path, "traffic.sumo_config", ("configuration", "sumoConfiguration"), "a .sumocfg file")
 
     def files(*names: str) -> tuple[Path, ...]:
@@ -110,9 +110,10 @@ def _configured(path: Path) -> OwnTraffic:
     begin_s = seconds(begin, math.nan)
     if not 0 <= begin_s <= LATEST_S:
         raise AdvpipeError(
-            f"traffic.sumo_config: {path}: begin {shown(begin)} is no number of seconds, 0 to {LATEST_S:g}"
+            f"traffic.sumo_config: {path}: begin {short_repr(begin)} is no number of seconds, 0 to "
+            f"{LATEST_S:g}"
         )
-    return OwnTraffic(route_files, files("additional-files", "a"), begin_s)
+    return UserTraffic(route_files, files("additional-files", "a"), begin_s)
 
 
 def _types(root: ElementTree.Element, where: str) -> Iterator[str]:
@@ -152,7 +153,7 @@ def _check(
                 raise AdvpipeError(f"{name} has the name of an instrumented vehicle; rename one of them")
             if found.get("id") in moved or (found.tag == "flow" and _counts(str(found.get("id")), moved)):
                 raise AdvpipeError(f"{name} has the name of one in trajectories.file; rename one of them")
-            if str(found.get("id")).partition(".")[0] in OUR_NAMES:
+            if str(found.get("id")).partition(".")[0] in RESERVED_NAMES:
                 raise AdvpipeError(f"{name} has a name of ours; rename it")
         if found.tag in ("person", "personFlow", "container", "containerFlow"):
             raise AdvpipeError(f"{name}: only vehicles are taken; count people in traffic.pedestrians")
