@@ -73,7 +73,7 @@ BAD = {
     '<person id="p" depart="0"><walk edges="ab"/></person>': r"person 'p': only vehicles are taken",
     '<vehicle id="v" route="none" depart="0"/>': r"traffic\.routes: SUMO refuses it: .*none",
     '<vehicle id="v" depart="soon"><route edges="ab"/></vehicle>': r"traffic\.routes: SUMO refuses it",
-    '<vehicle id="v">': r"own\.rou\.xml is not a SUMO route file .* or is cut off",
+    '<vehicle id="v">': r"own\.rou\.xml is not a SUMO route file .* or is truncated",
 }
 
 
