@@ -86,9 +86,9 @@ def scratch() -> tempfile.TemporaryDirectory[str]:
 
 
 def steady_memory() -> None:
-    """Keeps glibc from giving large blocks back and fetching them anew, by chance for one side only.
+    """Keep glibc from returning large blocks and fetching them again, which may hit one side only.
 
-    What lies on the heap decides when it does, and then a page fault for each 4 kB counts more than the
+    The heap's layout decides when it does, and then a page fault for each 4 kB takes longer than the
     work that is timed.
     """
     mmap_threshold, trim_threshold = -3, -1  # as malloc.h has them

@@ -1,4 +1,4 @@
-"""What a defence is: a change of every cloud before the detector sees it, and the way back for its boxes."""
+"""What a defence is: it changes each cloud before detection, and maps the detected boxes back."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Float64 = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Placement:
-    """Where a defence puts the world: p -> scale * p, mirrored in y if so, + offset.
+    """How a defence transforms the scene: p -> scale * p, optionally mirrored in y, + offset.
 
     offset_m: (3,) float64.
     """
@@ -26,12 +26,12 @@ class Placement:
     offset_m: Float64 = field(default_factory=lambda: np.zeros(3))
 
     def cloud(self, cloud: Cloud) -> Cloud:
-        """The cloud (N,) in its new place; computed in float64, stored in float32."""
+        """The transformed cloud (N,); computed in float64, stored in float32."""
         points = xyz(cloud).astype(np.float64) * (self.scale * self._signs) + self.offset_m
         return with_xyz(cloud, points)
 
     def boxes_back(self, boxes: Float64) -> Float64:
-        """Boxes (M, 7) found in the new place, where they belong in the cloud that was given."""
+        """Boxes (M, 7) detected in the transformed cloud, mapped back to the original cloud."""
         back = boxes.copy()
         back[:, :3] = (boxes[:, :3] - self.offset_m) / (self.scale * self._signs)
         back[:, 3:6] /= self.scale
@@ -46,7 +46,7 @@ class Placement:
 
 @dataclass(frozen=True)
 class DefendedCloud:
-    """A cloud as a defence leaves it, and where it lies now."""
+    """A cloud changed by a defence, and its transform."""
 
     cloud: Cloud
     placement: Placement = field(default_factory=Placement)
@@ -56,7 +56,7 @@ class Defence(Protocol):
     """A defence on clouds. Its constructor takes the parameters, keyword-only, and checks them."""
 
     def __call__(self, cloud: Cloud, rng: np.random.Generator) -> DefendedCloud:
-        """The cloud (N,) as the detector is to see it; the one that is given stays as it is."""
+        """The cloud (N,) for the detector; the input is not modified."""
 
 
 def with_xyz(cloud: Cloud, points: npt.NDArray[np.floating]) -> Cloud:

@@ -1,4 +1,4 @@
-"""Defences that show the detector the same world in another place; boxes come back from there."""
+"""Defences that transform the whole scene for the detector; its boxes are mapped back."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from advpipe.pipeline.messages.cloud import Cloud
 
 
 class Shift:
-    """The cloud moves against the voxel grid: by up to `max_m` along each axis, drawn for each cloud.
+    """Shifts the cloud against the voxel grid: randomly by up to `max_m` along each axis.
 
-    Half a voxel is enough to cross any face; the default is half of the 10 cm that the shipped detector has.
+    Half a voxel is enough to cross any face; the default is half of the shipped detector's 10 cm.
     """
 
     def __init__(self, *, max_m: float = 0.05) -> None:
@@ -24,7 +24,7 @@ class Shift:
 
 
 class Flip:
-    """Left becomes right: y is mirrored."""
+    """Mirrors the cloud: left becomes right."""
 
     def __call__(self, cloud: Cloud, rng: np.random.Generator) -> DefendedCloud:
         placement = Placement(is_mirrored=True)
@@ -32,7 +32,7 @@ class Flip:
 
 
 class Scale:
-    """Everything is `factor` times as large and as far away."""
+    """Scales the cloud: everything is `factor` times as large and as far away."""
 
     def __init__(self, *, factor: float = 1.025) -> None:
         self.factor = positive("scale", "factor", factor)

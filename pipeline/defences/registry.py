@@ -1,4 +1,4 @@
-"""The defences by the word that names them: `jitter`, `jitter:0.02`, `outliers:k=4,sigmas=2`."""
+"""The defences by name, with parameters: `jitter`, `jitter:0.02`, `outliers:k=4,sigmas=2`."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ DEFENCES: dict[str, Callable[..., Defence]] = {
 
 
 def parse_defences(texts: Sequence[str]) -> dict[str, Defence]:
-    """Each `NAME[:VALUE|NAME=VALUE,...]` by its full name, such as `jitter:sigma_m=0.01`.
+    """Parse each `NAME[:VALUE|NAME=VALUE,...]`; the keys are full names, such as `jitter:sigma_m=0.01`.
 
-    A bare value is that of the first parameter. Raises AdvpipeError for an unknown name or parameter, a
-    value that is no number or out of its bounds, and for a defence that is given twice.
+    A bare value sets the first parameter. Raises AdvpipeError for an unknown name or parameter, a
+    value that is not a number or out of bounds, and for a defence that is given twice.
     """
     found: dict[str, Defence] = {}
     for text in texts:
@@ -38,12 +38,12 @@ def parse_defences(texts: Sequence[str]) -> dict[str, Defence]:
 
 
 def _parse(text: str) -> tuple[str, Defence]:
-    word, _, rest = text.partition(":")
-    if word not in DEFENCES:
-        raise UsageError(f"unknown defence {word!r}; known: {', '.join(DEFENCES)}")
+    defence, _, rest = text.partition(":")
+    if defence not in DEFENCES:
+        raise UsageError(f"unknown defence {defence!r}; known: {', '.join(DEFENCES)}")
     known = {
         name: float(parameter.default)
-        for name, parameter in inspect.signature(DEFENCES[word]).parameters.items()
+        for name, parameter in inspect.signature(DEFENCES[defence]).parameters.items()
     }
     given: dict[str, float] = {}
     for part in rest.split(",") if rest else []:
@@ -52,11 +52,11 @@ def _parse(text: str) -> tuple[str, Defence]:
             name, value = next(iter(known), ""), part
         if name not in known or name in given:
             why = "given twice" if name in given else f"unknown; known: {', '.join(known) or 'none'}"
-            raise UsageError(f"defence {word}: parameter {name or value!r} is {why}")
+            raise UsageError(f"defence {defence}: parameter {name or value!r} is {why}")
         try:
             given[name] = float(value)
         except ValueError:
-            raise UsageError(f"defence {word}: {name} is {value!r}, but must be a number") from None
+            raise UsageError(f"defence {defence}: {name} is {value!r}, but must be a number") from None
     resolved = known | given
-    words = ",".join(f"{name}={value:g}" for name, value in resolved.items())
-    return f"{word}:{words}" if words else word, DEFENCES[word](**resolved)
+    parameters = ",".join(f"{name}={value:g}" for name, value in resolved.items())
+    return f"{defence}:{parameters}" if parameters else defence, DEFENCES[defence](**resolved)

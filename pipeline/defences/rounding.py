@@ -1,4 +1,4 @@
-"""Defences that blur where exactly a point is: on a grid, or by noise."""
+"""Defences that blur the positions of points: by quantisation or by noise."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from advpipe.pipeline.messages.cloud import Cloud, xyz
 
 
 class Quantisation:
-    """Coordinates are rounded to whole multiples of `step_m`."""
+    """Rounds coordinates to multiples of `step_m`."""
 
     def __init__(self, *, step_m: float = 0.01) -> None:
         self.step_m = positive("quantise", "step_m", step_m)
@@ -23,7 +23,7 @@ class Quantisation:
 
 
 class Jitter:
-    """Every coordinate moves by Gaussian noise of standard deviation `sigma_m`."""
+    """Adds Gaussian noise of standard deviation `sigma_m` to every coordinate."""
 
     def __init__(self, *, sigma_m: float = 0.01) -> None:
         self.sigma_m = positive("jitter", "sigma_m", sigma_m)
@@ -33,7 +33,7 @@ class Jitter:
 
 
 def positive(defence: str, name: str, value: float) -> float:
-    """The value of a parameter that must be finite and above 0."""
+    """Check that a parameter's value is finite and above 0, and return it."""
     if not 0 < value < math.inf:
         raise UsageError(f"defence {defence}: {name} is {value:g}, but must be finite and above 0")
     return value

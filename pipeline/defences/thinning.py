@@ -1,4 +1,4 @@
-"""Defences that take points away: by chance, or those that stand alone."""
+"""Defences that remove points: randomly, or isolated ones."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from advpipe.pipeline.messages.cloud import Cloud, xyz
 
 
 class RandomSampling:
-    """Simple random sampling: exactly round(drop * N) of a cloud's N points go, uniformly."""
+    """Simple random sampling: removes exactly round(drop * N) of a cloud's N points, uniformly."""
 
     def __init__(self, *, drop: float = 0.05) -> None:
         if not 0 < drop < 1:
@@ -26,11 +26,11 @@ class RandomSampling:
 
 
 class OutlierRemoval:
-    """Statistical outlier removal (Rusu et al. 2008): points far from their neighbours go.
+    """Statistical outlier removal (Rusu et al. 2008): removes points far from their neighbours.
 
-    A point goes if its mean distance to its k nearest neighbours exceeds the mean of these means over the
-    cloud by more than `sigmas` of their standard deviation (k 2 and 1.1, as in DUP-Net, ICCV 2019). Points
-    that are not finite stay. The neighbours come from a k-d tree.
+    A point is removed if its mean distance to its k nearest neighbours exceeds the mean of these means over
+    the cloud by more than `sigmas` of their standard deviation (k 2 and 1.1, as in DUP-Net, ICCV 2019).
+    Points that are not finite are kept. The neighbours come from a k-d tree.
     """
 
     def __init__(self, *, k: float = 2, sigmas: float = 1.1) -> None:

@@ -1,8 +1,8 @@
-"""Several works ask one detector at once, and it answers them in batches, which a GPU does sooner.
+"""Several tasks share one detector, which computes their requests in batches: faster on a GPU.
 
-Each work runs in a thread of its own and asks as it would ask the detector itself. All go in lock-step: a
-batch is computed only when every work that has not ended waits for an answer. So what shares a batch hangs on
-the works alone, never on timing.
+Each task runs in its own thread and calls the detector as usual. All tasks run in lock-step: a
+batch is computed only when every unfinished task waits for a response. So the composition of a batch depends
+on the tasks alone, never on timing.
 """
 
 from __future__ import annotations
@@ -32,28 +32,29 @@ from advpipe.pipeline.messages.cloud import xyzi
 T = TypeVar("T")
 
 REQUEST_KINDS = ("occupancy_loss", "loss", "detect")
-"""What is asked. Where several kinds wait, the one that most works ask is computed, and the others go on
-waiting: works that fell out of step are soon in step again."""
+"""The kinds of requests. Where several kinds wait, the most frequent one is computed, and the others keep
+waiting: tasks that fell out of step are soon in step again."""
 
 
-def run_batched(detector: BatchDetector, works: Sequence[Callable[[ObjectDetector], T]]) -> list[T]:
-    """The results of the works, each called with a detector that answers in batches.
+def run_batched(detector: BatchDetector, tasks: Sequence[Callable[[ObjectDetector], T]]) -> list[T]:
+    """Run the tasks concurrently, each with a detector that computes in batches; return their results.
 
-    Losses that it gives are differentiated once: their gradient is computed with them, if gradients are on in
-    the thread that asks. What one input does wrong is raised where it was asked alone, and so is what only a
-    batch is too large for: its inputs are then computed one by one. The first error that a work does not
-    catch, in the order of the works, ends all of them and is raised here; so does ctrl-C.
+    Its losses can be differentiated once: their gradient is computed with them, if gradients are enabled in
+    the calling thread. An error of one input is raised only in the task that requested it; if a batch is too
+    large, its inputs are computed one by one. The first error that a task does not catch, in the order of the
+    tasks, stops all of them and is raised here; so is Ctrl-C.
     """
-    return _Together(detector, works).run()
+    return _BatchScheduler(detector, tasks).run()
 
 
 class _EndedError(BaseException):
-    """Another work failed, or the user has had enough; no work should catch it."""
+    """Another task failed, or the user pressed Ctrl-C; tasks should not catch it."""
 
 
 @dataclass(frozen=True)
-class _Question:
-    """given: a LossInput, or for "detect" the cloud (N, 4). wants_gradient: to points and occupancy."""
+class _Request:
+    """given: a LossInput, or for "detect" the cloud (N, 4). wants_gradient: with respect to points and
+    occupancy."""
 
     kind: str
     given: Any
@@ -61,8 +62,8 @@ class _Question:
 
 
 @dataclass(frozen=True)
-class _Answer:
-    """A loss with what `occupancy_loss` tells besides, and its gradients to the points and the occupancy."""
+class _Response:
+    """A loss, the other results of `occupancy_loss`, and the gradients to the points and the occupancy."""
 
     loss: Tensor
     extra: tuple[Tensor, ...]
@@ -70,25 +71,25 @@ class _Answer:
 
 
 @dataclass(frozen=True)
-class _End:
-    """How a work ended."""
+class _Completion:
+    """The result or error of a finished task."""
 
     result: Any = None
     error: BaseException | None = None
 
 
-class _Together:
-    def __init__(self, detector: BatchDetector, works: Sequence[Callable[[ObjectDetector], Any]]) -> None:
-        self._detector, self._works = detector, works
-        self._inbox: SimpleQueue[tuple[int, _Question | _End]] = SimpleQueue()
-        self._outboxes: list[SimpleQueue[Any]] = [SimpleQueue() for _ in works]
+class _BatchScheduler:
+    def __init__(self, detector: BatchDetector, tasks: Sequence[Callable[[ObjectDetector], Any]]) -> None:
+        self._detector, self._tasks = detector, tasks
+        self._inbox: SimpleQueue[tuple[int, _Request | _Completion]] = SimpleQueue()
+        self._outboxes: list[SimpleQueue[Any]] = [SimpleQueue() for _ in tasks]
 
     def run(self) -> list[Any]:
         threads = [
-            threading.Thread(target=self._work, args=(number,), daemon=True)
-            for number in range(len(self._works))
+            threading.Thread(target=self._run_task, args=(number,), daemon=True)
+            for number in range(len(self._tasks))
         ]
-        ends: dict[int, _End] = {}
+        ends: dict[int, _Completion] = {}
         try:
             for thread in threads:
                 thread.start()
@@ -99,55 +100,57 @@ class _Together:
             for thread in threads:
                 if thread.ident is not None:
                     thread.join()
-        return [ends[number].result for number in range(len(self._works))]
+        return [ends[number].result for number in range(len(self._tasks))]
 
-    def _serve(self, ends: dict[int, _End]) -> None:
-        """Answer until all works have ended."""
-        waiting: dict[int, _Question] = {}
+    def _serve(self, ends: dict[int, _Completion]) -> None:
+        """Serve requests until all tasks have finished."""
+        waiting: dict[int, _Request] = {}
         while True:
-            while len(waiting) + len(ends) < len(self._works):
-                number, said = self._inbox.get()
-                if isinstance(said, _End):
-                    ends[number] = said
+            while len(waiting) + len(ends) < len(self._tasks):
+                number, item = self._inbox.get()
+                if isinstance(item, _Completion):
+                    ends[number] = item
                 else:
-                    waiting[number] = said
+                    waiting[number] = item
             for _, end in sorted(ends.items()):
                 if end.error is not None:
                     raise end.error
             if not waiting:
                 return
-            asked = [question.kind for question in waiting.values()]
-            kind = max(REQUEST_KINDS, key=asked.count)
-            numbers = sorted(number for number, question in waiting.items() if question.kind == kind)
-            answers = _answers(self._detector, kind, [waiting.pop(number) for number in numbers])
-            for number, answer in zip(numbers, answers, strict=True):
-                self._outboxes[number].put(answer)
+            requested = [request.kind for request in waiting.values()]
+            kind = max(REQUEST_KINDS, key=requested.count)
+            numbers = sorted(number for number, request in waiting.items() if request.kind == kind)
+            responses = _responses(self._detector, kind, [waiting.pop(number) for number in numbers])
+            for number, response in zip(numbers, responses, strict=True):
+                self._outboxes[number].put(response)
 
-    def _work(self, number: int) -> None:
-        """What a thread does."""
+    def _run_task(self, number: int) -> None:
+        """Run one task in its thread."""
         try:
-            end = _End(result=self._works[number](_Asking(self._detector, self._ask, number)))
+            end = _Completion(
+                result=self._tasks[number](_BatchingProxy(self._detector, self._request, number))
+            )
         except _EndedError:
             return
         except BaseException as error:
-            end = _End(error=error)
+            end = _Completion(error=error)
         self._inbox.put((number, end))
 
-    def _ask(self, number: int, question: _Question) -> Any:
-        self._inbox.put((number, question))
-        answer = self._outboxes[number].get()
-        if isinstance(answer, _EndedError):
-            self._outboxes[number].put(answer)  # for a work that asks again all the same
-        if isinstance(answer, BaseException):
-            raise answer
-        return answer
+    def _request(self, number: int, request: _Request) -> Any:
+        self._inbox.put((number, request))
+        response = self._outboxes[number].get()
+        if isinstance(response, _EndedError):
+            self._outboxes[number].put(response)  # for a task that caught it and sends another request
+        if isinstance(response, BaseException):
+            raise response
+        return response
 
 
-class _Asking:
-    """A `VoxelDetector` that waits until its questions are answered."""
+class _BatchingProxy:
+    """A `VoxelDetector` that forwards requests to the scheduler and waits for the responses."""
 
-    def __init__(self, detector: BatchDetector, ask: Callable[[int, _Question], Any], number: int) -> None:
-        self._detector, self._put, self._number = detector, ask, number
+    def __init__(self, detector: BatchDetector, request: Callable[[int, _Request], Any], number: int) -> None:
+        self._detector, self._put, self._number = detector, request, number
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -162,64 +165,64 @@ class _Asking:
         return self._detector.voxel_grid
 
     def detect(self, cloud: npt.NDArray[np.void]) -> Detections:
-        found: Detections = self._put(self._number, _Question("detect", torch.from_numpy(xyzi(cloud))))
+        found: Detections = self._put(self._number, _Request("detect", torch.from_numpy(xyzi(cloud))))
         return found
 
     def loss(self, points: Tensor, boxes: Tensor, labels: Tensor) -> Tensor:
-        answer = self._ask("loss", LossInput(points, boxes, labels), needed=points.requires_grad)
-        return _differentiable(answer, points)
+        response = self._request("loss", LossInput(points, boxes, labels), needed=points.requires_grad)
+        return _differentiable(response, points)
 
     def occupancy_loss(
         self, points: Tensor, boxes: Tensor, labels: Tensor, probes: Tensor | None = None
     ) -> tuple[Tensor, Tensor, Tensor]:
-        answer = self._ask("occupancy_loss", LossInput(points, boxes, labels, probes), needed=True)
-        occupancy, rows = answer.extra
+        response = self._request("occupancy_loss", LossInput(points, boxes, labels, probes), needed=True)
+        occupancy, rows = response.extra
         occupancy.requires_grad_()
-        return _differentiable(answer, points, occupancy), occupancy, rows
+        return _differentiable(response, points, occupancy), occupancy, rows
 
-    def _ask(self, kind: str, given: LossInput, *, needed: bool) -> _Answer:
+    def _request(self, kind: str, given: LossInput, *, needed: bool) -> _Response:
         points = given.points.detach().requires_grad_(given.points.requires_grad)
-        question = _Question(kind, replace(given, points=points), needed and torch.is_grad_enabled())
-        answer: _Answer = self._put(self._number, question)
-        return answer
+        request = _Request(kind, replace(given, points=points), needed and torch.is_grad_enabled())
+        response: _Response = self._put(self._number, request)
+        return response
 
 
-def _answers(detector: BatchDetector, kind: str, questions: Sequence[_Question]) -> list[Any]:
-    """The answers to questions of one kind; in place of one that failed, its error."""
+def _responses(detector: BatchDetector, kind: str, requests: Sequence[_Request]) -> list[Any]:
+    """The responses to requests of one kind; an error in place of a failed one."""
     try:
         if kind == "detect":
-            return list(detector.detect_batch([question.given for question in questions]))
-        return _loss_answers(detector, kind, questions)
+            return list(detector.detect_batch([request.given for request in requests]))
+        return _loss_responses(detector, kind, requests)
     except Exception as error:
-        if len(questions) == 1:
+        if len(requests) == 1:
             return [error]
-    # Only here has what the batch held been let go of; it may have been too much.
-    return [answer for question in questions for answer in _answers(detector, kind, [question])]
+    # Only here has the memory of the failed batch been released; it may have been too much.
+    return [response for request in requests for response in _responses(detector, kind, [request])]
 
 
-def _loss_answers(detector: BatchDetector, kind: str, questions: Sequence[_Question]) -> list[_Answer]:
-    """One pass forward, and one backward if any gradient is wanted, for all of them."""
-    inputs: list[LossInput] = [question.given for question in questions]
-    wanted = [question.wants_gradient for question in questions]
+def _loss_responses(detector: BatchDetector, kind: str, requests: Sequence[_Request]) -> list[_Response]:
+    """One forward pass for all requests, and one backward pass if any wants a gradient."""
+    inputs: list[LossInput] = [request.given for request in requests]
+    wanted = [request.wants_gradient for request in requests]
     with torch.set_grad_enabled(any(wanted)):
         found: list[tuple[Tensor, ...]]
         if kind == "loss":
             found = [(loss,) for loss in detector.loss_batch(inputs)]
         else:
             found = list(detector.occupancy_loss_batch(inputs))
-    # Each depends on leaves of its own only, so the gradient of their sum is that of each.
+    # Each loss depends only on its own leaves, so the gradient of the sum is the gradient of each.
     leaves = [
         (each.points, *extra[:1]) if wants else ()
         for each, (_, *extra), wants in zip(inputs, found, wanted, strict=True)
     ]
-    asked = [leaf for of_one in leaves for leaf in of_one if leaf.requires_grad]
+    requested = [leaf for of_one in leaves for leaf in of_one if leaf.requires_grad]
     losses = [loss for (loss, *_), wants in zip(found, wanted, strict=True) if wants and loss.requires_grad]
     gradients: dict[int, Tensor] = {}
-    if losses and asked:
-        computed = torch.autograd.grad(losses, asked, allow_unused=True, materialize_grads=True)
-        gradients = {id(leaf): gradient for leaf, gradient in zip(asked, computed, strict=True)}
+    if losses and requested:
+        computed = torch.autograd.grad(losses, requested, allow_unused=True, materialize_grads=True)
+        gradients = {id(leaf): gradient for leaf, gradient in zip(requested, computed, strict=True)}
     return [
-        _Answer(
+        _Response(
             loss.detach(),
             tuple(part.detach() for part in extra),
             tuple(gradients.get(id(leaf)) for leaf in of_one),
@@ -228,14 +231,14 @@ def _loss_answers(detector: BatchDetector, kind: str, questions: Sequence[_Quest
     ]
 
 
-def _differentiable(answer: _Answer, *leaves: Tensor) -> Tensor:
-    """The loss, which knows its gradients to these."""
-    loss: Tensor = _Known.apply(answer.loss, answer.gradients, *leaves)  # type: ignore[no-untyped-call]
+def _differentiable(response: _Response, *leaves: Tensor) -> Tensor:
+    """The loss with its precomputed gradients to these leaves."""
+    loss: Tensor = _PrecomputedLoss.apply(response.loss, response.gradients, *leaves)  # type: ignore[no-untyped-call]
     return loss
 
 
-class _Known(torch.autograd.Function):
-    """A loss whose gradients to the leaves were computed with it; there are no second derivatives."""
+class _PrecomputedLoss(torch.autograd.Function):
+    """A loss with precomputed gradients to the leaves; second derivatives are not available."""
 
     @staticmethod
     def forward(ctx: Any, loss: Tensor, gradients: tuple[Tensor | None, ...], *leaves: Tensor) -> Tensor:

@@ -28,13 +28,13 @@ MOST_BYTES = 1 << 28
 """The largest preset has 21 MB of weights in single precision."""
 
 MOST_HEADER_BYTES = 1 << 20
-"""Ours have 16 kB; readers take some hundred times that."""
+"""Ours have 16 kB; safetensors' own limit is some hundred times larger."""
 
 
 class _Metadata(Document):
     """The metadata of a checkpoint, under the key `advpipe`.
 
-    Those of kind `advpipe-second-1` were written when SECOND was the only family, and name none.
+    Kind `advpipe-second-1` dates from when SECOND was the only family, and names no family.
     """
 
     kind: Literal["advpipe-detector-1", "advpipe-second-1"]
@@ -46,7 +46,7 @@ class _Metadata(Document):
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A trained network, and how its weights came to be, as text."""
+    """A trained network, and the provenance of its weights, as text."""
 
     net: DetectionNetwork
     provenance: Mapping[str, str]
@@ -64,9 +64,9 @@ def save_checkpoint(
     half: bool = True,
     overwrite: bool = False,
 ) -> None:
-    """Write the weights in half precision or single, the batch norms in single; beside, then renamed.
+    """Write a checkpoint atomically: weights in half or single precision, batch norms in single.
 
-    provenance: how the weights were trained, kept as text.
+    provenance: how the weights were trained, as text.
     """
     if path.exists() and not overwrite:
         raise OutputExistsError(path)
@@ -83,14 +83,14 @@ def save_checkpoint(
         "provenance": dict(sorted(provenance.items())),
     }
     path.parent.mkdir(parents=True, exist_ok=True)
-    # A single metadata key: safetensors does not fix the order of several.
+    # A single metadata key: safetensors does not keep the order of several.
     write_atomically(path, save(tensors, metadata={"advpipe": json.dumps(about)}))
 
 
 def load_checkpoint(path: Path, device: torch.device | None = None) -> Checkpoint:
-    """What a checkpoint file holds, the weights in single precision, on the device (the CPU).
+    """Load a checkpoint file, with weights in single precision, to a device (default: the CPU).
 
-    Raises UsageError for a file that is no checkpoint, or one of a family or preset that is not known.
+    Raises UsageError for a file that is not a checkpoint, or whose family or preset is unknown.
     """
     if not path.is_file():
         raise UsageError(f"no detector checkpoint at {path}; train one with `advpipe train`")
@@ -99,7 +99,7 @@ def load_checkpoint(path: Path, device: torch.device | None = None) -> Checkpoin
         with safe_open(path, framework="pt") as file:
             net, provenance = _read_metadata(path, file.metadata() or {})
             ours = {k: v.shape for k, v in net.state_dict().items() if v.is_floating_point()}
-            # By what the file declares, before any of it is unpacked.
+            # Compare the declared shapes before any tensor is read.
             shapes = {name: file.get_slice(name).get_shape() for name in file.keys()}  # noqa: SIM118
             if {name: torch.Size(shape) for name, shape in shapes.items()} != ours:
                 preset = net.preset.name
@@ -110,7 +110,7 @@ def load_checkpoint(path: Path, device: torch.device | None = None) -> Checkpoin
     except (SafetensorError, OSError, RuntimeError) as error:
         reason = shorten(" ".join(str(error).split()), 200)
         raise UsageError(
-            f"{path} is not a whole safetensors file ({reason}); train or copy it again"
+            f"{path} is not a complete safetensors file ({reason}); train or copy it again"
         ) from None
     if not all(bool(torch.isfinite(weights).all()) for weights in tensors.values()):
         raise UsageError(f"the weights in {path} are not all finite; train or copy it again")
@@ -119,20 +119,20 @@ def load_checkpoint(path: Path, device: torch.device | None = None) -> Checkpoin
 
 
 def _check_size(path: Path) -> None:
-    """The header's length and the file's, before either is read."""
+    """Check the lengths of header and file before either is read."""
     size_bytes = path.stat().st_size
     with path.open("rb") as file:
         header_bytes = int.from_bytes(file.read(8), "little")
     if size_bytes > MOST_BYTES:
-        raise UsageError(f"{path} has {size_bytes} bytes; no checkpoint of advpipe has over {MOST_BYTES}")
+        raise UsageError(f"{path} has {size_bytes} bytes; advpipe's checkpoints have at most {MOST_BYTES}")
     if header_bytes > MOST_HEADER_BYTES:
         reason = f"a header of {header_bytes} bytes"
-        raise UsageError(f"{path} is not a whole safetensors file ({reason}); train or copy it again")
+        raise UsageError(f"{path} is not a complete safetensors file ({reason}); train or copy it again")
 
 
 def _read_metadata(path: Path, metadata: Mapping[str, str]) -> tuple[DetectionNetwork, dict[str, str]]:
-    """The network that a checkpoint is of, its weights not set, and how it was trained."""
-    where = f"{path} is no detector checkpoint of advpipe"
+    """The network of a checkpoint, without its weights, and how it was trained."""
+    where = f"{path} is not a detector checkpoint of advpipe"
     with as_usage_error():
         about: _Metadata = read_json(
             metadata.get("advpipe", ""), _Metadata, where, "make one with `advpipe train`"

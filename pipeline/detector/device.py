@@ -1,4 +1,4 @@
-"""The processor that a detector computes on, by the name that --device takes."""
+"""The device that a detector computes on, by its name in --device."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 CPU = "cpu"
 
 FRAMES_AT_ONCE = {"cpu": 1, "cuda": 8}
-"""How many frames an attack on clouds works through at once, as one batch, by the kind of device."""
+"""How many frames an attack on clouds processes as one batch, by kind of device."""
 
 _KNOWN = re.compile(r"cpu|cuda(?::([0-9]{1,4}))?")
 
@@ -23,8 +23,8 @@ _KNOWN = re.compile(r"cpu|cuda(?::([0-9]{1,4}))?")
 def open_device(name: str) -> torch.device:
     """The device `cpu`, `cuda` (the first GPU) or `cuda:N`, ready to compute.
 
-    On CUDA, PyTorch is told, for this process, to add in a fixed order wherever it can and to keep to single
-    precision (no TF32), so that one machine gives the same result each time, and nearly the CPU's.
+    On CUDA, PyTorch is set, for this process, to deterministic algorithms where possible and to single
+    precision (no TF32), so that one machine gives the same result each time, nearly equal to the CPU's.
 
     Raises AdvpipeError for any other name, and for a GPU that PyTorch does not find.
     """
@@ -46,7 +46,7 @@ def open_device(name: str) -> torch.device:
         raise UsageError(f"device {name}: the last of {count} CUDA GPUs is cuda:{count - 1}")
     os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")
     torch.use_deterministic_algorithms(True, warn_only=True)
-    # The product that it warns of has factors of 0 and 1 only, exact in any order.
+    # It warns of a product whose factors are only 0 and 1, which is exact in any order.
     warnings.filterwarnings("ignore", "scatter_reduce_cuda_prod")
     torch.backends.cudnn.allow_tf32 = False
     torch.backends.cuda.matmul.allow_tf32 = False
@@ -54,14 +54,14 @@ def open_device(name: str) -> torch.device:
 
 
 def frames_at_once(name: str) -> int:
-    """Of how many frames a device gets a batch; it decides their last bits."""
+    """The number of frames in a batch on a device; it affects the last bits of results."""
     return FRAMES_AT_ONCE[_kind(name)]
 
 
 def device_record(name: str) -> dict[str, str]:
-    """What records of results say of the device, since it decides their last bits: nothing of the CPU.
+    """The device as recorded with results, since it affects their last bits; nothing for the CPU.
 
-    Which of several GPUs it was is not told.
+    The index of a GPU is not recorded.
     """
     return {} if name == CPU else {"device": _kind(name)}
 

@@ -1,4 +1,4 @@
-"""The families of detectors that `train`, checkpoints and presets know by their names."""
+"""The detector families by name, for `train`, checkpoints and presets."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FAMILIES: Mapping[str, Family] = {"second": SecondFamily()}
 
 
 def family_named(name: str) -> Family:
-    """The family of that name, or an error that lists the known ones."""
+    """The family of that name. Raises UsageError, listing the known ones, for an unknown name."""
     if name not in FAMILIES:
         raise UsageError(f"unknown detector family {short_repr(name)}; known: {', '.join(FAMILIES)}")
     return FAMILIES[name]

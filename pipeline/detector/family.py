@@ -1,4 +1,4 @@
-"""What advpipe asks of a family of detectors: networks of one architecture in several sizes."""
+"""The interface of a detector family: networks of one architecture in several sizes."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class Family(ABC):
     @property
     @abstractmethod
     def presets(self) -> Mapping[str, Preset]:
-        """The sizes of its networks by name; each says the name that the family is registered under."""
+        """The sizes of its networks by name; each preset has the family's registered name."""
 
     @property
     def shipped(self) -> Mapping[str, Path]:
-        """Checkpoints that come with the package, by the name that `--detector` takes; no two families share
+        """Checkpoints shipped with the package, by their name for `--detector`; no two families share
         one."""
         return {}
 
@@ -38,14 +38,14 @@ class Family(ABC):
         """A network with random weights, on the CPU; `preset` is one of `presets`."""
 
     def import_weights(self, file: Path) -> tuple[DetectionNetwork, dict[str, str]]:
-        """The network that others trained in a file of theirs, and where it is from, as text.
+        """Import a network trained with another tool: the network, and its origin as text.
 
-        Raises AdvpipeError for a file that holds none; runs no code from it.
+        Raises AdvpipeError for any other file; never runs code from it.
         """
-        raise UsageError(f"cannot import {file}: this family of detectors takes no weights of others")
+        raise UsageError(f"cannot import {file}: this detector family supports no external weights")
 
     def preset(self, name: str) -> Preset:
-        """The preset of that name, or an error that lists the known ones."""
+        """The preset of that name. Raises UsageError, listing the known ones, for an unknown name."""
         if name not in self.presets:
             raise UsageError(f"unknown detector preset {short_repr(name)}; known: {', '.join(self.presets)}")
         return self.presets[name]

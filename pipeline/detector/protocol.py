@@ -1,4 +1,4 @@
-"""What advpipe asks of a 3D detector; SECOND is the shipped one, and users plug in their own."""
+"""The interface of 3D object detectors; SECOND is the shipped one, and users can plug in their own."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Range:
-    """The space in the LiDAR's frame that a detector looks at, in metres."""
+    """The space in the LiDAR's frame that a detector covers, in metres."""
 
     x_min_m: float
     y_min_m: float
@@ -25,7 +25,7 @@ class Range:
     z_max_m: float
 
     def contains_centres(self, boxes: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
-        """Which of the boxes (M, 7) have their centre inside in x and y: (M,)."""
+        """Which boxes (M, 7) have their centre inside in x and y: (M,)."""
         x, y = boxes[:, 0], boxes[:, 1]
         inside: npt.NDArray[np.bool_] = (
             (x >= self.x_min_m) & (x < self.x_max_m) & (y >= self.y_min_m) & (y < self.y_max_m)
@@ -54,7 +54,7 @@ class Detections:
 class ObjectDetector(Protocol):
     """A 3D detector on LiDAR clouds.
 
-    Tensors come to it on the CPU, whatever it computes on, and a gradient has to reach them there.
+    Input tensors are on the CPU, whatever device it computes on, and gradients must reach them there.
     """
 
     @property
@@ -63,13 +63,13 @@ class ObjectDetector(Protocol):
 
     @property
     def range_m(self) -> Range:
-        """Where it can find them."""
+        """The space that it covers."""
 
     def detect(self, cloud: npt.NDArray[np.void]) -> Detections:
         """The objects in a cloud (N,), a structured array of `bag.cloud.POINT_DTYPE`."""
 
     def loss(self, points: Tensor, boxes: Tensor, labels: Tensor) -> Tensor:
-        """The training loss, a scalar that can be differentiated to the points.
+        """The training loss, a scalar that can be differentiated with respect to the points.
 
         points: (N, 4) float32 x, y, z, intensity; boxes: (M, 7) float32; labels: (M,) int64,
         index into `classes`.
@@ -78,9 +78,9 @@ class ObjectDetector(Protocol):
 
 @dataclass(frozen=True)
 class VoxelGrid:
-    """The voxels of a detector: the cells that it tells points apart by.
+    """The voxel grid of a detector.
 
-    low_m: the lowest corner, x, y, z. size_m: of a voxel. shape: voxels along x, y and z that are read.
+    low_m: the lowest corner, x, y, z. size_m: of a voxel. shape: number of voxels along x, y and z.
     """
 
     low_m: tuple[float, float, float]
@@ -88,9 +88,9 @@ class VoxelGrid:
     shape: tuple[int, int, int]
 
     def cells(self, xyz_m: npt.NDArray[np.float32]) -> npt.NDArray[np.int64]:
-        """The cell (N, 3) of each point (N, 3 or more), -1 in all columns where it lies in none.
+        """The voxel (N, 3) of each point (N, 3 or more); -1 in all columns for a point outside the grid.
 
-        In single precision, as the detector counts: a point near a face is where the detector sees it.
+        In single precision, like the detector, so that points near a face get the same voxel.
         """
         low, size = np.array(self.low_m, np.float32), np.array(self.size_m, np.float32)
         with np.errstate(invalid="ignore", over="ignore"):
@@ -99,7 +99,7 @@ class VoxelGrid:
         return np.where(inside[:, None], scaled, -1).astype(np.int64)
 
     def keys(self, cells: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-        """One number (N,) for each cell (N, 3), -1 for a cell outside the grid."""
+        """One number (N,) for each voxel (N, 3); -1 for a voxel outside the grid."""
         inside = ((cells >= 0) & (cells < np.array(self.shape))).all(axis=1)
         linear = (cells[:, 0] * self.shape[1] + cells[:, 1]) * self.shape[2] + cells[:, 2]
         return np.where(inside, linear, -1)
@@ -112,7 +112,7 @@ class VoxelGrid:
 
 @runtime_checkable
 class VoxelDetector(ObjectDetector, Protocol):
-    """A detector that reads which voxels are occupied, and can say what each occupancy is worth."""
+    """A detector on voxels whose loss can be differentiated with respect to voxel occupancy."""
 
     @property
     def voxel_grid(self) -> VoxelGrid:
@@ -121,22 +121,22 @@ class VoxelDetector(ObjectDetector, Protocol):
     def occupancy_loss(
         self, points: Tensor, boxes: Tensor, labels: Tensor, probes: Tensor | None = None
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """The loss as a function of voxel occupancy, that of empty voxels included on demand.
+        """The loss as a function of voxel occupancy, optionally including empty voxels.
 
-        probes: (G, 4) float32, points that stand in voxels without a point. They enter as voxels of
-        occupancy 0, so that the loss is that of the points alone, while its gradient says what a point
-        there would bring. Ghosts that share a voxel share its row; in an occupied voxel they are not there.
+        probes: (G, 4) float32, probe points in empty voxels. They enter as voxels of
+        occupancy 0, so that the loss is that of the points alone, while its gradient shows the effect of a
+        point there. Probe points in the same voxel share its row; in an occupied voxel they are ignored.
 
-        Returns the scalar loss; the occupancy (V,) of the V voxels that hold a point or a ghost, a leaf
-        of ones and zeros that requires a gradient; and the row of each point and then of each ghost
-        (N + G,) int64 in it, -1 for one that the detector does not read (out of range). Where the points
-        require a gradient, the same backward pass brings it to them.
+        Returns the scalar loss; the occupancy (V,) of the V voxels with a point or probe point, a leaf
+        of ones and zeros that requires a gradient; and the row of each point and then of each probe point
+        (N + G,) int64 in it, -1 for one that the detector ignores (out of range). Where the points
+        require a gradient, the same backward pass computes it.
         """
 
 
 @dataclass(frozen=True)
 class LossInput:
-    """What `loss` and `occupancy_loss` are asked about, under the names that they have there."""
+    """The arguments of `loss` and `occupancy_loss`, under the same names."""
 
     points: Tensor
     boxes: Tensor
@@ -146,18 +146,18 @@ class LossInput:
 
 @runtime_checkable
 class BatchDetector(VoxelDetector, Protocol):
-    """A detector that computes several clouds in one pass, each as if it were alone up to rounding.
+    """A detector that computes several clouds in one pass, with the same results up to rounding.
 
-    The methods for batches answer for each cloud what the method without the ending answers for one. The
-    losses of a batch may share a graph, so they are differentiated together. What one input does wrong, such
-    as points that are not finite, may fail the whole batch: it is then asked again one by one.
+    Each `_batch` method returns for each cloud what the method without the suffix returns for one. The
+    losses of a batch may share a graph, so they are differentiated together. An invalid input, such
+    as points that are not finite, may fail the whole batch; its inputs are then computed one by one.
     """
 
     def detect_batch(self, clouds: Sequence[Tensor]) -> list[Detections]:
         """The objects in each of the clouds (N_i, 4) x, y, z, intensity."""
 
     def loss_batch(self, inputs: Sequence[LossInput]) -> list[Tensor]:
-        """The loss of each, a scalar; there are no probes."""
+        """The loss of each input, a scalar; without probe points."""
 
     def occupancy_loss_batch(self, inputs: Sequence[LossInput]) -> list[tuple[Tensor, Tensor, Tensor]]:
-        """The loss, the occupancy, a leaf of its own, and the rows in it, of each."""
+        """The loss, the occupancy (a separate leaf) and the rows in it, of each input."""

@@ -1,4 +1,4 @@
-"""Detectors by name: the shipped one, a checkpoint of yours, or your own class."""
+"""Detectors by name: the shipped one, a checkpoint file, or a user's class."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 def load_detector(name_or_path: str, device: str = CPU) -> ObjectDetector:
     """The detector `small`, the one in `FILE.safetensors`, or an instance of `module:Class`.
 
-    device: where it computes, as `open_device` takes it; clouds and tensors are given to it on the CPU
-    whatever it is. A class is called without arguments, or with `device` (a torch.device) if its constructor
-    takes that; it has to implement `ObjectDetector`.
+    device: where it computes, see `open_device`; clouds and tensors are passed to it on the CPU
+    in any case. A class is called without arguments, or with `device` (a torch.device) if its constructor
+    has that parameter; it has to implement `ObjectDetector`.
     """
     from advpipe.pipeline.detector.checkpoint import load_checkpoint
 
@@ -47,7 +47,7 @@ def load_detector(name_or_path: str, device: str = CPU) -> ObjectDetector:
 
 
 def detector_sha256(name_or_path: str) -> str:
-    """What a detector is told apart by: SHA-256 of its checkpoint, or of the source file of its class.
+    """The identity of a detector: SHA-256 of its checkpoint, or of the source file of its class.
 
     "" for a class without a source file.
     """
@@ -58,7 +58,7 @@ def detector_sha256(name_or_path: str) -> str:
 
 
 def detector_slug(name_or_path: str) -> str:
-    """A detector's name as the name of a folder: `small`, `my-model`, `package.module-Class`."""
+    """A detector's name as a folder name: `small`, `my-model`, `package.module-Class`."""
     if name_or_path.endswith(".safetensors"):
         return Path(name_or_path).stem
     return name_or_path.replace(":", "-")
@@ -67,7 +67,7 @@ def detector_slug(name_or_path: str) -> str:
 def _source_file(name: str) -> Path | None:
     try:
         source = inspect.getsourcefile(_find_class(name))
-    except (TypeError, OSError):  # made by a program or in another language
+    except (TypeError, OSError):  # generated at run time, or written in another language
         return None
     return Path(source) if source else None
 
@@ -84,10 +84,10 @@ def _load_class(name: str, device: torch.device) -> ObjectDetector:
     except (Exception, SystemExit) as error:  # a user's class may raise anything
         raise UsageError(f"cannot load detector {name}: {type(error).__name__}: {error}") from None
     if not isinstance(made, ObjectDetector):
-        raise UsageError(f"{name} is no detector: it needs classes, range_m, detect and loss")
+        raise UsageError(f"{name} is not a detector: it needs classes, range_m, detect and loss")
     if not made.classes or not set(made.classes) <= set(CLASSES):
         raise UsageError(
-            f"{name} finds the classes {tuple(made.classes)}; each has to be one of {', '.join(CLASSES)}"
+            f"{name} has the classes {tuple(made.classes)}; each must be one of {', '.join(CLASSES)}"
         )
     return made
 
@@ -95,5 +95,5 @@ def _load_class(name: str, device: torch.device) -> ObjectDetector:
 def _takes_device(found: Callable[..., object]) -> bool:
     try:
         return "device" in inspect.signature(found).parameters
-    except (TypeError, ValueError):  # made in another language, without a signature
+    except (TypeError, ValueError):  # written in another language, without a signature
         return False

@@ -1,4 +1,4 @@
-"""How many threads PyTorch computes with: fixed, so that results do not hang on the machine's load."""
+"""A fixed number of PyTorch threads, so that results do not depend on the machine."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ TORCH_THREADS = 1
 
 @contextmanager
 def fixed_torch_threads(count: int = TORCH_THREADS) -> Iterator[None]:
-    """PyTorch on `count` threads inside the block, and as before after it."""
+    """Run PyTorch on `count` threads inside the block, and restore the former number afterwards."""
     before = torch.get_num_threads()
     torch.set_num_threads(count)
     try:

@@ -1,4 +1,4 @@
-"""Which maps a detector was trained on: its figures there are better than on a map that it never saw."""
+"""The maps that a detector was trained on: it performs better there than on unseen maps."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from advpipe.pipeline.core.hashing import sha256_of
 from advpipe.pipeline.detector.protocol import ObjectDetector
 
 KEY = "maps_sha256"
-"""Of a checkpoint's provenance: a JSON list of the `map_sha256` of its training drives' bags, each once;
-null stands for drives that do not tell theirs."""
+"""Provenance key of a checkpoint: a JSON list of the unique `map_sha256` of its training drives' bags;
+null stands for drives without that record."""
 
 MOST_MAPS = 100_000
 LIMIT_BYTES = 1 << 23
@@ -26,16 +26,16 @@ _LIST = TypeAdapter(Annotated[list[Sha256 | None], Field(max_length=MOST_MAPS)])
 
 @runtime_checkable
 class ReportsTrainingMaps(Protocol):
-    """A detector that tells which maps it was trained on; a user's own class may be one."""
+    """A detector that reports which maps it was trained on; a user's class may implement it."""
 
     @property
     def training_maps_sha256(self) -> Sequence[str | None] | None:
-        """SHA-256 of each map, as bags of drives on it have `map_sha256`; a None among them stands for drives
-        on maps that are not known. None instead of a list where nothing is known."""
+        """SHA-256 of each map, equal to `map_sha256` of bags recorded on it; a None in the list stands for
+        drives on unknown maps. None instead of a list where nothing is known."""
 
 
 class MapList(BaseModel, frozen=True):
-    """The file beside a checkpoint that was trained before checkpoints held their maps.
+    """The list of maps in a file beside a checkpoint that does not hold its maps itself.
 
     made_with: the version of SUMO that generated the networks. maps_sha256: by the drive's name.
     """
@@ -46,7 +46,7 @@ class MapList(BaseModel, frozen=True):
 
 
 def is_training_map(detector: ObjectDetector, map_sha256: str | None) -> bool | None:
-    """Whether the detector was trained on drives on this map; None where detector or bag do not tell."""
+    """Whether the detector was trained on drives on this map; None where detector or bag do not record it."""
     known = detector.training_maps_sha256 if isinstance(detector, ReportsTrainingMaps) else None
     if known is None or map_sha256 is None:
         return None
@@ -56,13 +56,13 @@ def is_training_map(detector: ObjectDetector, map_sha256: str | None) -> bool | 
 
 
 def map_of(provenance: Mapping[str, str]) -> str | None:
-    """The map of a bag by its record; None where it names none."""
-    told = provenance.get("map_sha256", "")
-    return told if re.fullmatch(r"[0-9a-f]{64}", told) else None
+    """The map of a bag from its provenance; None where it records none."""
+    digest = provenance.get("map_sha256", "")
+    return digest if re.fullmatch(r"[0-9a-f]{64}", digest) else None
 
 
 def listed_maps(text: str | None) -> list[str | None] | None:
-    """The maps in a checkpoint's provenance; None where it lists none, or what is there is no such list."""
+    """The maps in a checkpoint's provenance; None where the list is missing or invalid."""
     try:
         return None if text is None else _LIST.validate_python(plain_json.load_json(text, LIMIT_BYTES))
     except ValueError:  # a ValidationError is one
@@ -70,14 +70,14 @@ def listed_maps(text: str | None) -> list[str | None] | None:
 
 
 def list_beside(checkpoint: Path) -> Path:
-    """Where the list of a checkpoint's maps lies, if it does not hold them itself."""
+    """The path of the list of a checkpoint's maps, if it does not hold them itself."""
     return checkpoint.with_suffix(".maps.json")
 
 
 def with_listed_maps(
     provenance: Mapping[str, str], checkpoint: Path, shipped: Iterable[Path]
 ) -> dict[str, str]:
-    """The provenance of a checkpoint with the maps of a shipped one, if it is that or a copy of it."""
+    """The provenance of a checkpoint, with the listed maps if it is a shipped one or a copy of it."""
     if KEY in provenance:
         return dict(provenance)
     for file in map(list_beside, shipped):

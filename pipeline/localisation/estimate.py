@@ -1,4 +1,4 @@
-"""What the on-board filter puts out."""
+"""The output of the on-board filter."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from advpipe.pipeline.geometry.transforms import Float64
 
 @dataclass(frozen=True)
 class Innovation:
-    """How far a fix lies from where the filter expected it.
+    """The innovation of a fix: its distance from the filter's prediction.
 
-    residual_m: (3,) in the map. covariance_m2: (3, 3), what the filter expected of it. nis: the normalised
+    residual_m: (3,) in the map. covariance_m2: (3, 3), expected by the filter. nis: the normalised
     innovation squared, residual' covariance^-1 residual: chi-square with 3 degrees of freedom where fixes
     are as modelled. accepted: False where the gate dropped the fix.
     """
@@ -24,7 +24,7 @@ class Innovation:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What the filter holds to be so at a stamp.
+    """The filter's state estimate at a stamp.
 
     base_velocity_mps, base_turn_rate_radps: (3,) in base_link. pose_covariance: (6, 6) of x, y, z and of
     small rotations about x, y, z, all along the axes of the map (the header's frame in nav_msgs/Odometry).

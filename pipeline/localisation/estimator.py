@@ -20,18 +20,18 @@ STATES = 19
 POSITION, VELOCITY, ORIENTATION = slice(0, 3), slice(3, 6), slice(6, 9)
 FORCE_BIAS, RATE_BIAS, DRIFT, SCALE = slice(9, 12), slice(12, 15), slice(15, 18), 18
 UNKNOWN_SPEED_MPS = 15.0
-"""Standard deviation of the speed that a filter without wheels starts from."""
+"""Standard deviation of the initial speed of a filter without wheel odometry."""
 START_SLIDE_MPS = 0.5
-"""Standard deviation of the speed sideways and upwards at the start, when nobody knows the turn yet."""
+"""Standard deviation of the initial sideways and upward speed, while the turn rate is unknown."""
 
 LEAST_STDDEV_M, LEAST_STDDEV_MPS = 0.005, 0.005
-"""Of a fix's and a wheel speed's noise: a filter that believes in none loses its covariance to rounding."""
+"""Minimum noise of a fix and a wheel speed: with none, the filter's covariance is lost to rounding."""
 
 FARTHEST_M = 1e7
-"""From the map's origin: what believes to be farther off has lost itself."""
+"""Largest distance from the map's origin; an estimate beyond it has diverged."""
 
 UNSEEN = np.array([4.0, 4.0, 1.0, 0.2, 0.2, 0.5])
-"""Standard deviation of a vehicle's acceleration, m/s², and turn rate, rad/s, where no sample tells."""
+"""Standard deviation of a vehicle's acceleration, m/s², and turn rate, rad/s, during missing IMU samples."""
 
 
 class Estimator:
@@ -43,7 +43,7 @@ class Estimator:
     offset of fixes is a state, as it would otherwise pass for knowledge. Wheels, and the fact that
     vehicles hardly slide, give the velocity in base_link.
 
-    It sees measurements only, and the same ones give the same bits. sensors: the models that it assumes.
+    It uses measurements only, and the same ones give the same bits. sensors: the assumed sensor models.
     geodesy: the map's place on the Earth. initial: where it starts.
     """
 
@@ -78,10 +78,10 @@ class Estimator:
         self._covariance = np.diag(self._stationary)
 
     def step(self, measured: Measurements) -> Estimate:
-        """The estimate at the measurements' stamp; the first step knows no past, and needs no IMU samples.
+        """The estimate at the measurements' stamp; the first step needs no IMU samples.
 
-        Raises AdvpipeError for stamps that do not ascend, for measurements that are not finite, and once they
-        lead beyond `FARTHEST_M`.
+        Raises AdvpipeError for stamps that do not ascend, for measurements that are not finite, and once the
+        estimate is beyond `FARTHEST_M`.
         """
         if self._stamp_ns is None:
             self._start(measured.wheel)
@@ -91,11 +91,11 @@ class Estimator:
         self._stamp_ns = measured.stamp_ns
         innovation = None if measured.fix is None else self._correct_position(measured.fix)
         if not np.abs(self._position).max() <= FARTHEST_M:  # nor NaN
-            raise AdvpipeError(f"at {measured.stamp_ns} ns the estimate is lost, far off the map")
+            raise AdvpipeError(f"at {measured.stamp_ns} ns the estimate has diverged, far off the map")
         return self._estimate(measured.stamp_ns, innovation)
 
     def _start(self, wheel: WheelTwist | None) -> None:
-        """From the initial pose, and the wheels' speed straight ahead."""
+        """Start from the initial pose and the wheels' speed straight ahead."""
         start = self._initial.map_SE3_base
         self._position, self._rotation = start[:3, 3].copy(), start[:3, :3].copy()
         speed_mps, speed_stddev = 0.0, UNKNOWN_SPEED_MPS
@@ -103,7 +103,7 @@ class Estimator:
             speed_mps, speed_stddev = wheel.speed_mps, self._wheel_mps
             self._rate = np.array([0.0, 0.0, wheel.turn_rate_radps])
         self._velocity = self._rotation[:, 0] * speed_mps
-        # Whence errors come: the pose, what wanders, and in VELOCITY that of the velocity in base_link.
+        # Sources of error: the pose, the drifting states, and in VELOCITY the velocity in base_link.
         sources = np.diag(self._stationary)
         pose = np.r_[0:3, 6:9]
         sources[np.ix_(pose, pose)] = self._initial.covariance
@@ -145,7 +145,7 @@ class Estimator:
         return duration_s
 
     def _add_noise(self, covariance: Float64, moved: Increment, unseen: Float64) -> None:
-        """The IMU's white noise over a step, and what it did not see of velocity and angle (6,)."""
+        """Add the IMU's white noise over a step, and the unmeasured velocity and angle (6,)."""
         imu, duration_s = self._sensors.imu, moved.duration_s
         force = imu.accelerometer_noise_density**2 * np.eye(3) * duration_s
         rate = imu.gyroscope_noise_density**2 * np.eye(3) * duration_s
@@ -163,10 +163,10 @@ class Estimator:
     def _samples(
         self, last_ns: int, stamp_ns: int, imu: ImuSamples
     ) -> tuple[Float64, Float64, Float64, Float64]:
-        """Durations (n,), specific force (n, 3), rate (n, 3), and what was not seen (6,) of the step.
+        """Durations (n,), specific force (n, 3), rate (n, 3), and the unmeasured part (6,) of the step.
 
-        A sample stands for the time since the one before it. An axis at its end stop may miss as much
-        again as it can measure. Where samples are missing at the end, nothing but gravity is assumed.
+        A sample covers the time since the previous one. A saturated axis may miss as much
+        again as it can measure. Where samples are missing at the end, only gravity is assumed.
         """
         stamps: npt.NDArray[np.int64] = np.concatenate([[last_ns], imu.stamps_ns]).astype(np.int64)
         force, rate = imu.specific_force_mps2, imu.angular_rate_radps
@@ -190,7 +190,7 @@ class Estimator:
         return durations_s, force, rate, durations_s @ missed
 
     def _slip_m2ps2(self) -> Float64:
-        """Variance of the speed sideways and upwards (2,): a lever times the turn rate, beside a rest.
+        """Variance of the sideways and upward speed (2,): a constant plus a lever times the turn rate.
 
         Measured on SUMO's cars, whose box slides with a turn: 0.03 to 0.1 m/s while straight, and beyond
         that 0.8 to 1.9 m times the turn rate.
@@ -201,13 +201,13 @@ class Estimator:
         return variance
 
     def _correct_velocity(self, wheel: WheelTwist | None, duration_s: float) -> None:
-        """By the wheels' speed along x, and by speeds about zero along y and z of base_link."""
+        """Correct by the wheels' speed along x, and by speeds about zero along y and z of base_link."""
         base_velocity = self._rotation.T @ self._velocity
         jacobian = np.zeros((3, STATES))
         jacobian[:, VELOCITY] = self._rotation.T
         jacobian[:, ORIENTATION] = self._rotation.T @ skew(self._velocity)
         residual = -base_velocity
-        # A slide lasts: white noise as strong at low frequencies stands for it.
+        # Slip is correlated over time; white noise of the same low-frequency density represents it.
         lasting = max(1.0, 2 * self._sensors.localisation.slip_time_s / duration_s)
         noise = np.diag([0.0, *(lasting * self._slip_m2ps2())])
         if wheel is None:
@@ -223,7 +223,7 @@ class Estimator:
         self._update(jacobian, residual, noise)
 
     def _correct_position(self, fix: Float64) -> Innovation:
-        """By a fix, which is the position, the wandering offset and white noise."""
+        """Correct by a fix, which is the position plus the drifting offset plus white noise."""
         if not np.isfinite(fix).all():
             raise AdvpipeError(f"fix {fix.tolist()} is not finite")
         residual = self._geodesy.to_map(fix) - self._position - self._wandering[DRIFT]
@@ -270,6 +270,6 @@ class Estimator:
 
 
 def _orthonormal(matrix: Float64) -> Float64:
-    """The rotation next to one that rounding has bent: one step of Newton's iteration."""
+    """The nearest rotation to a matrix with rounding errors: one step of Newton's iteration."""
     nearest: Float64 = matrix @ (1.5 * np.eye(3) - 0.5 * matrix.T @ matrix)
     return nearest

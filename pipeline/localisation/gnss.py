@@ -1,4 +1,4 @@
-"""A satellite receiver: white noise over an offset that wanders as a first-order Gauss-Markov process."""
+"""A GNSS receiver: white noise plus an offset that drifts as a first-order Gauss-Markov process."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ HEIGHT_FACTOR = 2.0
 class GnssReceiver:
     """Fixes in the map's frame, one every `interval_s`; the offset starts in its stationary distribution.
 
-    The first-order Gauss-Markov process for what orbits, clocks and the atmosphere leave, and white noise
+    The first-order Gauss-Markov process for residual orbit, clock and atmosphere errors, and white noise
     for the receiver's own, are the usual pair (Brown and Hwang, "Introduction to random signals and
     applied Kalman filtering").
     """

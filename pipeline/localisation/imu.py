@@ -1,4 +1,4 @@
-"""Accelerometers and gyroscopes with white noise, wandering biases and a full scale."""
+"""Accelerometers and gyroscopes with white noise, drifting biases and a full scale."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class ImuModel:
     The model of IEEE Std 952 and of Kalibr: white noise of density N, which at a rate f has the standard
     deviation N sqrt(f) (in the Allan deviation N / sqrt(T)), plus a bias. The bias is a first-order
     Gauss-Markov process (IEEE Std 952 annex B) that starts in its stationary distribution, which stands
-    for what switching on leaves and for the instability; it is held for a step.
+    for turn-on bias and bias instability; it is constant during a step.
     """
 
     def __init__(self, sensor: ImuSensor, step_s: float, rng: np.random.Generator) -> None:

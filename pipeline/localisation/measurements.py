@@ -1,4 +1,4 @@
-"""What the sensors of a vehicle say in one step: all that its filter sees."""
+"""The sensor measurements of a vehicle in one step: the only input of its filter."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Measurements:
 
 @dataclass(frozen=True)
 class InitialPose:
-    """Where a filter starts, as a driver or the last drive's end tells it.
+    """The initial pose of a filter, as known from a driver or the end of the last drive.
 
     position_m: (3,) in the map. xyzw: orientation (4,). covariance: (6, 6) of x, y, z and the rotations
     about the map's axes.

@@ -1,4 +1,4 @@
-"""How a vehicle truly moves between its poses, as its inertial sensors feel it."""
+"""A vehicle's true motion between its poses, as its inertial sensors measure it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class MotionStep:
 
 
 class Motion:
-    """The motion through a sequence of poses, one in a step; it meets every one of them.
+    """The motion through a sequence of poses, one per step; it passes through each of them.
 
     The turn rate is constant in a step. The velocity at a pose is 1.5 times the mean velocity of the step
     before it minus half of that of the one before that: exact for a constant acceleration, without a look

@@ -1,4 +1,4 @@
-"""All localisation on board of one vehicle: its sensors on its true motion, and its filter on them."""
+"""On-board localisation of one vehicle: its sensors measure its true motion, its filter uses them."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from advpipe.pipeline.localisation.wheel import DeadReckoning, WheelEstimate, Wh
 
 @dataclass(frozen=True)
 class OnBoardStep:
-    """One step on board: the truth, what the sensors said of it, and what the filter made of that.
+    """One on-board step: the truth, the sensors' measurements, and the filter's estimate.
 
-    fix_stddev_m: (3,) of a fix to the east, north and up. odometry: what the wheels alone add up to.
+    fix_stddev_m: (3,) of a fix to the east, north and up. odometry: dead reckoning from the wheels alone.
     """
 
     truth: MotionStep
@@ -36,9 +36,9 @@ class OnBoardStep:
 
 
 class OnBoard:
-    """The satellite receiver, IMU, wheels and filter of the vehicle `name`; one call a step.
+    """The GNSS receiver, IMU, wheels and filter of the vehicle `name`; call `step` once per step.
 
-    All sensors sit in base_link's origin, as if their levers were known and taken out. step_s: from one
+    All sensors are in base_link's origin, as if their lever arms were known and compensated. step_s: from one
     step to the next. seed: of the scenario. Raises AdvpipeError where a sensor's rate does not fit the step.
     """
 
@@ -101,7 +101,7 @@ class OnBoard:
 def _initial_pose(
     assumed: LocalisationFilter, map_SE3_base: Float64, rng: np.random.Generator
 ) -> InitialPose:
-    """A pose about the true one, as far off as the filter is told."""
+    """A pose near the true one, with the error that the filter assumes."""
     tilt_rad = np.deg2rad(assumed.start_tilt_stddev_deg)
     turns_rad = [tilt_rad, tilt_rad, np.deg2rad(assumed.start_heading_stddev_deg)]
     stddev = np.array([*[assumed.start_position_stddev_m] * 3, *turns_rad])

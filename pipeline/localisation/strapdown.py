@@ -1,4 +1,4 @@
-"""Inertial navigation over one step: all its samples summed up at once."""
+"""Inertial navigation over one step, vectorised over its samples."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from advpipe.pipeline.localisation.rotations import rotation, skew
 
 @dataclass(frozen=True)
 class Increment:
-    """What one step of inertial navigation adds, and what errors at its start or in it do.
+    """The change over one step of inertial navigation, and its derivatives with respect to errors.
 
     rotation: (3, 3) at the end. velocity_mps, position_m: (3,), what to add to those at the start; to the
     position comes also the start's velocity times the duration.
@@ -38,7 +38,7 @@ class Increment:
 def integrate(
     start: Float64, durations_s: Float64, specific_force_mps2: Float64, angular_rate_radps: Float64
 ) -> Increment:
-    """Sums up n samples from an orientation (3, 3) on.
+    """Integrate n samples from an initial orientation (3, 3).
 
     durations_s: (n,). specific_force_mps2, angular_rate_radps: (n, 3) in base_link, free of their biases.
     In each sample the rate is constant; the force counts at its middle and the velocity grows evenly. The

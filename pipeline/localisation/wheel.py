@@ -1,4 +1,4 @@
-"""Wheel odometry: what turning wheels say about speed and turn rate, and the path that this adds up to."""
+"""Wheel odometry: speed and turn rate from the wheels, and dead reckoning from both."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from advpipe.pipeline.localisation.measurements import WheelTwist
 from advpipe.pipeline.localisation.section import WheelOdometrySensor
 
 NOT_MEASURED = 1e6
-"""The variance of what wheels say nothing of, as ROS writes it."""
+"""The variance of components that wheels do not measure, by ROS convention."""
 
 
 class WheelOdometer:
@@ -41,7 +41,7 @@ class WheelOdometer:
 
 @dataclass(frozen=True)
 class WheelEstimate:
-    """Where the wheels alone believe to be.
+    """The pose estimated from the wheels alone.
 
     odom_SE3_base: the pose in the frame `odom`, in which the vehicle started. pose_covariance: (6, 6)
     along the axes of `odom`. twist_covariance: (6, 6) along those of base_link.
@@ -70,7 +70,7 @@ class DeadReckoning:
         self._white = np.diag(np.square([sensor.speed_white_stddev_mps, sensor.turn_rate_white_stddev_radps]))
 
     def advance(self, twist: WheelTwist) -> WheelEstimate:
-        """With the next twist; the first starts at the origin."""
+        """Advance by the next twist; the first starts at the origin."""
         if self._last is not None:
             self._arc(self._last, twist)
         self._last = twist

@@ -1,4 +1,4 @@
-"""The sensors that a vehicle localises itself with; `pipeline/localisation` holds their models."""
+"""The sensors for a vehicle's localisation; `pipeline/localisation` holds their models."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ IMU_BYTES = 380
 
 
 class Gnss(OnBoardSensor[GnssSensor]):
-    """The satellite receiver."""
+    """The GNSS receiver."""
 
     title = "GNSS receiver"
     section = GnssSensor

@@ -1,4 +1,4 @@
-"""The kinds of sensors by their key in the scenario's section `sensors`."""
+"""The sensor types by their key in the scenario's section `sensors`."""
 
 from __future__ import annotations
 
@@ -15,4 +15,4 @@ SENSORS: Mapping[str, type[Sensor[Any]]] = {
     "imu": Imu,
     "wheel_odometry": WheelOdometry,
 }
-"""In the order in which the scenario file has them and a drive records them."""
+"""In the order of the scenario file and of recording."""

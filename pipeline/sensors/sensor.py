@@ -1,4 +1,4 @@
-"""The seam of sensors: all that the rest of advpipe has to know of a kind of sensor."""
+"""The interface of sensor types: all that the rest of advpipe knows about one."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ MountedT = TypeVar("MountedT", bound="MountedSection")
 
 
 class MountedSection(Section):
-    """What every sensor that is carried by name has in the scenario file."""
+    """The keys of every mounted sensor in the scenario file."""
 
     vehicle: Word = "ego"
 
 
 @dataclass(frozen=True)
 class Cadence:
-    """How often a topic comes. steps: of the simulation from one message to the next, where these make it."""
+    """The rate of a topic. steps: simulation steps from one message to the next, where steps decide it."""
 
     rate_hz: float
     steps: int | None = None
@@ -36,8 +36,8 @@ class Cadence:
 class Panel:
     """How viewers show one topic.
 
-    foxglove: of the topic in a 3D panel, beside its visibility. rviz: the class of its display, without the
-    plug-in's name; rviz_keys: its properties beside the topic, and depth that of its queue.
+    foxglove: settings of the topic in a 3D panel, besides its visibility. rviz: the class of its display,
+    without the plug-in's name; rviz_keys: its properties besides the topic; depth: of its queue.
     """
 
     foxglove: Mapping[str, Any]
@@ -48,7 +48,8 @@ class Panel:
 
 @dataclass(frozen=True)
 class DriveSettings:
-    """What the sensors of a drive are made with. markers: whether truth is drawn for viewers as well."""
+    """The settings that a drive's sensors share. markers: whether to record ground-truth markers for
+    viewers."""
 
     seed: int
     step_s: float
@@ -58,7 +59,7 @@ class DriveSettings:
 
 @dataclass(frozen=True)
 class Instant:
-    """One step of the drive: when, how the vehicle truly moves, and what is around it."""
+    """One step of the drive: the time, the vehicle's true motion, and its surroundings."""
 
     frame: int
     stamp_ns: int
@@ -68,10 +69,10 @@ class Instant:
 
 @dataclass(frozen=True)
 class Reading:
-    """What sensors say at one instant.
+    """The measurements of sensors at one instant.
 
-    messages: measurements and their ground truth, in the order in which they are recorded. clouds: how many
-    point clouds, of so many points together. road_users: ids of those that were in range.
+    messages: measurements and their ground truth, in recording order. clouds: number of
+    point clouds; points: in all of them together. road_users: ids of those in range.
     """
 
     messages: Sequence[StampedCdr] = ()
@@ -81,9 +82,9 @@ class Reading:
 
 
 class Sensor(ABC, Generic[SectionT]):
-    """One kind of sensor. Its key in the scenario's section `sensors` is that of the registry.
+    """One sensor type. Its key in the scenario's section `sensors` is that of the registry.
 
-    title: what readers of a data set's card know it by. section: its part of the scenario file.
+    title: its name in a data set's card. section: its part of the scenario file.
     """
 
     title: ClassVar[str]
@@ -97,40 +98,40 @@ class Sensor(ABC, Generic[SectionT]):
     @classmethod
     @abstractmethod
     def carried_by(cls, vehicle: str, configured: Any) -> Mapping[str, SectionT]:
-        """Those of one vehicle by name, of what its key in `sensors` holds."""
+        """The sensors of one vehicle by name, from the value of its key in `sensors`."""
 
     @classmethod
     @abstractmethod
     def topics(cls, vehicle: str, name: str) -> tuple[Topic, ...]:
-        """What one sensor measures, with types and quality of service."""
+        """The topics of one sensor's measurements, with types and quality of service."""
 
     @classmethod
     def truth(cls, vehicle: str) -> tuple[Topic, ...]:
-        """The ground truth that comes with each measurement, of all sensors of this kind together."""
+        """The topics of ground truth for the measurements of all sensors of this type together."""
         return ()
 
     @classmethod
     def panels(cls, vehicle: str, name: str) -> Mapping[str, Panel]:
-        """How viewers show its topics, by their names; those left out are not shown."""
+        """How viewers show its topics, by topic name; missing ones are not shown."""
         return {}
 
     @classmethod
     def check(cls, sections: Mapping[str, SectionT], step_s: float) -> None:
-        """ValueError where those of a drive, by name, do not fit its step or ask for too much."""
+        """Raise ValueError where a drive's sensors, by name, do not fit its step or exceed a limit."""
 
     @classmethod
     def cadences(cls, vehicle: str, sections: Mapping[str, SectionT], step_s: float) -> Mapping[str, Cadence]:
-        """How often the topics of one vehicle come, by their names, as far as the scenario decides it."""
+        """The rates of one vehicle's topics by topic name, as far as the scenario decides them."""
         return {}
 
     @classmethod
     def bytes_per_s(cls, section: SectionT) -> float:
-        """What one sensor takes in a bag, before compression."""
+        """Bytes per second of one sensor in a bag, before compression."""
         return 0.0
 
 
 class OnBoardSensor(Sensor[SectionT]):
-    """One of which every instrumented vehicle carries one; `pipeline/localisation` simulates it."""
+    """A sensor that every instrumented vehicle carries once; `pipeline/localisation` simulates it."""
 
     @classmethod
     def scenario_field(cls) -> tuple[Any, Any]:
@@ -142,9 +143,9 @@ class OnBoardSensor(Sensor[SectionT]):
 
 
 class MountedSensor(Sensor[MountedT]):
-    """One that looks at the world, carried by name; an instance is all those of this kind on one vehicle.
+    """A named sensor that observes the world; one instance stands for all of this type on one vehicle.
 
-    default: what a scenario that does not name any has. needs: what the world has to offer.
+    default: the sensors of a scenario that names none. needs: what the world has to offer.
     mounts: base_SE3_sensor by name; each has the frame `<vehicle>/<name>`.
     """
 
@@ -157,9 +158,9 @@ class MountedSensor(Sensor[MountedT]):
 
     @abstractmethod
     def sense(self, instant: Instant) -> Reading:
-        """What they say at this instant; an empty reading between two measurements.
+        """Their measurements at this instant; an empty reading between two measurements.
 
-        Chance comes from `named_generator(drive.seed, ...)` with names of its own.
+        Random numbers come from `named_generator(drive.seed, ...)` with names of their own.
         """
 
     @classmethod

@@ -9,11 +9,11 @@ from pydantic import Field, model_validator
 from advpipe.pipeline.core.section import NotNegative, Positive, Section
 
 LEAST_RATE_MM_PER_H = 0.0001
-"""Of rain and snow: less is far below what is measured, and calls for clear weather."""
+"""Minimum rate of rain and snow: less is far below what can be measured; use clear weather instead."""
 
 
 class Weather(Section):
-    """Rain and snow by their rate, fog by the distance that one sees; it lasts for the whole drive.
+    """Rain and snow by their rate, fog by its visibility; constant for the whole drive.
 
     Rain and snow act on LiDARs as in LISA (Kilic et al. 2021), fog as in Hahner et al. (ICCV 2021).
     """

@@ -1,4 +1,4 @@
-"""What the radio did in a drive: reception by distance, CAM rates, channel load."""
+"""V2X statistics of a drive: reception by distance, CAM rates, channel load."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _OutcomeName = Annotated[str, Field(max_length=50)]
 def delivery_by_distance(
     distance_m: Float64, is_received: npt.NDArray[np.bool_], bin_m: float = BIN_M, bins: int = BINS
 ) -> tuple[Int64, Int64]:
-    """Pairs (bins,) of message and receiver, and those received, for each `bin_m` of distance from zero."""
+    """Counts (bins,) of message-receiver pairs, and of received ones, per `bin_m` of distance."""
     nth = np.minimum(distance_m / bin_m, bins).astype(np.int64)
     pairs = np.bincount(nth, minlength=bins + 1)[:bins]
     return pairs, np.bincount(nth[is_received], minlength=bins + 1)[:bins]
@@ -41,12 +41,12 @@ def delivery_by_distance(
 
 @dataclass(frozen=True)
 class Statistics:
-    """A drive's V2X in numbers.
+    """V2X statistics of a drive.
 
-    pairs, received: of message and receiver, for each `BIN_M` of distance. outcomes: pairs by the name of
-    their `Outcome`. delay_mean_s, delay_max_s: from handing over to arrival; 0 without any.
-    stations, cams: that sent, and what they sent. rates_hz: of each station that sent twice or more,
-    ascending. intervals: CAMs by the time since the station's last one, for each `INTERVAL_BIN_S`; the last
+    pairs, received: message-receiver pairs per `BIN_M` of distance. outcomes: pairs by the name of
+    their `Outcome`. delay_mean_s, delay_max_s: from request to arrival; 0 without any reception.
+    stations, cams: sending stations, and CAMs sent. rates_hz: of each station that sent twice or more,
+    ascending. intervals: CAMs by the time since the station's last one, per `INTERVAL_BIN_S`; the last
     bin holds all longer ones. dropped: never sent. busy_ns, busy_mean, busy_max: ends of windows, channel
     busy ratio over stations.
     """
@@ -66,24 +66,24 @@ class Statistics:
     busy_max: Annotated[tuple[_Share, ...], Field(max_length=_MOST_VALUES)]
 
     def __post_init__(self) -> None:
-        """Raises ValueError for columns that are no table: a recording may say anything."""
+        """Raises ValueError for inconsistent columns: recordings are untrusted input."""
         if len(self.pairs) != len(self.received) or any(map(int.__gt__, self.received, self.pairs)):
             raise ValueError("more was received than sent")
         if not len(self.busy_ns) == len(self.busy_mean) == len(self.busy_max):
-            raise ValueError("busy_ns, busy_mean and busy_max are of different lengths")
+            raise ValueError("busy_ns, busy_mean and busy_max have different lengths")
         if list(self.rates_hz) != sorted(self.rates_hz):
-            raise ValueError("rates_hz do not ascend")
+            raise ValueError("rates_hz is not ascending")
 
     @property
     def delivery_ratio(self) -> Float64:
-        """Share received for each `BIN_M` of distance; NaN where nobody was."""
+        """Share received per `BIN_M` of distance; NaN where no station was."""
         pairs, received = np.array(self.pairs, np.float64), np.array(self.received, np.float64)
         ratio = np.full(len(pairs), np.nan)
         np.divide(received, pairs, out=ratio, where=pairs > 0)
         return ratio
 
     def lines(self) -> list[tuple[str, str]]:
-        """A summary: what, and how much."""
+        """A summary: names and values."""
         rates, ratio = self.rates_hz, self.delivery_ratio
         near = [
             f"{100 * ratio[last]:.0f} % at {BIN_M * last:.0f} to {BIN_M * (last + 1):.0f} m"
@@ -111,7 +111,7 @@ class Statistics:
 
 @dataclass
 class _Sender:
-    """What is kept of a station that sends."""
+    """The memory of a sending station."""
 
     first_ns: int
     last_ns: int
@@ -128,7 +128,7 @@ def _counts(bins: int) -> Int64:
 
 @dataclass
 class Tally:
-    """Counts while the drive goes on; besides a few numbers a station and window, its memory stays flat."""
+    """Counts during a drive; apart from a few numbers per station and window, its memory stays constant."""
 
     _pairs: Int64 = field(default_factory=lambda: _counts(BINS))
     _received: Int64 = field(default_factory=lambda: _counts(BINS))
@@ -141,12 +141,12 @@ class Tally:
     _loads: list[tuple[int, float, float]] = field(default_factory=list)
 
     def add(self, step: Step) -> None:
-        """Counts what became known in a step of the medium."""
+        """Count the results of a step of the medium."""
         outcomes = step.outcomes
         is_received = outcomes.outcome == Outcome.RECEIVED
         by_outcome = np.bincount(outcomes.outcome.ravel(), minlength=len(Outcome))
         pairs, received = delivery_by_distance(outcomes.distance_m.ravel(), is_received.ravel())
-        pairs[0] -= by_outcome[Outcome.OWN]  # who sends is no distance from itself
+        pairs[0] -= by_outcome[Outcome.OWN]  # the sender itself is not a pair
         self._pairs += pairs
         self._received += received
         self._outcomes += by_outcome
@@ -160,7 +160,7 @@ class Tally:
             self._add_load(load)
 
     def statistics(self) -> Statistics:
-        """All that has been counted."""
+        """The statistics of everything counted so far."""
         received = int(self._outcomes[Outcome.RECEIVED])
         senders = self._senders.values()
         return Statistics(

@@ -1,4 +1,4 @@
-"""Bodies of road users: what traffic, labels and radios need of them. What they look like is the world's."""
+"""Bodies of road users: their properties for traffic, labels and radios. Their meshes belong to the world."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A vehicle that carries sensors: those that look around, and localisation on board."""
+"""A vehicle with sensors: mounted ones that observe the world, and on-board localisation."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from advpipe.stages.simulate.world.protocol import World
 
 @dataclass(frozen=True)
 class VehicleSnapshot:
-    """What one instrumented vehicle knows at one instant, and the truth.
+    """The measurements and estimate of one instrumented vehicle at one instant, and the truth.
 
     initial: with the first snapshot only, where its filter started. readings: of each kind of sensor.
     """
@@ -28,7 +28,7 @@ class VehicleSnapshot:
 
 
 class Instrumented:
-    """All sensors of one vehicle. mounts: base_SE3_sensor by the name of each that looks around."""
+    """All sensors of one vehicle. mounts: base_SE3_sensor by the name of each mounted one."""
 
     def __init__(self, scenario: Scenario, name: str) -> None:
         self.name = name
@@ -45,7 +45,7 @@ class Instrumented:
     def sense(
         self, stamp_ns: int, frame: int, carrier: RoadUser, users: Sequence[RoadUser], world: World
     ) -> VehicleSnapshot:
-        """Everything that it senses in one step, among all road users that move."""
+        """All its measurements in one step, among all moving road users."""
         onboard = self._onboard.step(stamp_ns, carrier.map_SE3_base, carrier.velocity_mps)
         initial = None if self._started else self._onboard.initial
         self._started = True

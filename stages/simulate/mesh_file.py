@@ -25,7 +25,7 @@ def read_mesh_file(path: str, key: str, scale: float) -> tuple[Float64, npt.NDAr
     its box's centre.
 
     `key` is the place in the scenario that an error names. `scale`: metres for each unit of the mesh.
-    Raises AdvpipeError for a file that is none, holds no mesh, or a mesh that nobody could meet.
+    Raises AdvpipeError for a missing file, one without a mesh, or a mesh of an impossible size.
     """
     file = Path(path)
     if not file.is_file():
@@ -54,7 +54,7 @@ def _read(file: Path, modified_ns: int) -> tuple[Float64, npt.NDArray[np.int64]]
     import advpipe.pipeline.core.open3d_library  # noqa: F401  here a missing library is an error that says so
 
     nothing = np.empty((0, 3)), np.empty((0, 3), np.int64)
-    if _is_cut_off(file):
+    if _is_truncated(file):
         return nothing
     with scratch_folder() as scratch:
         arrays = scratch / "mesh.npz"
@@ -78,8 +78,8 @@ numpy.savez(arrays, vertices=vertices, triangles=triangles)
 """
 
 
-def _is_cut_off(file: Path) -> bool:
-    """Whether a binary .stl is shorter than it says: Open3D would make room for all that it promises."""
+def _is_truncated(file: Path) -> bool:
+    """Whether a binary .stl is shorter than declared: Open3D would allocate memory for its declared size."""
     if file.suffix.lower() != ".stl":
         return False
     with file.open("rb") as stream:
@@ -90,7 +90,7 @@ def _is_cut_off(file: Path) -> bool:
 
 
 def _problem(vertices_m: Float64, triangles: npt.NDArray[np.int64]) -> str | None:
-    """What is wrong with a mesh, as the end of a sentence about its file."""
+    """The problem of a mesh, as the end of a sentence about its file; None for a valid one."""
     if not len(vertices_m) or not len(triangles):
         return "holds no triangles, or is no mesh at all; export it again"
     if len(triangles) > MAX_TRIANGLES:

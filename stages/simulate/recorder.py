@@ -1,4 +1,4 @@
-"""Writes what the sensors of the instrumented vehicles say, and the truth beside it, into the bag."""
+"""Records the sensors of the instrumented vehicles, and the ground truth, in the bag."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ from advpipe.stages.simulate.network.protocol import NetworkStep
 class Recorder:
     """Turns each step into messages.
 
-    What belongs to an instant carries the step's stamp; IMU samples, messages sent and messages received
-    carry their own, since the step before. All of a step is written in the order of its stamps.
+    Messages about an instant carry the step's stamp; IMU samples, messages sent and messages received
+    carry their own, since the previous step. All messages of a step are written in the order of their stamps.
     """
 
     def __init__(self, scenario: Scenario, writer: BagWriter) -> None:
@@ -54,8 +54,8 @@ class Recorder:
         lanes: Sequence[Lane],
         footprints: Sequence[shapely.Polygon] | None = None,
     ) -> None:
-        """The latched topics: where the sensors sit, what this drive is, its roads, and what buildings take
-        from signals."""
+        """Record the latched topics: sensor mounts, scenario, roads, and the buildings that attenuate
+        signals."""
         static = []
         for vehicle in vehicles:
             topic = VehicleTopics(vehicle.name)
@@ -77,7 +77,7 @@ class Recorder:
         radios: Sequence[RadioPlace],
         local_dynamic_maps: Sequence[tuple[str, LdmSnapshot]],
     ) -> None:
-        """One step: what went over the air until then, all instrumented vehicles, all radios on the road."""
+        """Record one step: radio messages up to it, all instrumented vehicles, all radios on the road."""
         stamp_ns = network_step.stamp_ns
         self._write(topics.CLOCK, build.clock(stamp_ns), stamp_ns)
         estimates = [
@@ -97,7 +97,7 @@ class Recorder:
         self._flush()
 
     def finish(self, network_step: NetworkStep, statistics: Statistics | None) -> None:
-        """What still came over the air after the last step, and the sum of it all."""
+        """Record the messages after the last step, and the statistics."""
         self._record_network_step(network_step)
         if statistics is not None:
             stamp_ns = max((message[2] for message in self._step), default=network_step.stamp_ns)

@@ -34,9 +34,9 @@ DATA_SET = FolderKind("data set", ("scenario.yaml", "clean"), ("scenario.yaml", 
 
 @dataclass(frozen=True, repr=False)
 class SimulationSummary(Tabular):
-    """What was recorded; `road_users` counts every one that came into a sensor's range.
+    """The summary of a drive; `road_users` counts all that came into a sensor's range.
 
-    bag: the clean bag, which is also what the summary stands for as a path. points: of all clouds together.
+    bag: the clean bag, to which the summary also converts as a path. points: of all clouds together.
     v2x: None where the scenario switches V2X off.
     """
 
@@ -56,17 +56,17 @@ class SimulationSummary(Tabular):
         return str(self.bag)
 
     def __str__(self) -> str:
-        told = (
+        summary = (
             f"{self.bag}: {self.frames} frames, "
             f"{self.clouds} clouds of {self.points / max(self.clouds, 1):,.0f} points, "
             f"{self.road_users} road users in range"
         )
         return "\n".join(
-            [told, *(f"{name}: {value}" for name, value in (self.v2x.lines() if self.v2x else ()))]
+            [summary, *(f"{name}: {value}" for name, value in (self.v2x.lines() if self.v2x else ()))]
         )
 
     def to_dicts(self) -> Rows:
-        """One row: the bag, and what is in it."""
+        """One row: the bag and its counts."""
         counts = ("frames", "clouds", "points", "road_users")
         of_v2x = {} if self.v2x is None else {"stations": self.v2x.stations, "cams": self.v2x.cams}
         return [{"bag": str(self.bag), **{name: getattr(self, name) for name in counts}, **of_v2x}]
@@ -83,7 +83,7 @@ class _Place:
 
 @dataclass
 class _Tally:
-    """What the sensors have measured so far."""
+    """Counts of the measurements so far."""
 
     clouds: int = 0
     points: int = 0
@@ -99,7 +99,7 @@ class _Tally:
 def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> SimulationSummary:
     """Simulates a scenario and records it as the data set folder `out`: scenario.yaml and clean/.
 
-    Raises AdvpipeError for a map that is none, a network without room, or an output that exists.
+    Raises AdvpipeError for an invalid map, a network without room, or an existing output.
     """
     text, seed = dump_scenario(scenario), scenario.simulation.seed
     own = plugin_names((scenario.traffic.source, scenario.world, scenario.v2x.network))
@@ -129,8 +129,8 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
 def _drive(
     scenario: Scenario, place: _Place, traffic: TrafficSource, recorder: Recorder
 ) -> tuple[_Tally, Statistics | None]:
-    """The main loop of Algorithm 1: the network's clock goes ahead and moves the traffic, the world follows,
-    the sensors look at it, and the stations learn where they are."""
+    """The main loop of Algorithm 1: the network's clock advances and moves the traffic, the world follows,
+    the sensors measure, and the stations get their new states."""
     clock, world = scenario.simulation, place.world
     vehicles = [Instrumented(scenario, name) for name in sorted(scenario.vehicles)]
     routes_m = [traffic.route_m(vehicle.name) for vehicle in vehicles]

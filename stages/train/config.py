@@ -1,4 +1,4 @@
-"""What a training run needs to know."""
+"""The configuration of a training run."""
 
 from __future__ import annotations
 

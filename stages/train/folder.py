@@ -1,4 +1,4 @@
-"""The folder of one training run: what lies where, and whether a run may start or go on in it."""
+"""The folder of one training run: its files, and whether a run may start or resume in it."""
 
 from __future__ import annotations
 

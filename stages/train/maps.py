@@ -1,4 +1,4 @@
-"""The maps of the drives that a detector is trained on, for its checkpoint to tell."""
+"""The maps of the drives that a detector is trained on, for its checkpoint."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def training_maps(bags: Iterable[Path], start: Path | None) -> str:
     """What the provenance of a checkpoint has as `training_maps.KEY`: a JSON list.
 
     The maps of the bags and those that the checkpoint to start from was trained on, each once; null for a
-    bag without a map in its record, and for a start that does not tell its own.
+    bag without a map in its provenance, and for a start checkpoint without its own list.
     """
     maps = {map_of(BagReader(bag).provenance) for bag in bags}
     if start is not None:

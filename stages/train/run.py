@@ -43,7 +43,7 @@ SOME_FRAMES = 40
 
 @dataclass(frozen=True, repr=False)
 class TrainSummary(Tabular):
-    """What a run made: the checkpoint, the logs, and how good the detector is."""
+    """The results of a run: the checkpoint, the logs, and the detector's average precision."""
 
     checkpoint: Path
     log: Path
@@ -147,7 +147,7 @@ def _train(
 
 
 def labelled_bag(path: Path) -> Path:
-    """The bag that a path names; it has to hold ground truth."""
+    """The bag that a path names. Raises UsageError where it has no ground truth."""
     bag = resolve_bag(path)
     if not has_ground_truth(bag):
         raise UsageError(f"{bag} holds no ground truth ({' or '.join(BOX_TYPES)}) to learn from")
@@ -202,7 +202,7 @@ def origin_of(config: TrainConfig, digests: dict[Path, str]) -> dict[str, str]:
 def training_provenance(
     config: TrainConfig, origin: dict[str, str], frames: int, steps: int
 ) -> dict[str, str]:
-    """What the checkpoint says about how it was trained."""
+    """The provenance of the checkpoint: how it was trained."""
     return {
         **origin,
         "frames": str(frames),

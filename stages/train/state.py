@@ -1,4 +1,4 @@
-"""Where a run stands: enough to go on as if it had never stopped."""
+"""The state of a run: enough to resume as if it had never stopped."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class TrainState:
         return cls(net, optimiser)
 
     def diverged(self) -> AdvpipeError:
-        """What to say where the loss or the weights have left the numbers."""
+        """The error for a loss or weights that are not finite."""
         rate = float(self.optimiser.param_groups[0]["lr"])
         return AdvpipeError(
             f"the loss is not finite at step {self.step}, at a learning rate of {rate:.3g}; "
@@ -37,7 +37,8 @@ class TrainState:
         )
 
     def require_finite(self) -> None:
-        """Raises AdvpipeError for weights that no checkpoint can hold: infinite, or beyond half precision."""
+        """Raise AdvpipeError for weights that a checkpoint cannot hold: infinite, or beyond half
+        precision."""
         for weights in self.net.state_dict().values():
             # Those of more than one dimension are stored in half precision.
             dtype = torch.float16 if weights.ndim > 1 else torch.float32
@@ -58,7 +59,7 @@ class TrainState:
         write_atomically(path, buffer.getvalue())
 
     def restore(self, path: Path) -> None:
-        """Go on from a saved state."""
+        """Resume from a saved state."""
         try:
             state = torch.load(path, map_location="cpu", weights_only=True)
             self.net.load_state_dict(state["net"])

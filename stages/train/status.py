@@ -1,4 +1,4 @@
-"""What the progress bar says about a run."""
+"""The text of a run's progress bar."""
 
 from __future__ import annotations
 

@@ -140,7 +140,7 @@ def _work(
     pipe: Connection,
     inherited: list[Connection],
 ) -> None:
-    """Answer each step that comes through the pipe, until it closes."""
+    """Compute each step that comes through the pipe, until it closes."""
     signals.leave_to_parent()
     # The parent's ends have to be the parent's alone: else its death would close no pipe.
     for connection in inherited:

@@ -112,7 +112,7 @@ def main() -> int:
             ["hypothesis", "atheris"] if has_atheris() and not options.inputs else ["hypothesis"]
         )
         if not has_atheris():
-            print("atheris is not installed: inputs are drawn at random, without its guidance", flush=True)
+            print("atheris is not installed: inputs are drawn randomly, without its guidance", flush=True)
     seconds = options.seconds * options.workers / len(options.targets)
     with ThreadPoolExecutor(options.workers) as pool:
         share = None if options.inputs else seconds

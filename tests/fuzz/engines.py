@@ -1,4 +1,5 @@
-"""What draws inputs: hypothesis, at random; atheris, guided by the code that earlier inputs reached."""
+"""The engines that draw inputs: hypothesis, randomly; atheris, guided by the code coverage of earlier
+inputs."""
 
 from __future__ import annotations
 
@@ -56,7 +57,7 @@ def has_atheris() -> bool:
 
 
 def instrumented(engine: str) -> AbstractContextManager[object]:
-    """While it is open, what is imported of advpipe tells atheris where it goes."""
+    """A context in which imports of advpipe are instrumented for atheris."""
     if engine != "atheris":
         return nullcontext()
     import atheris

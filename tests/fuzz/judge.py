@@ -1,4 +1,4 @@
-"""Runs one case, and says what is wrong with how it ended: the one definition of "handled"."""
+"""Runs one case, and reports a fault in its ending: the one definition of "handled"."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.fuzz.case import Case, Fault, Target, Unhandled
 
 LONGEST_LINE = 2000
 LONGEST_MESSAGE = 20_000
-"""Of an error before the command line cuts it: more is somebody's whole text."""
+"""Limit on an error before the command line truncates it: more is a whole document."""
 """Characters of an error: room for a path and some names, and for no document."""
 
 PROJECT = ("pipeline", "stages")

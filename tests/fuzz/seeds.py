@@ -95,9 +95,9 @@ def message(call: str, topic: str, edit: Callable[[Any], None], bag: str = "clea
         changed = list(found.messages)
         for place in found.of_topic(topic):
             raw = changed[place]
-            told = typestore().deserialize_cdr(raw.cdr, raw.topic.type)
-            edit(told)
-            changed[place] = replace(raw, cdr=serialise(told, raw.topic.type))
+            message = typestore().deserialize_cdr(raw.cdr, raw.topic.type)
+            edit(message)
+            changed[place] = replace(raw, cdr=serialise(message, raw.topic.type))
         return Case(call, f"{bag}_0.mcap", mcap_bytes(changed, found.provenance))
 
     return make
@@ -139,22 +139,22 @@ def begun_at(call: str, time_ns: int) -> Callable[[Path], Case]:
     return make
 
 
-def no_turn(told: Any) -> None:
+def no_turn(message: Any) -> None:
     """Quaternions of length zero."""
-    for station in told.stations:
+    for station in message.stations:
         for name in "xyzw":
             object.__setattr__(station.pose.orientation, name, 0.0)
 
 
-def no_place(told: Any) -> None:
+def no_place(message: Any) -> None:
     """Positions that are no numbers."""
-    for station in told.stations:
+    for station in message.stations:
         object.__setattr__(station.pose.position, "x", float("nan"))
 
 
-def of_a_stranger(told: Any) -> None:
+def of_a_stranger(message: Any) -> None:
     """A sender that no list of stations knows."""
-    object.__setattr__(told, "station_id", 0)
+    object.__setattr__(message, "station_id", 0)
 
 
 def yaml_file(value: str, place: str = "attacks") -> Callable[[Path], Case]:
@@ -242,7 +242,7 @@ def long_curves(folder: Path) -> Case:
 
 
 def bad_qos(folder: Path) -> Case:
-    """A bag whose summary tells a quality of service that is no YAML."""
+    """A bag whose summary has a quality of service that is not YAML."""
     nodes = take_apart((folder / base.DRIVE / "clean" / container.MCAP).read_bytes())
     for node in nodes:
         if isinstance(channel := node.value(), Channel):

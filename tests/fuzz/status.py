@@ -1,4 +1,4 @@
-"""What a worker tells the process that watches it, in memory that both share."""
+"""A worker's status in memory shared with the process that watches it."""
 
 from __future__ import annotations
 

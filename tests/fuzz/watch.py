@@ -19,8 +19,8 @@ from tests.fuzz.status import Progress, Status
 from tests.fuzz.worker import RECYCLED, Folder, rss_bytes
 
 ROOT = Path(__file__).parents[2]
-LOOK_S, SESSION_LOOKS = 0.05, 10
-"""How often a worker is looked at, and after how many looks the processes that it started."""
+CHECK_S, SESSION_CHECKS = 0.05, 10
+"""How often a worker is checked, and after how many checks its child processes."""
 
 STARTING_S = 180
 """The longest that a worker may take before and between inputs; our own fault if it takes longer."""
@@ -90,7 +90,7 @@ class Watch:
         return has_all or (end_s is not None and time.monotonic() >= end_s)
 
     def _worker(self, status: Status, end_s: float | None) -> Fault | None:
-        """Starts a worker and looks after it to its end; the fault of the input that ended it, if any."""
+        """Starts a worker and checks after it to its end; the fault of the input that ended it, if any."""
         batch = status.read().batch
         command = [sys.executable, "-m", "tests.fuzz.worker", self.target, self.engine, str(self.seed)]
         command += [str(self.folder.path), "--first-batch", str(batch)]
@@ -106,17 +106,17 @@ class Watch:
                 env={**os.environ, "OMP_NUM_THREADS": "1", "MPLBACKEND": "agg"},
             )
         try:
-            return self._look_after(process, status, end_s)
+            return self._supervise(process, status, end_s)
         finally:
             kill(process)
 
-    def _look_after(
+    def _supervise(
         self, process: subprocess.Popen[bytes], status: Status, end_s: float | None
     ) -> Fault | None:
-        last, last_s, looks, waited_before_s = status.read(), time.monotonic(), 0, 0.0
+        last, last_s, checks, waited_before_s = status.read(), time.monotonic(), 0, 0.0
         while process.poll() is None:
-            time.sleep(LOOK_S)
-            now_s, progress, looks = time.monotonic(), status.read(), looks + 1
+            time.sleep(CHECK_S)
+            now_s, progress, checks = time.monotonic(), status.read(), checks + 1
             self.on_tick(progress)
             if end_s is not None and now_s > end_s:
                 return None
@@ -126,7 +126,7 @@ class Watch:
                 waited = longest_wait_s(process.pid, waited_before_s)
                 if now_s - progress.started_s - waited > self.limits.hang_s:
                     return self._stopped(process, "hang", f"still busy after {self.limits.hang_s:g} s")
-            used = rss_bytes(process.pid) if looks % SESSION_LOOKS else session_bytes(process.pid)
+            used = rss_bytes(process.pid) if checks % SESSION_CHECKS else session_bytes(process.pid)
             if used > self.limits.memory_bytes:
                 return self._stopped(
                     process, "memory", f"more than {self.limits.memory_bytes >> 20} MB in use"

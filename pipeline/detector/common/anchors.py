@@ -1,4 +1,4 @@
-"""Anchors of the head, the code of a box relative to an anchor, and which anchor learns which box."""
+"""Anchors of the head, box coding relative to an anchor, and the assignment of targets to anchors."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from advpipe.pipeline.detector.common.preset import AnchorPreset
 
 @dataclass(frozen=True)
 class Targets:
-    """What the N anchors of one cloud should say; anchors neither positive nor ignored: background.
+    """The training targets of the N anchors of one cloud; anchors neither positive nor ignored are
+    background.
 
-    positive: (P,) int64 anchors. boxes: (P, 7) and labels: (P,) of the box that each learns.
-    ignored: (I,) int64 anchors that learn nothing.
+    positive: (P,) int64 anchors. boxes: (P, 7) and labels: (P,) of the target of each.
+    ignored: (I,) int64 anchors that do not contribute to the loss.
     """
 
     positive: Tensor
@@ -64,7 +65,7 @@ class AnchorGrid:
 
     @torch.no_grad()
     def assign(self, boxes: Tensor, labels: Tensor, ignored: Tensor | None = None) -> Targets:
-        """Targets for boxes (M, 7) and labels (M,); boxes in the mask `ignored` (M,) teach nothing.
+        """Targets for boxes (M, 7) and labels (M,); boxes in the mask `ignored` (M,) are not learned.
 
         As OpenPCDet's AxisAlignedTargetAssigner: IoU of the nearest axis-aligned rectangles within
         a class; positive from `positive_iou`, and for each box its best anchors whatever their IoU;
@@ -147,7 +148,7 @@ def encode_boxes(boxes: Tensor, anchors: Tensor) -> Tensor:
 
 
 def decode_boxes(code: Tensor, anchors: Tensor) -> Tensor:
-    """The boxes (K, 7) that a code (K, 7) means; the inverse of `encode_boxes`."""
+    """The boxes (K, 7) of a code (K, 7); the inverse of `encode_boxes`."""
     diagonal = torch.hypot(anchors[:, 3], anchors[:, 4])
     scale = torch.stack([diagonal, diagonal, anchors[:, 5]], dim=1)
     return torch.cat(

@@ -23,8 +23,9 @@ def decode_detections(predictions: Predictions, batch: int, grid: AnchorGrid) ->
     """The boxes of cloud `batch` whose class scores at least 0.1, best first, at most as many as the preset
     says.
 
-    Each anchor tells its best class or, as the preset says, each class that scores enough; suppression
-    then goes by class. Where the head predicts the quality of boxes, it counts as `quality_power` says.
+    Each anchor yields its best class or, with `suppress_by_class`, each class above the threshold;
+    suppression then goes by class. Where the head predicts the quality of boxes, it counts as `quality_power`
+    says.
     """
     preset = grid.preset
     of_classes = torch.sigmoid(predictions.scores[batch])
@@ -60,7 +61,8 @@ def vote(
     kept: npt.NDArray[np.int64],
     min_iou: float,
 ) -> npt.NDArray[np.float64]:
-    """The kept boxes (K, 7), each replaced by the mean of the boxes (M, 7) that say nearly the same.
+    """The kept boxes (K, 7), each replaced by the weighted mean of the boxes (M, 7) that nearly agree with
+    it.
 
     Those are the boxes of its class that overlap it by more than `min_iou` in the bird's eye, weighted
     by their squared scores; headings count modulo pi, about that of the kept box. (Box voting: Gidaris
@@ -76,7 +78,7 @@ def vote(
 
 
 def _with_direction(boxes: Tensor, directions: Tensor, offset_rad: float) -> Tensor:
-    """Boxes turned to the half of the circle that the direction bin names."""
+    """Boxes turned to the half of the circle that the direction bin predicts."""
     half = torch.remainder(boxes[:, 6] - offset_rad, pi)
     yaw = half + offset_rad + pi * directions.argmax(1)
     return torch.cat([boxes[:, :6], yaw[:, None]], dim=1)

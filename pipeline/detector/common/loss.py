@@ -64,7 +64,7 @@ def _of_cloud(predictions: Predictions, b: int, target: Targets, grid: AnchorGri
     anchors = grid.boxes(target.positive)
     wanted = encode_boxes(target.boxes, anchors)
     code = predictions.codes[b][target.positive]
-    # The heading counts as sin(difference), so that a box turned by pi costs nothing here.
+    # The heading loss uses sin(difference), so that a box turned by pi has no loss here.
     turn = torch.sin(code[:, 6] - wanted[:, 6])
     difference = torch.cat([code[:, :6] - wanted[:, :6], turn[:, None]], dim=1)
     box = F.smooth_l1_loss(difference, torch.zeros_like(difference), reduction="sum", beta=BETA) / count
@@ -74,7 +74,7 @@ def _of_cloud(predictions: Predictions, b: int, target: Targets, grid: AnchorGri
     quality = score.new_zeros(())
     if predictions.qualities is not None:
         logits = predictions.qualities[b][target.positive]
-        # What a quality should be counts as given: boxes are not made worse to be judged well.
+        # The IoU target is detached: otherwise boxes would be made worse to match a low quality.
         iou = aligned_iou(decode_boxes(code.detach(), anchors), target.boxes)
         quality = F.binary_cross_entropy_with_logits(logits, iou, reduction="sum") / count
     return torch.stack([score, box, direction, quality])

@@ -1,4 +1,4 @@
-"""What `train` asks of a network, whatever its family, and the detector that a trained one is."""
+"""The interface of trainable networks of all families, and the detector made from a trained network."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ class LabelledPoints:
 
 
 class DetectionNetwork(nn.Module, ABC):
-    """A network that can be trained, saved in a checkpoint, and asked for boxes.
+    """A network that can be trained, saved in a checkpoint, and used for detection.
 
-    LOSS_PARTS: what its training loss is the sum of, as the columns of the training log are named; each ends
+    LOSS_PARTS: names of the summands of the training loss, which are columns of the training log; each ends
     with `_loss`. The running means and variances of its batch norms, the only state besides its weights, are
     buffers named `running_mean` and `running_var`.
     """
@@ -53,7 +53,7 @@ class DetectionNetwork(nn.Module, ABC):
     @abstractmethod
     def training_losses(self, cloud: LabelledPoints, *, bf16: bool = False) -> tuple[Tensor, ...]:
         """The weighted parts of the loss on one cloud, scalars in the order of `LOSS_PARTS`, which can be
-        differentiated to the weights and to the points; boxes out of range teach nothing.
+        differentiated with respect to the weights and the points; boxes out of range are ignored.
 
         bf16: computed in half precision where that is safe.
         """
@@ -64,7 +64,7 @@ class DetectionNetwork(nn.Module, ABC):
 
     @abstractmethod
     def detector(self, provenance: Mapping[str, str]) -> ObjectDetector:
-        """The network, trained, as a detector: a `NetworkDetector` where it can say no more."""
+        """The trained network as a detector: a `NetworkDetector`, or a subclass with more capabilities."""
 
     @property
     def device(self) -> torch.device:
@@ -75,10 +75,10 @@ N = TypeVar("N", bound=DetectionNetwork)
 
 
 class NetworkDetector(Generic[N]):
-    """A trained network as a `ObjectDetector`: frozen weights, frozen batch norm.
+    """A trained network as an `ObjectDetector`: frozen weights, frozen batch norm.
 
-    It computes where its network is. Tensors may come from anywhere, and those that it returns are where the
-    points came from.
+    It computes on its network's device. Input tensors may be on any device, and results are on the device of
+    the input points.
     """
 
     def __init__(self, net: N, provenance: Mapping[str, str] | None = None) -> None:
@@ -87,7 +87,7 @@ class NetworkDetector(Generic[N]):
 
     @property
     def training_maps_sha256(self) -> Sequence[str | None] | None:
-        """The maps of the drives that it was trained on, as `KnowsItsMaps` has them."""
+        """The maps of the drives it was trained on, as `KnowsItsMaps` has them."""
         return listed_maps(self.provenance.get(KEY))
 
     @property
@@ -103,7 +103,7 @@ class NetworkDetector(Generic[N]):
         return self.net.preset.range_m
 
     def detect(self, cloud: npt.NDArray[np.void]) -> Detections:
-        """The objects in a cloud (N,); points not finite are not read."""
+        """The objects in a cloud (N,); points that are not finite are ignored."""
         return self.detect_batch([torch.from_numpy(xyzi(cloud))])[0]
 
     @torch.no_grad()
@@ -112,7 +112,7 @@ class NetworkDetector(Generic[N]):
         return self.net.detections([cloud.to(self.device) for cloud in clouds])
 
     def loss(self, points: Tensor, boxes: Tensor, labels: Tensor) -> Tensor:
-        """The training loss of one cloud, as `ObjectDetector.loss`; all boxes in range count.
+        """The training loss of one cloud, see `ObjectDetector.loss`; all boxes in range count.
 
         Raises AdvpipeError for points that are not finite.
         """
@@ -122,6 +122,6 @@ class NetworkDetector(Generic[N]):
 
 
 def require_finite(clouds: Sequence[Tensor]) -> None:
-    """Raises AdvpipeError for points that are not finite, which have no gradient."""
+    """Raise AdvpipeError for points that are not finite, which have no gradient."""
     if not all(torch.isfinite(each).all() for each in clouds):
-        raise AdvpipeError("the cloud holds points that are not finite; remove them before asking for a loss")
+        raise AdvpipeError("the cloud has points that are not finite; remove them before computing a loss")

@@ -1,4 +1,4 @@
-"""What a preset fixes in every family of detectors, and in those with an anchor head."""
+"""The settings of a preset in all detector families, and in those with an anchor head."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from advpipe.pipeline.geometry.boxes import CLASSES
 class Preset:
     """The shape of a network; a checkpoint names its family and its preset.
 
-    family: the name that it is registered under. range_m: where the network looks. voxel_size_m: x, y, z of
-    the cells by which it tells points apart. classes: what it finds, each one of `geometry.boxes.CLASSES`.
+    family: its registered name. range_m: the network's input range. voxel_size_m: x, y, z of
+    its voxels. classes: what it detects, each one of `geometry.boxes.CLASSES`.
     """
 
     family: ClassVar[str]
@@ -51,9 +51,10 @@ class AnchorPreset(Preset):
 
     Decoding: at most `max_candidates` anchors enter non-maximum suppression at `nms_iou`, at most
     `max_detections` come out. vote_iou: see `decode.vote`; None is plain suppression, as in OpenPCDet.
-    suppress_by_class: boxes of different classes may overlap; where two classes are likely, both are said.
+    suppress_by_class: boxes of different classes may overlap; where two classes are likely, both are
+    returned.
     quality_power: the head also predicts each box's IoU with the truth, and a detection scores
-    class score * IoU**power (Wu et al. 2020, "IoU-aware Single-stage Object Detector"); None: it does not.
+    class score * IoU**power (Wu et al. 2020, "IoU-aware Single-stage Object Detector"); None: no such output.
     """
 
     anchors: tuple[Anchor, ...]

@@ -25,7 +25,8 @@ STRIDED: tuple[tuple[Shape, Shape, Shape], ...] = (
 
 
 class Backbone3d(nn.Module):
-    """Four stages of submanifold layers, each but the first entered by a stride of two; then z folds."""
+    """Four stages of submanifold layers, all but the first begin with stride two; a last layer compresses
+    z."""
 
     def __init__(self, preset: SecondPreset) -> None:
         super().__init__()

@@ -53,14 +53,14 @@ class SecondNet(DetectionNetwork):
         return predictions
 
     def training_losses(self, cloud: LabelledPoints, *, bf16: bool = False) -> tuple[Tensor, ...]:
-        """The gradient reaches the points through their voxel's mean; which voxel a point falls into carries
-        none. Without a readable point the loss is that of an empty map, its gradient zero."""
+        """The gradient reaches the points through their voxel's mean; the assignment of points to voxels has
+        no gradient. Without a point in range the loss is that of an empty map, and its gradient is zero."""
         target = self.anchor_grid().assign(cloud.boxes, cloud.labels, cloud.ignored)
         predictions = self(voxelise([cloud.points], self.preset), bf16=bf16)
         return losses(predictions, [target], self.anchor_grid()).parts
 
     def detections(self, clouds: Sequence[Tensor]) -> list[Detections]:
-        """At most `preset.max_detections` in each; points not finite are not read."""
+        """At most `preset.max_detections` in each; points that are not finite are ignored."""
         voxels = voxelise(clouds, self.preset)
         predictions = self(voxels)
         empty = torch.bincount(voxels.sites.bzyx()[0], minlength=len(clouds)) == 0
@@ -72,7 +72,7 @@ class SecondNet(DetectionNetwork):
         return Second(self, provenance)
 
     def anchor_grid(self) -> AnchorGrid:
-        """The anchors, on the map that the backbones make: one eighth of the voxel grid."""
+        """The anchors on the backbones' output map: one eighth of the voxel grid."""
         if self._grid is None or self._grid.x.device != self.device:
             _, height, width = self.preset.grid_zyx
             self._grid = AnchorGrid(self.preset, height // 8, width // 8, self.device)
@@ -94,17 +94,18 @@ class Second(NetworkDetector[SecondNet]):
         return VoxelGrid((r.x_min_m, r.y_min_m, r.z_min_m), self.preset.voxel_size_m, shape)
 
     def loss_batch(self, inputs: Sequence[LossInput]) -> list[Tensor]:
-        """The training loss of each cloud, as `loss`; frozen batch norm keeps them apart."""
+        """The training loss of each cloud, see `loss`; with frozen batch norm, clouds do not affect each
+        other."""
         voxels = self._voxels_of([each.points for each in inputs], [None] * len(inputs))
         return self._losses(voxels, inputs, None)
 
     def occupancy_loss(
         self, points: Tensor, boxes: Tensor, labels: Tensor, probes: Tensor | None = None
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """The loss as a function of voxel occupancy, as `VoxelDetector.occupancy_loss`.
+        """The loss as a function of voxel occupancy, see `VoxelDetector.occupancy_loss`.
 
-        As returned it is `loss`; with a voxel at zero it is `loss` without that voxel's points, and with a
-        ghost's voxel at one it is `loss` with the probes there among the points.
+        With the returned occupancy it equals `loss`; with a voxel at zero, `loss` without that voxel's
+        points; with a probe point's voxel at one, `loss` with the probe points there among the points.
         """
         voxels = self._voxels(points, probes)
         occupancy = voxels.holds_points.to(points.device, voxels.features.dtype).requires_grad_()
@@ -112,7 +113,7 @@ class Second(NetworkDetector[SecondNet]):
         return loss.to(points.device), occupancy, voxels.point_to_voxel.to(points.device)
 
     def occupancy_loss_batch(self, inputs: Sequence[LossInput]) -> list[tuple[Tensor, Tensor, Tensor]]:
-        """What `occupancy_loss` says of each cloud."""
+        """The results of `occupancy_loss` for each cloud."""
         voxels = self._voxels_of([each.points for each in inputs], [each.probes for each in inputs])
         # A cloud's voxels follow one another, and so do its points, with its probes behind them.
         counts = torch.bincount(voxels.sites.bzyx()[0], minlength=len(inputs)).tolist()

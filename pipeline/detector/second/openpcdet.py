@@ -25,19 +25,19 @@ LAYERS_3D = {
     **{f"stage{stage}.{layer}": f"conv{stage}.{layer}" for stage in (2, 3, 4) for layer in range(3)},
     "fold": "conv_out",
 }
-"""Sparse layers here and there, where `.0` is the convolution and `.1` its batch norm."""
+"""Our sparse layers and OpenPCDet's, where `.0` is the convolution and `.1` its batch norm."""
 
 MOST_VALUES = 20_000_000
-"""Of all weights: four times as many as there are, so that those of a wrong shape are named."""
+"""Limit on all weights: four times the true number, so that weights of a wrong shape can be reported."""
 
 HEADS = ("conv_cls", "conv_box", "conv_dir_cls")
 COUNTERS = re.compile(r"(^|\.)(global_step|num_batches_tracked)$")
 
 
 def import_openpcdet(path: Path) -> tuple[SecondNet, dict[str, str]]:
-    """The network of preset `kitti` with the weights of an OpenPCDet checkpoint, and where they are from.
+    """The network of preset `kitti` with the weights of an OpenPCDet checkpoint, and their origin.
 
-    No code from the file ever runs. Its sparse weights may lie as in spconv 1 or as in spconv 2.
+    Code in the file is never run. Its sparse weights may have the layout of spconv 1 or spconv 2.
     Raises AdvpipeError for every other file, with the reason.
     """
     net = SecondNet(KITTI)
@@ -48,7 +48,7 @@ def import_openpcdet(path: Path) -> tuple[SecondNet, dict[str, str]]:
         parts = {their: theirs[their] for their in their_names(name)}
         sparse = name.startswith("backbone3d") and value.ndim == 3
         converted[name] = (_sparse_weight if sparse else _joined)(path, parts, value)
-    # The bird's-eye map stacks the layers of a column: channel by channel there, layer by layer here.
+    # The bird's-eye map stacks the z layers of a column: OpenPCDet's by channel, ours by layer.
     first, channels = "backbone2d.blocks.0.0.weight", KITTI.channels_3d[-1]
     rows, columns, *kernel = converted[first].shape
     layers = columns // channels
@@ -75,24 +75,25 @@ def their_names(name: str) -> tuple[str, ...]:
 
 
 def _read_weights(path: Path, wanted: set[str]) -> dict[str, Tensor]:
-    """The tensors of `model_state`: those wanted, and besides them only counters of training steps."""
+    """The tensors of `model_state`; raises an error unless they are those wanted and training-step
+    counters."""
     checkpoint = _load(path)
     state = checkpoint.get("model_state") if isinstance(checkpoint, dict) else None
     if not isinstance(state, dict) or not all(isinstance(value, Tensor) for value in state.values()):
-        raise UsageError(f"{path} holds no `model_state` of tensors; it is no checkpoint of OpenPCDet")
+        raise UsageError(f"{path} holds no `model_state` of tensors; it is not an OpenPCDet checkpoint")
     given = {str(name) for name in state if not COUNTERS.search(str(name))}
     found = {"lacks": wanted - given, "has": given - wanted}
     wrong = [f"{verb} {_some(names)}" for verb, names in found.items() if names]
     if wrong:
         raise UsageError(f"{path} is no SECOND of OpenPCDet's second.yaml: it {' and '.join(wrong)}")
-    # A tensor of any shape lies in a single number, repeated: it is told by its shape before it is looked at.
+    # An expanded tensor of any shape is stored as a single number: check the shape before reading it.
     if sum(state[name].numel() for name in wanted) > MOST_VALUES:
         raise UsageError(f"{path} is no SECOND of OpenPCDet's second.yaml: its weights are too large")
     for name in sorted(wanted):
         value = state[name]
         is_plain = value.layout is torch.strided and value.device.type == "cpu" and value.is_floating_point()
         if not is_plain or not torch.isfinite(value.float()).all():
-            raise AdvpipeError(f"{path}: {name} holds values that are no finite numbers")
+            raise AdvpipeError(f"{path}: {name} holds values that are not finite")
     return {name: state[name].float() for name in wanted}
 
 
@@ -112,10 +113,10 @@ def _load(path: Path) -> object:
             warnings.simplefilter("ignore")
             return torch.load(path, map_location="cpu", weights_only=True)
     except pickle.UnpicklingError:
-        raise UsageError(f"{path} is no checkpoint that torch.save wrote") from None
-    except Exception as error:  # whatever bytes that are no checkpoint lead torch.load into
+        raise UsageError(f"{path} was not written by torch.save") from None
+    except Exception as error:  # torch.load may raise anything for other bytes
         raise AdvpipeError(
-            f"{path} is cut off or no checkpoint of torch.save ({type(error).__name__}); copy it again"
+            f"{path} is truncated or not written by torch.save ({type(error).__name__}); copy it again"
         ) from None
 
 
@@ -132,7 +133,7 @@ def _sparse_weight(path: Path, parts: dict[str, Tensor], ours: Tensor) -> Tensor
 
 
 def _joined(path: Path, parts: dict[str, Tensor], ours: Tensor) -> Tensor:
-    """A dense weight, or the head's three one after another."""
+    """A dense weight, or the head's three concatenated."""
     rows = [len(ours)]
     if len(parts) > 1:
         anchors = len(KITTI.anchors) * len(KITTI.yaws_rad)

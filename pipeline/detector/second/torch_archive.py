@@ -1,6 +1,7 @@
-"""Files of torch.save from others, checked before torch unpacks them.
+"""Untrusted files of torch.save, checked before torch unpacks them.
 
-torch refuses what could run code; it bounds neither what an archive unpacks to nor what a pickle may build.
+torch refuses what could run code, but limits neither the unpacked size of an archive nor the objects in a
+pickle.
 """
 
 from __future__ import annotations
@@ -16,12 +17,12 @@ from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.short_repr import shorten
 
 MOST_BYTES = 1 << 28
-"""A SECOND for KITTI has 21 MB of weights, and three times that with its optimiser."""
+"""A SECOND for KITTI has 21 MB of weights, three times that with its optimiser's state."""
 
 MOST_ENTRIES = 10_000
 MOST_DIRECTORY_BYTES = 1 << 22
 MOST_PICKLE_BYTES = 1 << 20
-"""Of names and shapes; each byte of a pickle may stand for some 60 of Python's own."""
+"""Limit on names and shapes; each byte of a pickle may expand to some 60 bytes in Python."""
 
 PLAIN = re.compile(
     r"collections OrderedDict|torch Size|torch device|torch\.serialization _get_layout"
@@ -29,18 +30,19 @@ PLAIN = re.compile(
     r"|torch\._utils _rebuild_(tensor|tensor_v2|tensor_v3|parameter|parameter_with_state|sparse_tensor)"
     r"|torch (bool|u?int\d+|b?float\d+)"
 )
-"""What pickles of tensors name. torch lets more through, such as a bytearray of any length."""
+"""Names allowed in pickles of tensors. torch allows more, such as a bytearray of any length."""
 
 _OLD_PICKLES = 5
-"""Before 2020 torch.save wrote a magic number, its version, the system, the object and the names of storages
-as pickles, one behind the other, and then the numbers."""
+"""Before 2020, torch.save wrote a magic number, its version, the system, the object and the names of storages
+as consecutive pickles, and then the numbers."""
 
 
 def check_archive(path: Path) -> None:
-    """Raises AdvpipeError for a file that unpacks to more than it is, or whose pickle names no tensors."""
+    """Raise AdvpipeError for a file that unpacks to more than its size, or whose pickle names other than
+    tensors."""
     size_bytes = path.stat().st_size
     if size_bytes > MOST_BYTES:
-        raise AdvpipeError(f"{path} has {size_bytes} bytes; no SECOND of OpenPCDet has over {MOST_BYTES}")
+        raise AdvpipeError(f"{path} has {size_bytes} bytes; OpenPCDet's SECOND has at most {MOST_BYTES}")
     with path.open("rb") as file:
         if file.read(4) == b"PK\x03\x04":
             _check_zip(path, file, size_bytes)
@@ -57,13 +59,17 @@ def _check_zip(path: Path, file: IO[bytes], size_bytes: int) -> None:
         with zipfile.ZipFile(file) as archive:
             entries = archive.infolist()
             if len({entry.filename.lower() for entry in entries}) < len(entries):
-                raise AdvpipeError(f"{path} has two entries of one name; torch.save writes none")
+                raise AdvpipeError(
+                    f"{path} has two entries with the same name, which torch.save never writes"
+                )
             if any(entry.compress_type != zipfile.ZIP_STORED for entry in entries):
                 raise AdvpipeError(
-                    f"{path} is compressed, which no checkpoint of torch.save is; load it and save it again"
+                    f"{path} is compressed, unlike files of torch.save; load it and save it again"
                 )
             if sum(entry.file_size for entry in entries) > size_bytes:
-                raise AdvpipeError(f"{path} declares more than it holds; no torch.save wrote it")
+                raise AdvpipeError(
+                    f"{path} declares more data than it holds; it was not written by torch.save"
+                )
             for entry in entries:
                 if entry.filename.lower().endswith(".pkl"):
                     if entry.file_size > MOST_PICKLE_BYTES:
@@ -75,7 +81,7 @@ def _check_zip(path: Path, file: IO[bytes], size_bytes: int) -> None:
 
 
 def _directory(path: Path, file: IO[bytes], size_bytes: int) -> tuple[int, int]:
-    """How many entries an archive's directory tells of, and its bytes (PKWARE APPNOTE 4.3.14 to 4.3.16)."""
+    """The number of entries and the bytes of an archive's directory (PKWARE APPNOTE 4.3.14 to 4.3.16)."""
     start = max(size_bytes - (1 << 16) - 22, 0)
     file.seek(start)
     tail = file.read()
@@ -96,7 +102,7 @@ def _directory(path: Path, file: IO[bytes], size_bytes: int) -> tuple[int, int]:
 def _check_old(path: Path, file: IO[bytes]) -> None:
     start = file.read(MOST_PICKLE_BYTES)
     if not start.startswith(b"\x80"):
-        raise AdvpipeError(f"{path} is no checkpoint that torch.save wrote")
+        raise AdvpipeError(f"{path} was not written by torch.save")
     file.seek(0)
     for _ in range(_OLD_PICKLES):
         _check_pickle(path, file)
@@ -105,14 +111,14 @@ def _check_old(path: Path, file: IO[bytes]) -> None:
 
 
 def _check_pickle(path: Path, file: IO[bytes]) -> None:
-    """Reads one pickle and makes nothing of it; raises AdvpipeError for a name that is not of a tensor."""
+    """Scan one pickle without building objects; raise AdvpipeError for a name that no tensor needs."""
     try:
         for operation, argument, _ in pickletools.genops(file):
             named = str(argument) if operation.name == "GLOBAL" else ""
             if operation.name in ("STACK_GLOBAL", "INST") or (named and not PLAIN.fullmatch(named)):
-                what = shorten(named.replace(" ", ".")) or "a name that is made up"
+                what = shorten(named.replace(" ", ".")) or "a computed name"
                 raise AdvpipeError(
-                    f"{path} holds {what}, and what is no plain tensor is not loaded, since it could run "
+                    f"{path} holds {what}; only plain tensors are loaded, since anything else could run "
                     "code; if you trust the file, save its `model_state` alone, as {'model_state': ...}, "
                     "with torch.save"
                 )
@@ -122,5 +128,5 @@ def _check_pickle(path: Path, file: IO[bytes]) -> None:
 
 def _no_checkpoint(path: Path, error: Exception) -> AdvpipeError:
     return AdvpipeError(
-        f"{path} is cut off or no checkpoint of torch.save ({type(error).__name__}); copy it again"
+        f"{path} is truncated or not written by torch.save ({type(error).__name__}); copy it again"
     )

@@ -16,10 +16,10 @@ from advpipe.pipeline.detector.second.sparse_conv import Sites
 class Voxels:
     """The V occupied voxels of a batch of clouds.
 
-    features: (V, 4) mean x, y, z, intensity of the points inside that count.
+    features: (V, 4) mean x, y, z, intensity of the used points inside.
     sites: where they are.
-    point_to_voxel: (N,) int64 row of each point of the concatenated clouds, -1 if in no voxel that is read.
-    holds_points: (V,) bool; the other voxels hold only probes.
+    point_to_voxel: (N,) int64 row of each point of the concatenated clouds, -1 for ignored points.
+    holds_points: (V,) bool; the other voxels hold only probe points.
     """
 
     features: Tensor
@@ -33,12 +33,12 @@ def voxelise(
 ) -> Voxels:
     """The voxels of clouds (N_i, 4) x, y, z, intensity, one batch entry each.
 
-    Points out of range or not finite are not read. Every point of a voxel counts, so the order of the
+    Points out of range or not finite are ignored. Every point of a voxel counts, so the order of the
     points does not matter and each has a gradient; except where the preset limits the points of a voxel
     or, in `training` to another number, the voxels of a cloud: the first ones then count, as in OpenPCDet.
 
-    probes: of each cloud, how many of its last points are none yet: a voxel that holds a point besides is as
-    if they were not there, and one without a point has them as its features.
+    probes: how many of each cloud's last points are probe points: a voxel that also holds a point is as
+    if they were not there, and a voxel without a point gets its features from them.
     """
     points = torch.cat(list(clouds))
     batch = torch.cat([torch.full((len(c),), b, device=c.device) for b, c in enumerate(clouds)])
@@ -74,7 +74,7 @@ def voxelise(
 
 
 def _last_of_each(clouds: Sequence[Tensor], counts: Sequence[int]) -> Tensor:
-    """Which points (N,) of the concatenated clouds are among so many last ones of their cloud."""
+    """Which points (N,) of the concatenated clouds are among the last `counts` points of their cloud."""
     return torch.cat(
         [
             torch.arange(len(cloud), device=cloud.device) >= len(cloud) - count
@@ -93,7 +93,7 @@ def _place_in_voxel(voxel: Tensor) -> Tensor:
 
 
 def _first_voxels(batch: Tensor, voxel: Tensor, count: int, limit: int) -> Tensor:
-    """Which of `count` voxels are among the `limit` of their cloud that a point (N,) falls into first."""
+    """Which of `count` voxels are among the first `limit` of their cloud, in the order of the points (N,)."""
     places = torch.arange(len(voxel), device=voxel.device)
     first = places.new_full((count,), len(voxel)).scatter_reduce(0, voxel, places, "amin")
     # The points of a cloud follow one another, and so do its voxels in the order of their first points.

@@ -1,8 +1,8 @@
-"""What rain, snow and fog do to a LiDAR: light lost on the way, and echoes from the air itself.
+"""The effect of rain, snow and fog on a LiDAR: attenuation, and echoes from the air.
 
 Rain and snow follow LISA (Kilic, Hegde, Sindagi, Cooper, Foster, Patel: Lidar Light Scattering
 Augmentation, arXiv 2107.07004): extinction from the particles' size distribution, and a Monte Carlo draw
-of single particles in the beam, of which the strongest may outshine what stands behind it. Fog follows
+of single particles in the beam; the strongest echo may exceed that of the target behind it. Fog follows
 Hahner, Sakaridis, Dai, Van Gool: Fog Simulation on Real LiDAR Point Clouds (ICCV 2021), after Rasshofer,
 Spies, Spies: Influences of weather phenomena on automotive laser radar systems (2011).
 
@@ -25,10 +25,10 @@ Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 
 ASSUMED_REFLECTIVITY = 0.9
-"""`range_reflectivity` in bad weather of a sensor that names none: LISA takes a white target."""
+"""`range_reflectivity` in bad weather of a sensor without one: LISA assumes a white target."""
 
 FAINTEST = 1 / 255
-"""Signal below which an echo from the air is taken for noise: one step of an 8-bit reflectivity."""
+"""Signal below which an echo from the air is lost in noise: one step of an 8-bit reflectivity."""
 
 NEAREST_M, FULL_VIEW_M = 0.9, 1.0
 """The receiver sees nothing of the beam before the first range, all of it after the second (R1 and R2
@@ -60,7 +60,7 @@ class Atmosphere(Protocol):
     extinction_per_m: float
 
     def echoes(self, rays: int, rng: np.random.Generator) -> Echoes:
-        """What so many rays would get back from the air, if nothing stood in it."""
+        """The echoes of the air along `rays` rays, without any targets."""
         ...
 
 
@@ -75,13 +75,13 @@ def atmosphere_of(weather: Weather, sensor: LidarSensor) -> Atmosphere | None:
 
 
 def transmission(air: Atmosphere, range_m: Float32) -> Float32:
-    """Share (N,) of light left on the way there and back: exp(-2 alpha R), Beer and Lambert."""
+    """Two-way transmission (N,): exp(-2 alpha R), Beer and Lambert."""
     share: Float32 = np.exp(range_m * np.float32(-2 * air.extinction_per_m))
     return share
 
 
 def needed_signal(sensor: LidarSensor, range_m: Float64) -> Float64:
-    """Signal (N,) at each range that an echo from the air has to have to be taken notice of."""
+    """Minimum signal (N,) at each range for an echo from the air to be detected."""
     floor = noise_floor(sensor, range_m.astype(np.float32), sensor.range_reflectivity or ASSUMED_REFLECTIVITY)
     return np.maximum(floor.astype(np.float64), FAINTEST)
 
@@ -89,7 +89,8 @@ def needed_signal(sensor: LidarSensor, range_m: Float64) -> Float64:
 def rain(rate_mm_per_h: float, sensor: LidarSensor) -> Particles:
     """Marshall and Palmer's drops (1948): N(D) = 8000 exp(-4.1 R^-0.21 D) per m^3 and mm.
 
-    A drop mirrors: its answer is Fresnel's at normal incidence into water, ((n - 1)/(n + 1))^2 = 0.02.
+    A drop reflects like a mirror: Fresnel reflection at normal incidence into water, ((n - 1)/(n + 1))^2 =
+    0.02.
     """
     slope_per_mm = 4.1 * rate_mm_per_h**-0.21
     return Particles(8000.0, slope_per_mm, 0.02, _extinction_per_m(8000.0, slope_per_mm), sensor)
@@ -98,8 +99,8 @@ def rain(rate_mm_per_h: float, sensor: LidarSensor) -> Particles:
 def snow(rate_mm_per_h: float, sensor: LidarSensor) -> Particles:
     """Gunn and Marshall's flakes (1958): N(D) = 3800 R^-0.87 exp(-2.55 R^-0.48 D), D and R melted.
 
-    A flake scatters as a surface of 0.9 would (Hahner et al., LiDAR Snowfall Simulation, CVPR 2022). It
-    is as dense as a tenth of water, so that it shades 10^(2/3) times the area of the drop it melts to.
+    A flake scatters like a surface of reflectivity 0.9 (Hahner et al., LiDAR Snowfall Simulation, CVPR 2022).
+    It is as dense as a tenth of water, so that it shades 10^(2/3) times the area of the drop it melts to.
     """
     density = 3.8e3 * rate_mm_per_h**-0.87
     slope_per_mm = 2.55 * rate_mm_per_h**-0.48
@@ -116,8 +117,8 @@ def _extinction_per_m(density: float, slope_per_mm: float) -> float:
 class Particles:
     """Drops or flakes whose diameters fall off exponentially: N(D) = density exp(-slope D).
 
-    LISA draws every particle in a beam and keeps the strongest. Most are far too faint to be noticed;
-    here only those are drawn that can be, which gives the same strongest ones: particles in disjoint
+    LISA draws every particle in a beam and keeps the strongest. Most are far too faint to be detected;
+    here only detectable ones are drawn, which gives the same strongest ones: particles in disjoint
     volumes are independent, and an exponential law begins anew at any diameter.
     """
 
@@ -132,7 +133,7 @@ class Particles:
         self.extinction_per_m = extinction_per_m
         self._slope_per_mm, self._reflectivity = slope_per_mm, reflectivity
         range_m = np.linspace(NEAREST_M, sensor.range, 4096)
-        # A particle answers with the share of the beam's area that it fills, at most with all of it.
+        # A particle reflects the share of the beam's area that it fills, at most all of it.
         share = needed_signal(sensor, range_m) * np.exp(2 * extinction_per_m * range_m) / reflectivity
         least_mm = 1e3 * DIVERGENCE_RAD * range_m * np.sqrt(share)
         beam_m2 = np.pi / 4 * (DIVERGENCE_RAD * range_m) ** 2
@@ -155,7 +156,7 @@ class Particles:
 
 
 class Fog:
-    """Droplets too small and too many to be told apart: a soft target (Hahner et al., equations 3 to 10).
+    """Droplets too small and too many to be resolved: a soft target (Hahner et al., equations 3 to 10).
 
     alpha = ln 20 / MOR and beta = 0.046 / MOR. A sin^2 pulse of length L sends back
     P(r) = pi beta integral of sin^2(pi x / L) xi(r') exp(-2 alpha r') / r'^2 dx with r' = r + L/2 - x,

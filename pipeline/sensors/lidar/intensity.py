@@ -1,4 +1,4 @@
-"""How strong a surface answers, and how likely a sensor takes notice of it."""
+"""The strength of a surface's return, and its probability of detection."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Float32 = npt.NDArray[np.float32]
 ROUGHNESS_RAD = np.deg2rad(20.0)
 _VARIANCE = ROUGHNESS_RAD**2
 GRAZING_SHARE = np.float32(0.45 * _VARIANCE / (_VARIANCE + 0.09) / (1 - 0.5 * _VARIANCE / (_VARIANCE + 0.33)))
-"""What a rough surface returns at grazing incidence, as a share of that at its normal: 0.30.
+"""Return of a rough surface at grazing incidence, as a share of that at normal incidence: 0.30.
 
 Oren and Nayar, Generalization of Lambert's reflectance model (SIGGRAPH 1994), with light and eye in the
 same place: A cos + B sin^2, here over A. Facets of 20 degrees are those of asphalt and plaster.
@@ -34,8 +34,8 @@ of detection for which makers state the range."""
 def return_signal(hits: Hits, seen: npt.NDArray[np.intp], attenuation_per_m: float) -> Float32:
     """Signal (len(seen),) float32 of the rays `seen`, as that of a diffuse target: 1 is a white one, facing.
 
-    Reflectivity x incidence (Oren-Nayar) x what panes on the way leave x exp(-a d), as CARLA has it.
-    The range itself takes nothing: sensors report calibrated reflectivity, not power.
+    Reflectivity x incidence (Oren-Nayar) x transmission of panes on the way x exp(-a d), as in CARLA.
+    There is no other dependence on range: sensors report calibrated reflectivity, not power.
     """
     cos = hits.cos_incidence[seen]
     answer = cos + GRAZING_SHARE * (1 - cos * cos)
@@ -57,16 +57,16 @@ def noise_floor(sensor: LidarSensor, range_m: Float32, reflectivity: float | Non
 def detected_share(margin: Float32) -> Float32:
     """Probability (N,) of detection of a signal that is `margin` (N,) times the noise floor.
 
-    1 - (1 - 0.9)^(margin^2), a smooth step of ours through the one point that makers state.
+    1 - (1 - 0.9)^(margin^2): a smooth step through the one point that makers state.
     """
     lost: Float32 = np.exp(np.square(np.minimum(margin, 1e3)) * np.float32(np.log(1 - DETECTED_AT_RANGE)))
     return 1 - lost
 
 
 def kept_share(sensor: LidarSensor, intensity: Float32) -> Float32:
-    """Share (N,) of returns that CARLA's `dropoff_*` keep.
+    """Share (N,) of returns kept by CARLA's `dropoff_*` parameters.
 
-    Some are lost at random, and of the weak ones a share that falls linearly from
+    A share of all returns is lost randomly, and of the weak ones a share that falls linearly from
     `dropoff_zero_intensity` at intensity 0 to nothing at `dropoff_intensity_limit`.
     """
     share = np.full(len(intensity), 1 - sensor.dropoff_general_rate, np.float32)

@@ -1,4 +1,4 @@
-"""A rotating LiDAR: which rays it sends, and what it makes of what they hit."""
+"""A rotating LiDAR: the rays of a turn, and the cloud measured from their hits."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ Float32 = npt.NDArray[np.float32]
 MIN_RANGE_M = 0.9
 
 CLEAR_MARGIN = np.float32(2.0)
-"""Of a sensor that sees everything in range, every surface in clear air is at least so many times as
-strong as it has to be; bad weather wears that away."""
+"""For a sensor that detects everything in range, every surface in clear air is at least this many times as
+strong as needed; bad weather uses up this margin."""
 
 WEAK_NOISE_M = 0.09
 """The range error of a return as strong as the noise is this over sqrt(2) (LISA, Kilic et al. 2021)."""
@@ -38,7 +38,7 @@ class Lidar:
 
     Without motion distortion all rays of a turn leave at the cloud's stamp and `time` is 0. With it, the
     rays leave column by column during the turn that ends at the stamp, each from where the vehicle is
-    then; points are in the LiDAR's frame at their own instant, as a driver gives them out, and `time`
+    then; points are in the LiDAR's frame at their own instant, like the output of a driver, and `time`
     is that instant after the stamp: negative, up to 0, as in velodyne's driver. The ground truth is at
     the stamp.
     """
@@ -56,7 +56,7 @@ class Lidar:
         self.base_SE3_lidar: Float64 = mounting(sensor)
 
     def is_due(self, frame: int) -> bool:
-        """Whether a turn ends at this step."""
+        """Whether a turn ends at this frame."""
         return frame % self._turn_steps == 0
 
     def rays(self, map_SE3_base: Float64, base_twist: Float64 | None = None) -> Float32:
@@ -71,12 +71,12 @@ class Lidar:
     def measure(
         self, hits: Hits, rng: np.random.Generator, velocities_mps: npt.ArrayLike | None = None
     ) -> Cloud:
-        """The cloud of one turn: intensity in [0, 1], range noise, lost points, and what the air adds.
+        """The cloud of one turn: intensity in [0, 1], range noise, lost points, and echoes from the air.
 
         `velocities_mps` (K, 3), of the road users that `hits.objects` names and in the LiDAR's
-        axes at the stamp, counts with motion distortion only: the rays met those users where they are
-        at the stamp, and each point on one is set back by velocity times time. That is exact in where
-        its surface is, and leaves the point beside its ray by what the user moved.
+        axes at the stamp, is used with motion distortion only: the rays hit those users where they are
+        at the stamp, and each point on one is moved by velocity times time. That is exact for the position of
+        its surface, but moves the point off its ray.
         """
         noise = rng.standard_normal(len(hits.range_m), dtype=np.float32)
         chance = rng.random(len(hits.range_m), dtype=np.float32)
@@ -95,14 +95,14 @@ class Lidar:
     def undistorted(self, cloud: Cloud, base_twist: Float64) -> npt.NDArray[np.floating[Any]]:
         """Points (N, 3) of a cloud in the LiDAR's frame at its stamp: the vehicle's own motion undone.
 
-        What moves by itself stays where it was at each point's time.
+        Moving objects remain where they were at each point's time.
         """
         if not self._sensor.motion_distortion:
             return xyz(cloud)
         return self._sweep.undistorted(xyz(cloud), cloud["time"], self.base_SE3_lidar, base_twist)
 
     def _received(self, clear: Float32, range_m: Float32) -> tuple[Float32, Float32, Float32]:
-        """What arrives of the signal in clear air, the share that is noticed, and the range error."""
+        """The received part of the clear-air signal, the share that is detected, and the range error."""
         sensor, air = self._sensor, self._air
         stddev_m = np.full(len(clear), sensor.noise_stddev, np.float32)
         named = sensor.range_reflectivity > 0
@@ -151,9 +151,9 @@ class _Points(NamedTuple):
 
 
 def _with_stronger_echoes(points: _Points, echoes: Echoes, reach_m: Float32) -> _Points:
-    """The points, where the air answers stronger replaced by its echo: a sensor gives the strongest return.
+    """The points, replaced by the air's echo where that is stronger: a sensor reports the strongest return.
 
-    reach_m: (R,), how far the air goes along each of all rays.
+    reach_m: (R,), the length of air along each of all rays.
     """
     power = np.zeros(len(reach_m), np.float32)
     power[points.rays] = points.signal / np.square(points.range_m)
@@ -161,7 +161,7 @@ def _with_stronger_echoes(points: _Points, echoes: Echoes, reach_m: Float32) -> 
     stronger &= echoes.range_m < reach_m[echoes.rays]
     rays = echoes.rays[stronger]
     air = _Points(rays, echoes.range_m[stronger], echoes.signal[stronger], np.full(len(rays), -1, np.int32))
-    # Of a ray that both name the echo has the slot; slots keep the order of the rays without sorting.
+    # If a ray has both, the echo takes its slot; slots keep the order of the rays without sorting.
     slot = np.full(len(reach_m), -1, np.int64)
     slot[points.rays] = np.arange(len(points.rays))
     slot[air.rays] = len(points.rays) + np.arange(len(air.rays))

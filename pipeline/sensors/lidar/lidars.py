@@ -1,4 +1,4 @@
-"""LiDARs, as the rest of advpipe knows them: scenario section, topics, ground truth and panels."""
+"""The interface of LiDARs to the rest of advpipe: scenario section, topics, ground truth and panels."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from advpipe.pipeline.sensors.lidar.section import LidarSensor
 from advpipe.pipeline.sensors.sensor import Cadence, DriveSettings, Instant, MountedSensor, Panel, Reading
 
 MOST_RAYS = 10_000_000
-"""Of one turn of all LiDARs together; a few hundred bytes of memory each."""
+"""Limit on one turn of all LiDARs together; a ray needs a few hundred bytes of memory."""
 
 POINT_BYTES = 22
 
@@ -104,4 +104,4 @@ CLOUD_PANEL = Panel(
         "Use rainbow": True,
     },
 )
-"""Of a cloud with intensities, another tool's too."""
+"""The panel of any cloud with intensities, also from other tools."""

@@ -1,6 +1,6 @@
-"""Well-known LiDARs: what `preset` sets in a LidarSensor.
+"""Well-known LiDARs: the keys that `preset` sets in a LidarSensor.
 
-Figures are those that the makers publish; each entry names its source. Sensors differ one from another,
+All values are published by the makers; each entry names its source. Individual sensors differ,
 and these are nominal ones: the design table of the elevations, no offsets of azimuth between channels,
 single returns, 10 turns a second. `noise_stddev` is the published range accuracy, taken as one standard
 deviation. `range_reflectivity` is that of the target for which the maker states the range; where a

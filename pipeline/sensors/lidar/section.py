@@ -30,7 +30,7 @@ from advpipe.pipeline.sensors.sensor import MountedSection
 _FAN = ("channels", "upper_fov", "lower_fov")
 
 MAX_RAYS = 2_000_000
-"""Rays of one turn; a few hundred bytes of memory each."""
+"""Limit on the rays of one turn; each needs a few hundred bytes of memory."""
 
 
 class LidarSensor(MountedSection):
@@ -83,7 +83,7 @@ class LidarSensor(MountedSection):
     @model_validator(mode="before")
     @classmethod
     def _defaults(cls, keys: Any) -> Any:
-        """What the preset and the angles set, below what the file itself says."""
+        """Add the keys of the preset and the angles; keys in the file take precedence."""
         if not isinstance(keys, dict):
             return keys
         name, given = keys.get("preset"), dict(keys)
@@ -94,7 +94,7 @@ class LidarSensor(MountedSection):
                 raise ValueError(
                     f"preset {short_repr(name)} is no known sensor; {hint}known: {', '.join(LIDAR_PRESETS)}"
                 )
-            if any(key in given for key in _FAN):  # another fan than the preset's: its angles do not fit
+            if any(key in given for key in _FAN):  # the preset's angles do not fit another fan
                 given.setdefault("vertical_angles_deg", None)
             given = LIDAR_PRESETS[name] | given
         angles = keys.get("vertical_angles_deg")

@@ -1,4 +1,4 @@
-"""What the LiDARs of a vehicle saw, and the truth beside it, as messages."""
+"""The view of a vehicle's LiDARs, with ground truth, as messages."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from advpipe.pipeline.sensors.lidar.rig import LidarView
 
 
 def view_messages(vehicle: str, stamp_ns: int, view: LidarView, with_markers: bool) -> list[StampedCdr]:
-    """The clouds, then boxes, road users, and markers where they are wanted; all with one stamp."""
+    """The clouds, boxes, road users and, optionally, markers; all with one stamp."""
     messages = []
     for name, cloud in view.clouds.items():
         topic = VehicleTopics(vehicle, name)

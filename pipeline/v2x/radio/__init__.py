@@ -1,1 +1,1 @@
-"""The radio between stations: who receives which message, how strong, and when."""
+"""The radio between stations: which station receives which message, with what power, and when."""

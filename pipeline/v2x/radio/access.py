@@ -1,10 +1,10 @@
 """Listen before talk: when the messages that wait get onto the air (CSMA/CA of IEEE 802.11).
 
-A message goes out at once when its station has heard nothing for an AIFS. Otherwise it waits for the channel
-to be free for an AIFS, and then counts down random slots, which stop while the channel is busy. Simplified:
-propagation takes no time here, and there is one threshold for signals and energy, one queue for all
-messages, and no backoff after a message that met a free channel. As in every broadcast, nothing is
-acknowledged or sent again, and the contention window stays the same.
+A message is sent at once if its station has sensed no signal for an AIFS. Otherwise it waits for the channel
+to be free for an AIFS, and then counts down random slots; the countdown stops while the channel is busy.
+Simplified: propagation takes no time here, and there is one threshold for signals and energy, one queue for
+all messages, and no backoff after a message sent on a free channel. As in every broadcast, nothing is
+acknowledged or retransmitted, and the contention window stays the same.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ from advpipe.pipeline.v2x.radio.stations import Bool, Int64
 
 LONG_AGO_NS = -(10**18)
 CCA_TIME_NS = 8_000
-"""Stations that start within it of each other do not hear each other in time (clear channel assessment)."""
+"""Stations that start within this time of each other do not sense each other (clear channel assessment)."""
 
 
 class _Contender:
-    """The first message in a station's queue: when it will start, if nothing comes before."""
+    """The first message in a station's queue, and when it will start unless another station starts
+    earlier."""
 
     __slots__ = ("countdown_ns", "frame", "start_ns")
 
@@ -31,19 +32,19 @@ class _Contender:
         self.frame, self.start_ns, self.countdown_ns = frame, 0, 0
 
     def contend(self, now_ns: int, free_ns: int, ofdm: Ofdm) -> None:
-        """Wait for the channel, which is free from `free_ns` on as far as anybody knows."""
+        """Wait for the channel, which is free from `free_ns` on according to the transmissions so far."""
         self.countdown_ns = free_ns + ofdm.aifs_ns
         waiting_ns = self.countdown_ns + self.frame.slots * ofdm.slot_ns
         self.start_ns = now_ns if now_ns >= self.countdown_ns else waiting_ns
 
     def freeze(self, now_ns: int, free_ns: int, ofdm: Ofdm) -> None:
-        """Somebody else has started."""
+        """Stop the countdown, as another station has started."""
         self.frame.slots -= max(0, (now_ns - self.countdown_ns) // ofdm.slot_ns)
         self.contend(now_ns, free_ns, ofdm)
 
 
 class Access:
-    """The queues of all stations, by the order of events."""
+    """The transmit queues of all stations, as an event simulation."""
 
     def __init__(self, ofdm: Ofdm, queue_delay_max_ns: int) -> None:
         self._ofdm = ofdm
@@ -58,9 +59,10 @@ class Access:
         return [*(contender.frame for contender in self._contenders.values()), *queued]
 
     def rearrange(self, columns: Int64) -> list[RadioFrame]:
-        """Follow a change of the stations (see `RadioFrame.rearrange`); the messages of those that have gone.
+        """Follow a change of the stations (see `RadioFrame.rearrange`); return the messages of stations that
+        left.
 
-        Call it when the frames have been rearranged.
+        Call it after the frames have been rearranged.
         """
         self._free_ns = np.where(columns < 0, LONG_AGO_NS, np.append(self._free_ns, LONG_AGO_NS)[columns])
         gone = [sender for sender, head in self._contenders.items() if head.frame.sender < 0]
@@ -70,9 +72,9 @@ class Access:
         return dropped
 
     def run(self, requests: list[RadioFrame], until_ns: int) -> tuple[list[RadioFrame], list[RadioFrame]]:
-        """Lets time pass: the messages sent before `until_ns`, by start, and those dropped.
+        """Advance to `until_ns`; return the messages sent before it, by start, and those dropped.
 
-        requests: messages handed over before `until_ns`, in order of that time.
+        requests: messages handed over before `until_ns`, in order of their request times.
         """
         sent: list[RadioFrame] = []
         dropped: list[RadioFrame] = []

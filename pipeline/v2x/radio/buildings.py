@@ -1,4 +1,4 @@
-"""What buildings take from a signal that crosses them."""
+"""Buildings that attenuate signals: walls crossed and metres inside."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ _MARGIN_RAD = 1e-9
 class Buildings:
     """Footprints in the map's plane, as seen from above: walls crossed and metres inside.
 
-    A line's length inside is the sum over the walls it crosses, of where it does so, with plus for leaving
-    and minus for entering; an end that lies inside counts as left there. So no polygon has to be cut.
+    A line's length inside is the signed sum of the places where it crosses walls: plus for leaving
+    and minus for entering; an end that lies inside counts as left there. So no polygon has to be clipped.
     """
 
     def __init__(self, footprints: Sequence[shapely.Polygon]) -> None:
@@ -46,7 +46,7 @@ class Buildings:
     ) -> tuple[Float64, Float64]:
         """Walls crossed (T, S) and metres inside (T, S) from places (T, 2) to places (S, 2).
 
-        wanted: (T, S), the pairs that matter; the others are zero.
+        wanted: (T, S), the pairs to compute; the others are zero.
         """
         if wanted is None:
             wanted = np.ones((len(senders_m), len(receivers_m)), np.bool_)
@@ -57,7 +57,8 @@ class Buildings:
         end_x, end_y = self._end.T[:, edge] - origin
         start_side = ray_x * start_y - ray_y * start_x
         end_side = ray_x * end_y - ray_y * end_x
-        # A wall's end on the line counts to one side, so that of two walls that meet there one is crossed.
+        # A corner on the line belongs to one side, so that only one of the two walls that meet there is
+        # crossed.
         (met,) = np.nonzero((start_side > 0) != (end_side > 0))
         across = end_side[met] - start_side[met]
         place = (start_x[met] * end_y[met] - start_y[met] * end_x[met]) / across
@@ -95,7 +96,7 @@ class Buildings:
         return *np.divmod(which, len(self._start)), column[found]
 
     def _containing(self, points_m: Float64) -> Int64:
-        """How many footprints (S,) hold each point."""
+        """The number of footprints (S,) that contain each point."""
         points, _ = self._tree.query(shapely.points(points_m), predicate="within")
         return np.bincount(points, minlength=len(points_m))
 

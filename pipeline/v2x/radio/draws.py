@@ -1,6 +1,6 @@
-"""Chance that is keyed: a draw belongs to a message and a receiver, whatever else is on the air.
+"""Keyed random draws: each belongs to one message and one receiver, whatever else is on the air.
 
-So an unchanged message meets the same fate when a drive is sent again with other messages changed. The
+So an unchanged message has the same outcome when a drive is replayed with other messages changed. The
 generator is counter-based: SplitMix64's output function (Steele, Lea and Flood, OOPSLA 2014) over the keys.
 """
 
@@ -32,9 +32,9 @@ def mix(state: UInt64) -> UInt64:
 
 
 def message_keys(station_ids: npt.ArrayLike, times_ns: npt.ArrayLike, copies: npt.ArrayLike = 0) -> UInt64:
-    """The keys of messages: the station id and generation time in them, and a count of further copies.
+    """The keys of messages, from station id, generation time and a number for further copies.
 
-    What else a message says is not in its key: an attack that changes only the payload leaves its fate.
+    Other contents do not enter the key: an attack that changes only the payload does not change the draws.
     """
     parts = np.broadcast_arrays(*(np.asarray(part) for part in (station_ids, times_ns, copies)))
     station, time, copy = (np.atleast_1d(part).astype(np.int64).view(np.uint64) for part in parts)
@@ -42,7 +42,7 @@ def message_keys(station_ids: npt.ArrayLike, times_ns: npt.ArrayLike, copies: np
 
 
 class Draws:
-    """Uniform numbers for one drive's seed, by use, message and receiver."""
+    """Uniform random numbers for a drive's seed, keyed by use, message and receiver."""
 
     def __init__(self, seed: int) -> None:
         self._seed = named_generator(seed, "v2x", "radio").integers(2**64, dtype=np.uint64)

@@ -1,4 +1,4 @@
-"""Whether the bits of a message arrive: the NIST model of OFDM's error rate.
+"""The probability that a message arrives without bit errors: the NIST model of OFDM's error rate.
 
 Miller, "Validation of 802.11a/UWB coexistence simulation", NIST 2003; Pei and Henderson, "Validation of OFDM
 error rate model in ns-3", 2010: the union bound over the convolutional code's distance spectrum.
@@ -77,7 +77,8 @@ MODULATIONS: dict[float, tuple[Callable[[Float64], Float64], Code]] = {
 
 
 def success_rate(snr_db: Float64, bits: npt.ArrayLike, channel_bitrate_mbps: float) -> Float64:
-    """The share (...) of messages of so many bits (...) that arrive whole at this signal-to-noise ratio."""
+    """The share (...) of messages of `bits` bits (...) that arrive without error at this signal-to-noise
+    ratio."""
     bit_error_rate, code = MODULATIONS[channel_bitrate_mbps]
     raw = bit_error_rate(10 ** (snr_db / 10))
     bhattacharyya = np.sqrt(4 * raw * (1 - raw))
@@ -90,11 +91,11 @@ def success_rate(snr_db: Float64, bits: npt.ArrayLike, channel_bitrate_mbps: flo
 
 @cache
 def error_free_snr_db(channel_bitrate_mbps: float) -> float:
-    """A ratio from which on `success_rate` is 1, to the last bit, for any message that the radio can send."""
+    """A ratio above which `success_rate` is exactly 1 for any message that the radio can send."""
     ratios_db = np.arange(0.0, 60.0, 0.25)
     is_certain = success_rate(ratios_db, _MANY_BITS, channel_bitrate_mbps) == 1.0
     return float(ratios_db[~is_certain][-1] + 0.25)
 
 
 _MANY_BITS = 2**20
-"""Some thirty times those of the longest frame, 4095 bytes."""
+"""Some thirty times the bits of the longest frame, 4095 bytes."""

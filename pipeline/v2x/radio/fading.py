@@ -13,7 +13,7 @@ NAKAGAMI_SHAPES = (3.01, 1.18, 1.94, 1.86, 0.45, 0.32)
 """Shape m up to each of these distances, and beyond the last (Cheng et al., IEEE JSAC 25(8), 2007)."""
 
 _LOGITS = np.linspace(-37.5, 37.5, 3001)
-"""Where the quantiles are tabulated; the first and the last are beyond all uniform draws of 53 bits."""
+"""Logits of the tabulated quantiles; the first and the last lie beyond all uniform draws of 53 bits."""
 
 
 def shadowing_db(uniform: Float64, stddev_db: Float64) -> Float64:

@@ -14,9 +14,9 @@ NOT_SENT = -1
 
 @dataclass(slots=True, eq=False)
 class RadioFrame:
-    """power_dbm, distance_m: (S,), at each station. hearing: (S,), whom it keeps silent.
+    """power_dbm, distance_m: (S,), at each station. hearing: (S,), stations that sense the channel as busy.
 
-    sender: column of the station, -1 once that has gone. slots: those of its backoff still to count.
+    sender: column of the station, -1 once it has left. slots: remaining backoff slots.
     """
 
     message: int

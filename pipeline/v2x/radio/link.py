@@ -1,4 +1,4 @@
-"""How strong each message is at each station."""
+"""The received power of each message at each station."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from advpipe.pipeline.v2x.radio.stations import Int64, Stations, UInt64
 from advpipe.pipeline.v2x.section import Radio
 
 NEGLIGIBLE_DB = 15.0
-"""So far below the noise nothing matters, and what buildings would take besides is left out."""
+"""Signals this far below the noise have no effect, so their building loss is not computed."""
 
 
 class Link:
-    """Path loss, shadowing, fading and building loss of the settings.
+    """Path loss, shadowing, fading and building loss as configured.
 
     Shadowing and fading are drawn anew for each message and receiver, as in Artery: they are neither
     correlated along a vehicle's way nor the same in both directions.

@@ -12,7 +12,7 @@ from advpipe.pipeline.v2x.radio.frame import RadioFrame
 from advpipe.pipeline.v2x.radio.stations import Int64
 
 WINDOW_NS = 100_000_000
-"""Over which it is measured (ETSI TS 102 687, T_CBR); windows begin at whole tenths of a second."""
+"""The measuring window (ETSI TS 102 687, T_CBR); windows begin at whole tenths of a second."""
 
 
 @dataclass(frozen=True)
@@ -25,10 +25,11 @@ class ChannelLoad:
 
 
 def busy_ratio(frames: Sequence[RadioFrame], stations: int, end_ns: int) -> Float64:
-    """The ratio (S,) over the window that ends then.
+    """The channel busy ratio (S,) over the window that ends at `end_ns`.
 
-    frames: those sent before `end_ns` and on the air in the window, by start. A station counts what it hears
-    at or above the carrier-sense threshold, -85 dBm in TS 102 687, and what it sends; overlaps count once.
+    frames: those sent before `end_ns` and on the air in the window, by start. A station counts what it
+    receives at or above the carrier-sense threshold, -85 dBm in TS 102 687, and what it sends; overlaps count
+    once.
     """
     if not frames:
         return np.zeros(stations)

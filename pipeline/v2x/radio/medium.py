@@ -1,4 +1,4 @@
-"""The radio medium: time goes on step by step, messages go in, outcomes come out."""
+"""The radio medium, simulated step by step: from transmissions to reception outcomes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from advpipe.pipeline.v2x.section import Radio
 
 
 class Step(NamedTuple):
-    """What became known in one step: outcomes of messages, and the load of each window that ended in it."""
+    """The results of one step: outcomes of messages, and the load of each window that ended in it."""
 
     outcomes: ReceptionOutcomes
     loads: tuple[ChannelLoad, ...]
@@ -32,8 +32,8 @@ class Medium:
     >>> for stations, transmissions, until_ns in drive:
     ...     outcomes, loads = medium.advance(until_ns, stations, transmissions)
 
-    A message's fate is known once the medium has advanced past its end, so that of one sent just before the
-    end of a step comes with the next step. Cutting the same time into other steps changes nothing.
+    A message's outcome is known once the medium has advanced past its end; that of one sent just before the
+    end of a step comes with the next step. Dividing the same time into other steps changes nothing.
     """
 
     def __init__(self, radio: Radio, seed: int, buildings: Buildings | None = None) -> None:
@@ -49,10 +49,10 @@ class Medium:
         self._now_ns: int | None = None
 
     def advance(self, until_ns: int, stations: Stations, transmissions: Transmissions) -> Step:
-        """Goes on from the last `until_ns` to this one.
+        """Advance from the last `until_ns` to this one.
 
-        stations: where everybody is meanwhile; whoever is missing has left, with what it had in its queue.
-        transmissions: handed over in this time, at or after the last `until_ns` and before this one.
+        stations: all stations during this time; a missing one has left, and its queued messages are dropped.
+        transmissions: requested in this time, at or after the last `until_ns` and before this one.
         Raises ValueError for transmissions from other times or unknown stations.
         """
         requests_ns = transmissions.request_ns
@@ -74,7 +74,7 @@ class Medium:
         return Step(outcomes, loads)
 
     def _rearrange(self, stations: Stations) -> list[RadioFrame]:
-        """Takes over the stations of this step; the messages of those that have gone."""
+        """Take over the stations of this step; return the dropped messages of stations that left."""
         former, self._stations = self._stations, stations
         if np.array_equal(former.ids, stations.ids):
             return []
@@ -118,7 +118,7 @@ class Medium:
         return ChannelLoad(end_ns, self._stations.ids, busy_ratio(frames, len(self._stations.ids), end_ns))
 
     def _forget(self, ended: list[RadioFrame], until_ns: int) -> None:
-        """Keeps what is still on the air, what overlaps with that, and the current window of the load."""
+        """Forget all frames but those on the air, those overlapping them, and the current load window's."""
         for frame in ended:
             frame.is_reported = True
         window_ns = until_ns - until_ns % WINDOW_NS
@@ -129,5 +129,5 @@ class Medium:
 
 
 def _window_ends(first_ns: int, until_ns: int) -> range:
-    """Whole windows' ends after the first time, up to and with the second."""
+    """The ends of whole windows after `first_ns`, up to and including `until_ns`."""
     return range(first_ns - first_ns % WINDOW_NS + WINDOW_NS, until_ns + 1, WINDOW_NS)

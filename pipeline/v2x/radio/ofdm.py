@@ -1,4 +1,4 @@
-"""How long a message is on the air, and the times that channel access is counted in."""
+"""Air time of messages, and the time units of channel access."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ AIFSN, CONTENTION_SLOTS = 6, 15
 
 
 class Ofdm:
-    """Times in nanoseconds of the OFDM radio with these settings."""
+    """Times in nanoseconds of an OFDM radio with these settings."""
 
     def __init__(self, radio: Radio) -> None:
         self._bits_per_symbol = BITS_PER_SYMBOL[radio.bitrate_mbps * 10 / radio.bandwidth_mhz]
@@ -35,6 +35,6 @@ class Ofdm:
         return 8 * (np.asarray(cam_bytes, np.int64) + self._overhead_bytes)
 
     def air_time_ns(self, cam_bytes: npt.ArrayLike) -> Int64:
-        """Preamble (four symbols), SIGNAL field (one) and data, in whole symbols."""
+        """Air time: preamble (four symbols), SIGNAL field (one) and data, in whole symbols."""
         symbols = -(-(self.frame_bits(cam_bytes) + SERVICE_AND_TAIL_BITS) // self._bits_per_symbol)
         return (5 + symbols) * self._symbol_ns

@@ -11,7 +11,7 @@ from advpipe.pipeline.v2x.section import Radio
 
 SPEED_OF_LIGHT_MPS = 299_792_458.0
 REFERENCE_M = 1.0
-"""Nearer than this, nothing gets stronger."""
+"""The path loss is constant below this distance."""
 
 
 def free_space_db(distance_m: Float64, radio: Radio) -> Float64:

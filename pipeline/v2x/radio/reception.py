@@ -1,4 +1,4 @@
-"""Who receives what was on the air."""
+"""Which stations receive which transmitted messages."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from advpipe.pipeline.v2x.section import Radio
 
 
 class Receiver:
-    """Decides for each message and station.
+    """Decides the outcome of each message at each station.
 
-    Every message that overlaps with another counts against it with its whole power for its whole length,
-    also where they overlap in part (as the least ratio does in Veins and INET; several that do not overlap
-    with each other still add up). A receiver goes for the first message above its sensitivity; a later one
-    needs the capture threshold over it.
+    Every overlapping message interferes with its full power for the full length of the other,
+    also for a partial overlap (like the minimum SINR in Veins and INET; several that do not overlap
+    with each other still add up). A receiver locks on to the first message above its sensitivity; a later one
+    needs to exceed it by the capture threshold.
     """
 
     def __init__(self, radio: Radio, draws: Draws) -> None:
@@ -41,7 +41,7 @@ class Receiver:
     def outcomes(
         self, final: Sequence[RadioFrame], on_air: Sequence[RadioFrame], stations: Stations, dropped: Int64
     ) -> ReceptionOutcomes:
-        """Of the messages `final`; `on_air` are these and all others that overlap with them."""
+        """The outcomes of the messages `final`; `on_air` are these and all others that overlap with them."""
         radio, count = self._radio, len(stations.ids)
         start_ns, end_ns, key, bits = _columns(final, "start_ns", "end_ns", "key", "bits")
         power_dbm = _rows([frame.power_dbm for frame in final], count)
@@ -92,7 +92,8 @@ class Receiver:
     def _overlaps(
         self, final: Sequence[RadioFrame], on_air: Sequence[RadioFrame], power_dbm: Float64
     ) -> tuple[Float64, Bool, Bool]:
-        """Interference in mW, whether the receiver is at an earlier message, whether it sends: (M, S)."""
+        """Interference in mW, whether the receiver is locked on to an earlier message, and whether it sends:
+        (M, S)."""
         interference_mw = np.zeros_like(power_dbm)
         is_busy, is_sending = np.zeros((2, *power_dbm.shape), np.bool_)
         start, end = _columns(final, "start_ns", "end_ns")
@@ -113,14 +114,14 @@ class Receiver:
         return interference_mw, is_busy, is_sending
 
     def _success(self, ratio_db: Float64, bits: Int64) -> Float64:
-        """The chance of whole messages; none below the threshold that is set."""
+        """The probability of error-free messages; 0 below the configured threshold."""
         chance = success_rate(ratio_db, bits, self._channel_bitrate_mbps)
         return np.where(ratio_db >= self._radio.snir_threshold_db, chance, 0.0)
 
     def _arrival_ns(
         self, end_ns: Int64, distance_m: Float64, keys: UInt64, stations: Stations, outcome: UInt8
     ) -> Int64:
-        """When each message (M, S) is through: on the air, in the air, and in the receiver; else 0."""
+        """Arrival of each received message (M, S) after air time, propagation and processing; else 0."""
         row, column = np.nonzero(outcome == Outcome.RECEIVED)
         low_s, high_s = self._radio.processing_delay_min_s, self._radio.processing_delay_max_s
         delay_s = distance_m[row, column] / SPEED_OF_LIGHT_MPS + low_s

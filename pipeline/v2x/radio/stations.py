@@ -1,4 +1,4 @@
-"""What the medium is told and what it tells: stations, transmissions, outcomes."""
+"""Input and output of the medium: stations, transmissions, outcomes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Bool = npt.NDArray[np.bool_]
 class Stations:
     """The S radios on the road during one step.
 
-    ids: (S,), different ones; a radio's own number, whatever station ids its messages claim.
+    ids: (S,), unique; a radio's true number, whatever station ids its messages claim.
     antenna_m: (S, 3), places of the antennas in the map's frame.
     """
 
@@ -30,12 +30,12 @@ class Stations:
 
     def __post_init__(self) -> None:
         if self.antenna_m.shape != (len(self.ids), 3) or not np.isfinite(self.antenna_m).all():
-            raise ValueError(f"antenna_m has to be finite and ({len(self.ids)}, 3)")
+            raise ValueError(f"antenna_m must be finite and have the shape ({len(self.ids)}, 3)")
         if len(set(self.ids.tolist())) != len(self.ids):
             raise ValueError("two stations have the same id")
 
     def columns_of(self, ids: Int64) -> Int64:
-        """Where these stations stand in `ids`; -1 for one that is not there."""
+        """The columns of these stations in `ids`; -1 for an unknown one."""
         if not len(self.ids):
             return np.full(len(ids), -1)
         order = np.argsort(self.ids, kind="stable")
@@ -48,9 +48,9 @@ class Transmissions:
     """M messages that stations hand to their radios.
 
     messages: (M,), the caller's numbers for them, handed back in `ReceptionOutcomes`.
-    keys: (M,), of their random draws; see `draws.message_keys`.
-    senders: (M,), ids of the stations. request_ns: (M,), when they are handed over.
-    cam_bytes: (M,), length of each CAM. power_dbm: (M,), or None for that of the settings.
+    keys: (M,), keys of their random draws; see `draws.message_keys`.
+    senders: (M,), ids of the stations. request_ns: (M,), when they are handed to the radio.
+    cam_bytes: (M,), length of each CAM. power_dbm: (M,), or None for the configured power.
     """
 
     messages: Int64
@@ -70,13 +70,13 @@ class Transmissions:
 
     @classmethod
     def none(cls) -> Transmissions:
-        """A step in which nobody sends."""
+        """No transmissions."""
         empty = np.empty(0, np.int64)
         return cls(empty, empty.astype(np.uint64), empty, empty, empty)
 
 
 class Outcome(IntEnum):
-    """What became of a message at one station."""
+    """The outcome of a message at one station."""
 
     RECEIVED = 0
     OWN = 1
@@ -86,7 +86,7 @@ class Outcome(IntEnum):
     WEAK = 3
     """Below the sensitivity."""
     BUSY = 4
-    """The receiver was at an earlier message, and this one not strong enough to capture it."""
+    """The receiver was locked on to an earlier message, and this one too weak to capture it."""
     NOISE = 5
     """Bit errors, from noise alone."""
     INTERFERENCE = 6
@@ -105,13 +105,13 @@ class Reception(NamedTuple):
 
 @dataclass(frozen=True)
 class ReceptionOutcomes:
-    """What became of M messages at S stations.
+    """The outcomes of M messages at S stations.
 
-    messages, senders, request_ns, start_ns, end_ns: (M,), in order of their ends; handed over, and on the
-    air from when to when.
+    messages, senders, request_ns, start_ns, end_ns: (M,), in order of their ends: request, and start and end
+    of transmission.
     receivers: (S,), ids. outcome: (M, S), `Outcome`. power_dbm, sinr_db, distance_m: (M, S).
-    arrival_ns: (M, S), when a received one reaches the station's facilities.
-    dropped: (D,), messages that were never sent: the channel was busy too long, or their sender has gone.
+    arrival_ns: (M, S), when a received message reaches the station's facilities.
+    dropped: (D,), messages that were never sent: the channel was busy too long, or their sender has left.
     """
 
     messages: Int64
@@ -128,7 +128,7 @@ class ReceptionOutcomes:
     dropped: Int64
 
     def receptions(self, receivers: Int64 | None = None) -> list[Reception]:
-        """What was received, by these stations or by all, in order of arrival."""
+        """The receptions by these stations, or by all, in order of arrival."""
         columns = np.arange(len(self.receivers))
         if receivers is not None:
             columns = columns[np.isin(self.receivers, receivers)]

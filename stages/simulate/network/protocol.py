@@ -1,4 +1,4 @@
-"""The seam of the V2X network: who hears what, and the clock that all of the simulation follows."""
+"""The interface of the V2X network: which vehicle receives what, and the master clock of the simulation."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from advpipe.stages.simulate.traffic.road_users import RoadUser
 
 @dataclass(frozen=True)
 class NetworkStep:
-    """What happened on the air up to `stamp_ns` since the instant before.
+    """The messages sent and received up to `stamp_ns` since the previous instant.
 
     sent: in the order of request_ns, all of them before `stamp_ns`; numbers count up through the drive.
-    received: what instrumented vehicles received, in the order of arrival, with power and SINR; none later
-    than `stamp_ns`, and what arrives later belongs to a later step.
+    received: by instrumented vehicles, in the order of arrival, with power and SINR; none later
+    than `stamp_ns`; later arrivals belong to a later step.
     """
 
     stamp_ns: int
@@ -33,7 +33,7 @@ class NetworkStep:
 
 @runtime_checkable
 class Network(Protocol):
-    """The radios of one drive and the master clock. `NewNetwork` says what one is made from.
+    """The radios of one drive and the master clock. `NewNetwork` is the constructor's signature.
 
     The drive calls `simulate_until` and then `update`, once for each recorded instant, and reads `radios`
     and `local_dynamic_maps` after that; after the last instant it calls `finish` and `statistics`.
@@ -41,37 +41,37 @@ class Network(Protocol):
 
     @property
     def radios(self) -> Sequence[RadioPlace]:
-        """Every radio that is on the road from the newest `update` on, by station id, where it truly is."""
+        """The true pose of every radio on the road since the newest `update`, by station id."""
         ...
 
     def simulate_until(self, stamp_ns: int) -> NetworkStep:
-        """Goes on to an instant, and moves the traffic there, once: `step_traffic`.
+        """Advance to an instant, and call `step_traffic` once to move the traffic there.
 
-        Stations tell what they knew at the newest `update`. Up to the first instant nobody is known, and
-        nothing is sent; the traffic is moved all the same.
+        Stations send their states of the newest `update`. Up to the first instant no station is known, and
+        nothing is sent, but the traffic is moved.
         """
         ...
 
     def update(self, drivers: Mapping[str, RoadUser], estimates: Mapping[str, Estimate]) -> None:
-        """Who is on the road now, by id, and what the instrumented vehicles among them believe of themselves.
+        """Set the vehicles on the road now, by id, and the estimates of the instrumented ones among them.
 
-        People on foot are not among the drivers. Whoever is missing has left, and its radio with it.
+        Pedestrians are not included. A missing vehicle has left, with its radio.
         """
         ...
 
     def local_dynamic_maps(self) -> Sequence[tuple[str, LdmSnapshot]]:
-        """What each instrumented vehicle on the road has been told by radio and still believes, by name."""
+        """The Local Dynamic Map of each instrumented vehicle on the road, by name."""
         ...
 
     def finish(self) -> NetworkStep:
-        """What still arrives after the last instant; nobody sends any more."""
+        """The messages that arrive after the last instant; no more are sent."""
         ...
 
     def statistics(self) -> Statistics | None:
-        """The drive's V2X in numbers; None for a network that keeps none."""
+        """The drive's V2X statistics; None for a network without any."""
         ...
 
 
 NewNetwork = Callable[[Scenario, Callable[[], None], Sequence[shapely.Polygon] | None], Network]
-"""Makes a network from the scenario, from what moves all traffic on by one step, and from the footprints of
-the buildings that weaken signals (None where they do not)."""
+"""Makes a network from the scenario, a function that moves all traffic by one step, and the footprints of
+buildings that attenuate signals (None where they do not)."""

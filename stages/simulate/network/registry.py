@@ -26,11 +26,11 @@ NETWORKS: Mapping[str, NewNetwork] = {"embedded": _embedded}
 def open_network(
     scenario: Scenario, step_traffic: Callable[[], None], footprints: Sequence[shapely.Polygon] | None
 ) -> Network:
-    """The network that the scenario names; raises UsageError for one that is none."""
+    """The network that the scenario names; raises UsageError for an unknown or invalid one."""
     name = scenario.v2x.network
     made = find_implementation("v2x.network", name, NETWORKS)(scenario, step_traffic, footprints)
     if not isinstance(made, Network):
         raise UsageError(
-            f"v2x.network {name} is no network: it lacks what stages/simulate/network/protocol.py asks"
+            f"v2x.network {name} is not a network: it lacks members of stages/simulate/network/protocol.py"
         )
     return made

@@ -1,4 +1,4 @@
-"""XML of others, looked through before it is held in memory or given to SUMO, which expands every entity."""
+"""Checks of untrusted XML before it is held in memory or given to SUMO, which expands every entity."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MOST_BYTES = 1 << 28
 """SUMO's network of a whole city has some 40 MB."""
 
 MOST_ELEMENTS = 3_000_000
-"""Each takes some 300 bytes of memory here, and more in SUMO."""
+"""Each needs some 300 bytes of memory here, and more in SUMO."""
 
 MOST_LEVELS = 100
 
@@ -24,7 +24,7 @@ class _RefusedError(Exception):
 def refuse_xml_bombs(path: Path, what: str) -> None:
     """Raises AdvpipeError, beginning with `what`, for a file that is too large or declares a document type.
 
-    Entities, a few of which can stand for gigabytes, are declared nowhere else. What is no XML passes.
+    Entities, a few of which can expand to gigabytes, can only be declared there. Invalid XML passes.
     """
     if path.stat().st_size > MOST_BYTES:
         raise AdvpipeError(f"{what} has {path.stat().st_size} bytes; at most {MOST_BYTES} are read")
@@ -32,7 +32,7 @@ def refuse_xml_bombs(path: Path, what: str) -> None:
 
     def doctype(*_: object) -> NoReturn:
         raise _RefusedError(
-            "declares a document type (<!DOCTYPE>), whose entities may stand for any amount; remove it"
+            "declares a document type (<!DOCTYPE>), whose entities may expand without limit; remove it"
         )
 
     def start(*_: object) -> None:
@@ -55,5 +55,5 @@ def refuse_xml_bombs(path: Path, what: str) -> None:
             parser.ParseFile(file)
     except _RefusedError as error:
         raise AdvpipeError(f"{what} {error}") from None
-    except (expat.ExpatError, ValueError, LookupError):  # whoever reads it says so
+    except (expat.ExpatError, ValueError, LookupError):  # the reader reports it
         return

@@ -1,4 +1,4 @@
-"""What a SUMO network's numbers and shapes must be, before SUMO or the world is built on them."""
+"""Checks of a SUMO network's numbers and shapes before SUMO or the world uses them."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ ANYWHERE = (-1e8, 1e8)
 """Metres: wider than UTM coordinates of any place on Earth."""
 
 MOST_LANES_KM = 5000.0
-"""The world of a network with longer lanes takes tens of gigabytes."""
+"""The world of a network with longer lanes needs tens of gigabytes."""
 
 LONGEST_CURVE_M = 1e5
 MOST_ROADS_M = 5e6
 MOST_OBJECTS = 1e6
-"""Of an OpenDRIVE map: netconvert holds a point for every two metres of a curve, and all objects."""
+"""Limits of an OpenDRIVE map: netconvert holds a point for every two metres of a curve, and all objects."""
 
 NUMBERS: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "lane": {"index": (0, 1000), "speed": (0, 1000), "length": (0.001, 1e6), "width": (0.01, 200)},
@@ -37,14 +37,14 @@ NEEDED: Mapping[str, tuple[str, ...]] = {
     "junction": ("id", "type", "x", "y", "incLanes", "intLanes"),
     "connection": ("from", "to", "fromLane", "toLane", "dir", "state"),
 }
-"""Attributes that an element cannot do without."""
+"""Required attributes of elements."""
 
 
 def check_network(net: ElementTree.Element, origin: str) -> None:
-    """Raises AdvpipeError, naming the element, for what SUMO or the world would trip over.
+    """Raise AdvpipeError, naming the element, for anything on which SUMO or the world would fail.
 
-    net: the root of a `.net.xml`. That is attributes that are missing, numbers out of bounds, shapes that
-    are no lines, and ids that two elements of a kind share. `origin` is how the message names the file.
+    net: the root of a `.net.xml`. Checked are missing attributes, numbers out of bounds, invalid
+    shapes, and duplicate ids of one kind of element. `origin`: the file's name in messages.
     """
     incomplete = "so it is no complete SUMO network; run netconvert"
     if "version" not in net.attrib:
@@ -72,7 +72,7 @@ def check_network(net: ElementTree.Element, origin: str) -> None:
 
 
 def check_opendrive(root: ElementTree.Element, origin: str) -> None:
-    """Raises AdvpipeError for a map on which netconvert would take hours or all memory.
+    """Raise AdvpipeError for a map on which netconvert would need hours or all memory.
 
     It samples all curves, and lays out each object as often as it is repeated.
     """
@@ -104,7 +104,7 @@ def check_opendrive(root: ElementTree.Element, origin: str) -> None:
 
 
 def _problems(element: ElementTree.Element) -> Iterator[str]:
-    """What is wrong with one element, as the end of a sentence that its name begins."""
+    """The problems of one element, each as the end of a sentence that its name begins."""
     for name in NEEDED.get(element.tag, ()):
         if name not in element.attrib:
             yield f"has no {name}"
@@ -134,7 +134,7 @@ def _shape_problems(element: ElementTree.Element) -> Iterator[str]:
 
 
 def _number(text: str) -> float:
-    """NaN for what is none."""
+    """The number in a text; NaN for any other text."""
     try:
         return float(text)
     except ValueError:

@@ -1,4 +1,4 @@
-"""The file that SUMO drives on: the user's, converted or generated, and checked before SUMO sees it."""
+"""The network file of SUMO: the user's, converted or generated, and checked before SUMO loads it."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from advpipe.stages.simulate.road_network.check import check_network, check_open
 from advpipe.stages.simulate.road_network.repair import repair_lanes
 
 TIMEOUT_S = 600.0
-"""A map of 38 MB with 64,000 lanes is read in a tenth of it."""
+"""Loading a map of 38 MB with 64,000 lanes takes a tenth of this."""
 
 GUESSED_LIGHTS = ("--tls.guess", "--tls.default-type", "actuated", "--tls.max-dur", "25")
 
 
 @dataclass(frozen=True)
 class NetworkFile:
-    """`sumo_file` is what SUMO loads, `map_file` what it was made from, `origin` how messages name it."""
+    """`sumo_file` is loaded by SUMO, `map_file` is its source, `origin` its name in messages."""
 
     sumo_file: Path
     map_file: Path
@@ -32,7 +32,7 @@ class NetworkFile:
 
 
 def prepare_network_file(source: Map, scratch: Path, seed: int) -> NetworkFile:
-    """The SUMO network of a scenario's map, which SUMO is known to load."""
+    """Prepare the SUMO network of a scenario's map, and check that SUMO loads it."""
     if source.opendrive is not None:
         map_file = Path(source.opendrive)
         prepared = NetworkFile(_convert_opendrive(map_file, scratch), map_file, str(map_file))
@@ -56,7 +56,7 @@ def prepare_network_file(source: Map, scratch: Path, seed: int) -> NetworkFile:
 
 
 def check_xml(path: Path, key: str, root_tags: tuple[str, ...], kind: str) -> ElementTree.Element:
-    """The root element of a file that is whole XML of the right kind."""
+    """The root element of a complete XML file of the right kind. Raises AdvpipeError for any other file."""
     if not path.is_file():
         hint = f"give its path with --set {key}=FILE"
         raise AdvpipeError(f"{key}: {path} {'is no file' if path.exists() else 'does not exist'}; {hint}")
@@ -66,7 +66,7 @@ def check_xml(path: Path, key: str, root_tags: tuple[str, ...], kind: str) -> El
     try:
         root = ElementTree.parse(path).getroot()
     except (ElementTree.ParseError, ValueError, UnicodeError, LookupError) as error:
-        raise AdvpipeError(f"{key}: {path} is not {kind}, or is cut off: {error}") from None
+        raise AdvpipeError(f"{key}: {path} is not {kind}, or is truncated: {error}") from None
     tag = root.tag.rpartition("}")[2]  # OpenDRIVE from 1.5 on has a namespace
     if tag not in root_tags:
         raise AdvpipeError(f"{key}: {path} is not {kind}: its root element is <{tag}>, not <{root_tags[0]}>")
@@ -74,7 +74,7 @@ def check_xml(path: Path, key: str, root_tags: tuple[str, ...], kind: str) -> El
 
 
 def sumo_program(name: str) -> str:
-    """The path of a SUMO program that came with the eclipse-sumo package."""
+    """The path of a SUMO program of the eclipse-sumo package."""
     import sumo
 
     return str(Path(sumo.SUMO_HOME) / "bin" / name)
@@ -103,7 +103,7 @@ def run_sumo(
 
 
 def last_error(done: subprocess.CompletedProcess[str]) -> str:
-    """What a SUMO program that failed said, in one line."""
+    """The error message of a failed SUMO program, in one line."""
     if done.returncode < 0:
         return f"it crashed with signal {-done.returncode}"
     lines = [line.strip() for line in done.stderr.splitlines() if line.strip().startswith("Error")]
@@ -111,9 +111,9 @@ def last_error(done: subprocess.CompletedProcess[str]) -> str:
 
 
 def _convert_opendrive(path: Path, scratch: Path) -> Path:
-    """By netconvert; a map without a single signal gets its guess at traffic lights.
+    """Convert with netconvert, which guesses traffic lights for a map without a single signal.
 
-    Without them nobody ever comes to turn left over five lanes of dense traffic.
+    Without them, vehicles never get to turn left across five lanes of dense traffic.
     """
     root = check_xml(path, "map.opendrive", ("OpenDRIVE",), "an OpenDRIVE map (.xodr)")
     check_opendrive(root, str(path))
@@ -128,7 +128,8 @@ def _convert_opendrive(path: Path, scratch: Path) -> Path:
 
 
 def _generate(generator: Generator, scratch: Path, seed: int) -> Path:
-    """By netgenerate. The comment at the head of its output is cut off: it holds a date and paths."""
+    """Generate with netgenerate. The comment at the head of its output is removed: it holds a date and
+    paths."""
     block_m = str(generator.block_m)
     shapes = {
         "grid": ["--grid", "--grid.number", str(generator.size), "--grid.length", block_m],

@@ -1,4 +1,4 @@
-"""Mends what netconvert gets wrong in the inner lanes of hairpin bends."""
+"""Repairs the inner lanes of hairpin bends that netconvert truncates."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.stages.simulate.road_network.shape import length_m, parse_shape, shape_text
 
 SHORT = 0.5
-"""A lane shorter than this share of its neighbour has been cut off."""
+"""A lane shorter than this share of its neighbour has been truncated."""
 
 
 def repair_lanes(net_file: Path) -> int:
-    """Lays lanes that were cut off beside their neighbours, in the file; returns how many.
+    """Replace truncated lanes in the file by lanes beside their neighbours; return how many.
 
     netconvert cuts lanes where they meet the outline of a junction. Where a road bends so tightly that
     its inner lane runs past the junction at its other end, that lane keeps only its first metres, and the
@@ -47,7 +47,7 @@ def repair_lanes(net_file: Path) -> int:
 
 
 def _reconnect(net: ElementTree.Element, repaired: set[str]) -> None:
-    """Ways over junctions to and from lanes that were moved lead straight to their new ends."""
+    """Reconnect lanes over junctions straight to the new ends of repaired lanes."""
     lanes = {str(lane.get("id")): lane for lane in net.iter("lane")}
     for link in net.iter("connection"):
         start = f"{link.get('from')}_{link.get('fromLane')}"

@@ -1,4 +1,4 @@
-"""Who moves on the roads: what a drive asks of a source of traffic."""
+"""The interface of traffic sources: which vehicles move on the roads."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class TrafficSource(Protocol):
     def __init__(
         self, scenario: Scenario, network: RoadNetwork, variants: Mapping[str, Variant], scratch: Path
     ) -> None:
-        """Checks all that the source needs of the scenario, and starts nothing yet.
+        """Check the scenario for this source, and start nothing yet.
 
         variants: the bodies that road users may have, by name, such as `sedan.0`; `variants_of` lists those
         of one body. scratch: a folder for files, gone after the drive.
@@ -41,18 +41,18 @@ class TrafficSource(Protocol):
         """
 
     def __enter__(self) -> TrafficSource:
-        """Opens what it needs and warms up. Raises AdvpipeError where that fails, with nothing left open."""
+        """Open resources and warm up. Raises AdvpipeError where that fails, with nothing left open."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Closes it, after errors and Ctrl-C too."""
+        """Close the source, also after errors and Ctrl-C."""
         return
 
     @abstractmethod
     def step(self) -> None:
-        """Moves everybody on by one step of the scenario's. Raises AdvpipeError where it cannot go on."""
+        """Move all vehicles by one step of the scenario. Raises AdvpipeError where it cannot continue."""
 
     @abstractmethod
     def road_users(self) -> Mapping[str, RoadUser]:
@@ -74,7 +74,7 @@ class TrafficSource(Protocol):
 
     @abstractmethod
     def push(self, users: Iterable[RoadUser], upcoming: Iterable[RoadUser] = ()) -> None:
-        """Puts external vehicles, which somebody else moves, to where they are after the next `step`.
+        """Set the poses of external vehicles after the next `step`.
 
         `road_users` then gives them as they were pushed, and the source's own traffic reacts to them as to
         any other. One of the source's own is taken over by its id. A vehicle that is not pushed again before

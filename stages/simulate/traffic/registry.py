@@ -32,7 +32,7 @@ def open_traffic(
     source = find_implementation("traffic.source", name, TRAFFIC_SOURCES)
     if not (isinstance(source, type) and issubclass(source, TrafficSource)):
         raise UsageError(
-            f"traffic.source {name} is no source of traffic: it lacks what "
-            "stages/simulate/traffic/protocol.py asks"
+            f"traffic.source {name} is not a traffic source: it lacks members of "
+            "stages/simulate/traffic/protocol.py"
         )
     return source(scenario, network, variants, scratch)

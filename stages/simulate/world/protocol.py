@@ -1,4 +1,4 @@
-"""The seam of the world: what sensors see, and what else the drive has to know of it."""
+"""The interface of the world: what sensors observe, and what else the drive needs from it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from advpipe.stages.simulate.traffic.road_users import RoadUser
 
 @runtime_checkable
 class World(Protocol):
-    """The world of one drive. `NewWorld` says what one is made from.
+    """The world of one drive. `NewWorld` is the constructor's signature.
 
     roads: where people may walk beside them. footprints: of the buildings, on the map as seen from above.
     offers: which of the methods of `Surroundings` work in this world.
@@ -31,7 +31,7 @@ class World(Protocol):
     def offers(self) -> frozenset[Offer]: ...
 
     def around(self, carrier: RoadUser, users: Sequence[RoadUser]) -> Surroundings:
-        """What the sensors of one vehicle may see at one instant.
+        """The surroundings of one vehicle's sensors at one instant.
 
         users: all that move at that instant, the carrier itself too. Who stands parked is the world's own.
         """

@@ -75,10 +75,10 @@ def rewritten(path, change):
         (lambda about, tensors: about.update(family="third"), "unknown detector family 'third'"),
         (lambda about, tensors: about.update(preset="huge"), "unknown detector preset 'huge'"),
         (lambda about, tensors: about.update(classes=["car"]), "train again"),
-        (lambda about, tensors: about.update(kind="other"), "no detector checkpoint of advpipe"),
-        (lambda about, tensors: about.update(preset=["small"]), "no detector checkpoint of advpipe"),
-        (lambda about, tensors: about.update(classes=4), "no detector checkpoint of advpipe"),
-        (lambda about, tensors: about.update(provenance=None), "no detector checkpoint of advpipe"),
+        (lambda about, tensors: about.update(kind="other"), "not a detector checkpoint of advpipe"),
+        (lambda about, tensors: about.update(preset=["small"]), "not a detector checkpoint of advpipe"),
+        (lambda about, tensors: about.update(classes=4), "not a detector checkpoint of advpipe"),
+        (lambda about, tensors: about.update(provenance=None), "not a detector checkpoint of advpipe"),
         (lambda about, tensors: about.update(provenance={"seed": 7}), "advpipe: provenance.seed"),
         (lambda about, tensors: about.update(provenance={"a": float("nan")}), "not valid JSON: NaN"),
         (lambda about, tensors: about.update(provenance={"a": "\ud800"}), "surrogate"),
@@ -101,14 +101,14 @@ def test_checkpoints_that_do_not_fit(saved, change, message):
 def test_files_that_are_no_checkpoint(saved, content):
     _, path = saved
     path.write_bytes(path.read_bytes()[:100_000] if content == "cut" else content)
-    with pytest.raises(AdvpipeError, match="not a whole safetensors file") as caught:
+    with pytest.raises(AdvpipeError, match="not a complete safetensors file") as caught:
         load_checkpoint(path)
     assert "\n" not in str(caught.value)
 
 
 def test_other_safetensors_and_missing_files(tmp_path):
     save_file({"a": torch.zeros(2)}, tmp_path / "x.safetensors")
-    with pytest.raises(AdvpipeError, match="no detector checkpoint of advpipe"):
+    with pytest.raises(AdvpipeError, match="not a detector checkpoint of advpipe"):
         load_checkpoint(tmp_path / "x.safetensors")
     with pytest.raises(AdvpipeError, match="no detector checkpoint at"):
         load_checkpoint(tmp_path / "none.safetensors")
@@ -126,7 +126,7 @@ def test_what_a_file_declares_is_bounded_before_it_is_read(saved, tmp_path):
             load_checkpoint(path)
     with path.open("wb") as file:
         file.truncate(MOST_BYTES + 1)
-    with pytest.raises(AdvpipeError, match="no checkpoint of advpipe has over"):
+    with pytest.raises(AdvpipeError, match="advpipe's checkpoints have at most"):
         load_checkpoint(path)
 
 
@@ -142,6 +142,6 @@ def test_tensors_of_other_shapes_are_told_by_the_header(saved, monkeypatch):
 def test_metadata_that_is_none(saved, text):
     _, path = saved
     save_file({"a": torch.zeros(1)}, path, metadata={"advpipe": text})
-    with pytest.raises(AdvpipeError, match="no detector checkpoint of advpipe") as caught:
+    with pytest.raises(AdvpipeError, match="not a detector checkpoint of advpipe") as caught:
         load_checkpoint(path)
     assert len(str(caught.value)) < 300

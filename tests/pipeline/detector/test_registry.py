@@ -106,8 +106,8 @@ def test_checksum_of_a_class_is_that_of_its_source_file(module):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("my_detectors:NoDetector", "is no detector"),
-        ("my_detectors:WithOtherClasses", "Bus.*each has to be one of car, truck, cyclist, pedestrian"),
+        ("my_detectors:NoDetector", "is not a detector"),
+        ("my_detectors:WithOtherClasses", "Bus.*each must be one of car, truck, cyclist, pedestrian"),
         ("my_detectors:WithoutItsWeights", "cannot load detector .*RuntimeError: no weights at hand"),
         ("my_detectors:Missing", "cannot load detector"),
         ("no_such_module:Mine", "cannot load detector"),

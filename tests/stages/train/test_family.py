@@ -69,5 +69,5 @@ def test_what_a_family_lacks_is_said(tmp_path, pillars):
         TrainConfig((tmp_path,), tmp_path / "run", family="third")
     with pytest.raises(UsageError, match="unknown detector preset 'small'; known: narrow"):
         TrainConfig((tmp_path,), tmp_path / "run", family="pillars")
-    with pytest.raises(UsageError, match="takes no weights of others"):
+    with pytest.raises(UsageError, match="supports no external weights"):
         family_named("pillars").import_weights(tmp_path / "theirs.pth")

@@ -1,1 +1,1 @@
-"""ETSI ITS-G5 in this process: stations, their clock, and what they hear."""
+"""ETSI ITS-G5 in this process: stations, their clock, and the radio."""

@@ -24,7 +24,7 @@ from advpipe.stages.simulate.traffic.road_users import RoadUser
 
 
 class EmbeddedNetwork:
-    """See `Network`. Each step of its clock sends what is due, and then moves the traffic."""
+    """See `Network`. Each step of its clock sends the due messages, and then moves the traffic."""
 
     def __init__(
         self,
@@ -79,7 +79,7 @@ class EmbeddedNetwork:
         return self.channel.statistics() if self._v2x.enabled else None
 
     def _step(self, until_ns: int) -> NetworkStep:
-        if until_ns == self._now_ns or not self._v2x.enabled:  # the first frame: nobody is known yet
+        if until_ns == self._now_ns or not self._v2x.enabled:  # the first frame: no station is known yet
             return NetworkStep(until_ns)
         stations = self._by_id
         due = [(cam, station) for station in stations for cam in station.cams_before(until_ns)]
@@ -106,7 +106,7 @@ class EmbeddedNetwork:
         return Station(self._v2x, clock.seed, clock.step_s, self._id_of(name), user, active_ns)
 
     def _is_equipped(self, name: str, user: RoadUser) -> bool:
-        """Instrumented vehicles always are; of the others that can be, the scenario's share."""
+        """Whether a vehicle has a station: instrumented ones always, of the others the scenario's share."""
         if name not in self._equipped:
             chance = named_generator(self._clock.seed, "v2x", "equipped", name).random()
             can_be = user.variant.body.station_type is not None
@@ -114,7 +114,7 @@ class EmbeddedNetwork:
         return self._equipped[name]
 
     def _id_of(self, name: str) -> int:
-        """A 31-bit number drawn for the vehicle, as stations choose theirs; never one that is taken."""
+        """A random 31-bit station id for the vehicle, unique in the drive."""
         if name not in self._ids:
             rng, taken = named_generator(self._clock.seed, "v2x", "station id", name), set(self._ids.values())
             while (station_id := int(rng.integers(1, 2**31))) in taken:

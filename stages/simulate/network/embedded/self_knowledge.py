@@ -1,4 +1,4 @@
-"""What stations know of themselves: an estimate on board, or the truth with an error that wanders."""
+"""Stations' own states: an on-board estimate, or the truth with a slowly drifting error."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from advpipe.stages.simulate.traffic.road_users import RoadUser
 POSITION_TIME_S = 30.0
 HEADING_TIME_S = 10.0
 SPEED_TIME_S = 5.0
-"""Correlation times. White errors of ten times a second would look like dynamics, set off CAMs and make
-nonsense of their path history; those of receivers wander."""
+"""Correlation times. White errors at 10 Hz would look like dynamics, trigger CAMs and make
+their path history useless; the errors of real receivers drift slowly."""
 
 _BLOCK = 64
 
@@ -53,14 +53,14 @@ def _draws(rng: np.random.Generator) -> Iterator[list[float]]:
 
 
 def accuracy_of_receiver(knowledge: SelfKnowledge) -> Accuracy:
-    """Of a station without instruments of ours."""
+    """The accuracy of a station without an on-board filter."""
     variance_m2 = knowledge.position_stddev_m**2
     heading_rad = math.radians(knowledge.heading_stddev_deg)
     return Accuracy((variance_m2, 0.0, variance_m2), None, heading_rad, knowledge.speed_stddev_mps, None)
 
 
 class SelfEstimates(NamedTuple):
-    """What S stations believe of themselves.
+    """The own estimates of S stations.
 
     map_SE3_base: (S, 4, 4). speed_mps: (S,), negative backwards. acceleration_mps2: (S,), forward.
     yaw_rate_radps: (S,), positive to the left.
@@ -73,7 +73,7 @@ class SelfEstimates(NamedTuple):
 
 
 class ReceiverErrors:
-    """One station's own: the errors of its receiver, and its yaw and speed at the step before."""
+    """One station's receiver errors, and its yaw and speed at the previous step."""
 
     def __init__(self, knowledge: SelfKnowledge, step_s: float, rng: np.random.Generator) -> None:
         self.position_errors = GaussMarkovErrors(knowledge, step_s, rng)
@@ -86,10 +86,10 @@ def self_estimates(
     estimates: Mapping[str, Estimate],
     step_s: float,
 ) -> SelfEstimates:
-    """Estimates where there are some, by the vehicle's name; the truth and its errors elsewhere.
+    """The own estimates of stations: `estimates` by vehicle name where given, else the truth with errors.
 
-    Acceleration and yaw rate come from instruments of their own and not from places, so the truth's have
-    no error. A wheel that stands still is known to stand still, and errors turn nobody around.
+    Acceleration and yaw rate come from separate instruments and not from positions, so they have
+    no error. A standing vehicle knows that it stands, and errors do not reverse the direction of motion.
     """
     poses: Float64 = np.array([user.map_SE3_base for user in users])
     yaw_rad = np.arctan2(poses[:, 1, 0], poses[:, 0, 0])
@@ -122,7 +122,7 @@ def _with_error(true_mps: Float64, error_mps: Float64) -> Float64:
 
 
 def _turn(map_SE3_base: Float64, turn_rad: Float64) -> None:
-    """Turns poses (S, 4, 4) about the map's vertical, on their spots."""
+    """Rotate poses (S, 4, 4) in place about the map's vertical axis."""
     x_axes, y_axes = map_SE3_base[:, 0, :3].copy(), map_SE3_base[:, 1, :3].copy()
     cosine, sine = np.cos(turn_rad)[:, None], np.sin(turn_rad)[:, None]
     map_SE3_base[:, 0, :3] = cosine * x_axes - sine * y_axes

@@ -1,4 +1,4 @@
-"""One station: a vehicle with a radio, that tells others where it is."""
+"""One station: a vehicle with a radio that sends CAMs."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ from advpipe.stages.simulate.traffic.road_users import RoadUser
 
 
 class Station:
-    """One vehicle's ITS station, from when it is first seen on.
+    """One vehicle's ITS station, from its first appearance on.
 
-    user: the vehicle at the newest step. state: what the station knows of itself then.
+    user: the vehicle at the newest step. state: the station's own state then.
     """
 
     def __init__(
@@ -52,18 +52,18 @@ class Station:
 
     @property
     def place(self) -> RadioPlace:
-        """Where its radio truly is."""
+        """The true pose of its radio."""
         user, variant = self.user, self.user.variant
         size_m = variant.length_m, variant.width_m, variant.height_m
         return RadioPlace(self.id, user.id, user.map_SE3_base, size_m, user.velocity_mps)
 
     def hear_load(self, busy_ratio: float) -> None:
-        """Takes the channel load that the station measured over the last tenth of a second."""
+        """Process the channel load that the station measured over the last tenth of a second."""
         if self._dcc is not None:
             self._dcc.update(busy_ratio)
 
     def cams_before(self, end_ns: int) -> Iterator[GeneratedCam]:
-        """Checks at every due instant before `end_ns`, with the newest state."""
+        """Check the generation rules at every due instant before `end_ns`, with the newest state."""
         assert self.state is not None
         while self._next_check_ns < end_ns:
             interval_s = self._dcc.interval_s if self._dcc is not None else 0.0
@@ -81,7 +81,7 @@ def update_states(
     step_s: float,
     geodesy: Geodesy,
 ) -> None:
-    """Gives stations their newest states, all at once: of one's estimate on board, or of what it believes."""
+    """Update the states of all stations at once, from on-board estimates or simulated errors."""
     if not stations:
         return
     users = [station.user for station in stations]

@@ -1,4 +1,4 @@
-"""The way to SUMO: in this process (libsumo), or to a server that others may share (TraCI).
+"""The connection to SUMO: in this process (libsumo), or to a server that others may share (TraCI).
 
 Nothing but this and `server` imports libsumo or traci.
 """
@@ -16,7 +16,7 @@ from advpipe.stages.simulate.traffic.sumo.server import Server, connect
 
 
 class SumoConnection:
-    """One simulation of SUMO's, from `start` to `close`.
+    """One SUMO simulation, from `start` to `close`.
 
     Its domains have the methods of TraCI's, whatever the transport:
     https://sumo.dlr.de/docs/TraCI/Protocol.html
@@ -53,7 +53,7 @@ class SumoConnection:
 
     @property
     def refusals(self) -> tuple[type[Exception], ...]:
-        """What SUMO raises for a single command that it cannot carry out."""
+        """The exceptions that SUMO raises for a single command that it cannot carry out."""
         if self._transport == "libsumo":
             import libsumo
 
@@ -78,13 +78,13 @@ class SumoConnection:
                 self._client = self._server.client
 
     def simulate_step(self) -> None:
-        """One step of all; of a shared server, when all its clients have asked for it."""
+        """Simulate one step; a shared server waits until all its clients have requested it."""
         self._client.simulationStep()
 
     def close(self, *, after_error: bool = False) -> None:
-        """Ends SUMO, unless it is a server that somebody else started; nothing where none runs.
+        """End SUMO, unless it is a server started by somebody else; do nothing where none runs.
 
-        after_error: SUMO may no longer answer, so that it is not asked.
+        after_error: SUMO may no longer respond, so it is not asked.
         """
         client, self._client = self._client, None
         if self._server is not None:
@@ -94,7 +94,7 @@ class SumoConnection:
 
     @contextmanager
     def errors(self) -> Iterator[None]:
-        """Turns what SUMO raises into AdvpipeError, one line."""
+        """Convert SUMO's exceptions to a one-line AdvpipeError."""
         try:
             yield
         except (*self.refusals, *self._fatal()) as error:

@@ -1,4 +1,4 @@
-"""How many vehicles route files of the user's make, counted before SUMO makes them."""
+"""The number of vehicles in the user's route files, counted before SUMO creates them."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def check_demand(roots: Iterable[ElementTree.Element], where: str, end_s: float)
 
 
 def departures(flow: ElementTree.Element, interval: ElementTree.Element | None, end_s: float) -> float:
-    """How many vehicles of a <flow> depart until `end_s`; what is no number is left to SUMO to refuse."""
+    """The number of vehicles of a <flow> that depart until `end_s`; SUMO itself refuses invalid numbers."""
     times = flow if interval is None else interval
     begin_s = seconds(flow.get("begin") or times.get("begin"), 0.0)
     until_s = seconds(flow.get("end") or times.get("end"), max(begin_s, end_s))
@@ -58,7 +58,7 @@ def departures(flow: ElementTree.Element, interval: ElementTree.Element | None, 
 
 
 def seconds(text: str | None, otherwise: float) -> float:
-    """A time of SUMO's: seconds, or [days:]hours:minutes:seconds."""
+    """Parse a SUMO time: seconds, or [days:]hours:minutes:seconds."""
     parts = [_number(part, math.nan) for part in (text or "").split(":")]
     scales = {1: (1,), 3: (3600, 60, 1), 4: (86400, 3600, 60, 1)}.get(len(parts))
     if scales is None or any(map(math.isnan, parts)):
@@ -74,7 +74,7 @@ def _flows(root: ElementTree.Element) -> Iterator[tuple[ElementTree.Element, Ele
 
 
 def _rate_hz(flow: ElementTree.Element) -> float | None:
-    """Of a flow that tells how often; None for one that tells only how many."""
+    """The rate of a flow; None for one that has only a number of vehicles."""
     for name, scale in (("vehsPerHour", 3600.0), ("perHour", 3600.0), ("probability", 1.0)):
         if flow.get(name) is not None:
             return max(_number(flow.get(name), 0.0), 0.0) / scale

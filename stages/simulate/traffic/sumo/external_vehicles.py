@@ -18,8 +18,8 @@ MATCH_M = 8.0
 class ExternalVehicles:
     """Their images in SUMO, put to their true places before each of its steps.
 
-    The truth stays outside: SUMO only lets its own traffic react to it, and what it makes of an image on
-    a place off every road is nobody's concern. An image has to be in SUMO for a step before it can be
+    The true poses stay outside: SUMO only lets its own traffic react to the images, and its state of an image
+    off every road is ignored. An image has to be in SUMO for a step before it can be
     moved, so it is announced one step ahead and enters where there is most room.
     """
 
@@ -29,11 +29,11 @@ class ExternalVehicles:
 
     @property
     def images(self) -> set[str]:
-        """Ids that SUMO has been told of."""
+        """Ids of the images in SUMO."""
         return self._images
 
     def announce(self, users: Iterable[RoadUser]) -> None:
-        """Tells SUMO of vehicles that will be there after its next step; before that step."""
+        """Announce vehicles that will exist after SUMO's next step; call it before that step."""
         loaded = set(self._sumo.vehicle.getLoadedIDList())
         for user in users:
             if user.id in loaded:

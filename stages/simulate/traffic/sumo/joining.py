@@ -1,4 +1,4 @@
-"""What a SUMO that somebody else started must be, and is told, before vehicles of ours drive in it."""
+"""Checks and set-up of a SUMO server that somebody else started, before our vehicles drive in it."""
 
 from __future__ import annotations
 

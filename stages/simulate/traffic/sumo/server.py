@@ -1,4 +1,4 @@
-"""SUMO as a server of its own, which is spoken to by TraCI and which others may share."""
+"""SUMO as a separate server, controlled by TraCI, which other clients may share."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ START_TIMEOUT_S = 300.0
 
 JOIN_TIMEOUT_S = 10.0
 END_TIMEOUT_S = 5.0
-"""For a server of ours to end by itself when the drive has ended: other clients may go on so long."""
+"""Time for a server that we started to exit after the drive; other clients may continue until then."""
 
 
 @dataclass
 class Server:
-    """A server, and our connection to it. process: of a server that we started. log: what that one said."""
+    """A server, and our connection to it. process: of a server that we started. log: its output."""
 
     client: Any
     process: subprocess.Popen[bytes] | None = None
     log: Path | None = None
 
     def close(self, after_error: bool) -> None:
-        """Takes leave, and ends the server if it is ours; at once after an error."""
+        """Disconnect, and stop the server if we started it; immediately after an error."""
         import traci
 
         if self.process is not None and after_error:
@@ -51,7 +51,7 @@ class Server:
                 self.process.wait()
 
     def exit_reason(self) -> str | None:
-        """Why a server of ours has ended; None for one that runs, or is not ours."""
+        """Why a server that we started has exited; None for one that runs, or that we did not start."""
         if self.process is None or self.log is None:
             return None
         try:
@@ -126,6 +126,6 @@ def _free_port(wanted: int | None) -> int:
             probe.bind((LOCALHOST, wanted or 0))
         except OSError as error:
             raise AdvpipeError(
-                f"traffic.server.port: {wanted} cannot be had ({error.strerror}); choose another, or none"
+                f"traffic.server.port: {wanted} is not available ({error.strerror}); choose another"
             ) from None
         return int(probe.getsockname()[1])

@@ -1,4 +1,4 @@
-"""Traffic by SUMO, both ways: it drives the vehicles, or follows those that are moved from outside."""
+"""Traffic by SUMO: it drives vehicles, and reacts to those moved from outside."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class SumoTraffic(TrafficSource):
         self._sumo.close(after_error=error is not None)
 
     def step(self) -> None:
-        """Advances everybody by one step, and replaces vehicles whose road has ended."""
+        """Advance all vehicles by one step, and replace those whose road has ended."""
         step_s = self._scenario.simulation.step_s
         now_s, next_s = (round(frame * step_s, 9) for frame in (self._frame, self._frame + 1))
         self.push(self._trajectories.at(now_s).values(), self._trajectories.at(next_s).values())
@@ -138,7 +138,7 @@ class SumoTraffic(TrafficSource):
         self._simulate_step()
 
     def _advance(self) -> None:
-        """One step of everybody."""
+        """One step of all vehicles."""
         controlled = self._controlled.step(self.road_users()) if self._controlled else {}
         moved, upcoming = {**controlled, **self._pushed}, self._upcoming
         self._pushed, self._upcoming = {}, {}
@@ -206,7 +206,7 @@ class SumoTraffic(TrafficSource):
 
 
 def _options(scenario: Scenario, network: RoadNetwork) -> list[str]:
-    """Of SUMO's command line, its traffic aside."""
+    """SUMO's command-line options, except those for traffic."""
     simulation = scenario.simulation
     command = ["--net-file", str(network.sumo_file)]
     command += ["--seed", str(simulation.seed % 2**31), "--step-length", str(simulation.step_s)]

@@ -21,20 +21,20 @@ ROUTE_FILE = "a SUMO route file (.rou.xml)"
 ADDITIONAL_FILE = "a SUMO additional file (.add.xml)"
 MOST_FILES = 100
 LATEST_S = 1e9
-"""SUMO counts milliseconds; nobody's day has so many."""
+"""SUMO counts milliseconds; no real drive begins later."""
 
 MAX_WAIT_S = 120.0
-"""For room on the network, beyond the warm-up, as `Traffic` does."""
+"""Longest wait for room on the network beyond the warm-up, as in `SumoTraffic`."""
 
 RESERVED_NAMES = ("pedestrian", "parked")
-"""Of the people on foot and the parked cars, as in `parked.7`."""
+"""Names of pedestrians and parked cars begin with these, as in `parked.7`."""
 
 DEFAULT_TYPES = {"DEFAULT_VEHTYPE", "DEFAULT_TAXITYPE", "DEFAULT_BIKETYPE"}
 
 
 @dataclass(frozen=True)
 class UserTraffic:
-    """What SUMO is given besides its network; `is_user_supplied` if a user wrote it."""
+    """SUMO's input besides its network; `is_user_supplied` if the user wrote it."""
 
     route_files: tuple[Path, ...] = ()
     additional_files: tuple[Path, ...] = ()
@@ -60,8 +60,8 @@ def user_traffic(
 
     Of a .sumocfg, its route and additional files and its begin are taken; the network is the scenario's.
     `moved`: ids in the table of trajectories.
-    Raises AdvpipeError for a file that is missing or none, an unknown edge or type, roads that do not
-    lead on, a class of vehicle that we have no body for, and whatever else SUMO refuses.
+    Raises AdvpipeError for a missing or invalid file, an unknown edge or type, roads that do not
+    connect, a vehicle class without a body, and anything else that SUMO refuses.
     """
     if scenario.traffic.sumo_config is not None:
         own = _configured(Path(scenario.traffic.sumo_config))
@@ -84,7 +84,7 @@ def user_traffic(
 
 
 def _roots(own: UserTraffic, key: str) -> Iterator[tuple[Path, ElementTree.Element]]:
-    """Every file of the user's, and those that they include."""
+    """Every file of the user, and the files that they include."""
     waiting = [(path, ROUTE_FILE) for path in own.route_files]
     waiting += [(path, ADDITIONAL_FILE) for path in own.additional_files]
     for count, (path, kind) in enumerate(waiting, 1):
@@ -110,8 +110,7 @@ def _configured(path: Path) -> UserTraffic:
     begin_s = seconds(begin, math.nan)
     if not 0 <= begin_s <= LATEST_S:
         raise AdvpipeError(
-            f"traffic.sumo_config: {path}: begin {short_repr(begin)} is no number of seconds, 0 to "
-            f"{LATEST_S:g}"
+            f"traffic.sumo_config: {path}: begin {short_repr(begin)} is not in seconds, 0 to {LATEST_S:g}"
         )
     return UserTraffic(route_files, files("additional-files", "a"), begin_s)
 
@@ -154,9 +153,11 @@ def _check(
             if found.get("id") in moved or (found.tag == "flow" and _counts(str(found.get("id")), moved)):
                 raise AdvpipeError(f"{name} has the name of one in trajectories.file; rename one of them")
             if str(found.get("id")).partition(".")[0] in RESERVED_NAMES:
-                raise AdvpipeError(f"{name} has a name of ours; rename it")
+                raise AdvpipeError(f"{name} has a reserved name; rename it")
         if found.tag in ("person", "personFlow", "container", "containerFlow"):
-            raise AdvpipeError(f"{name}: only vehicles are taken; count people in traffic.pedestrians")
+            raise AdvpipeError(
+                f"{name}: only vehicles are supported; set the number of people in traffic.pedestrians"
+            )
 
 
 def _counts(flow: str, names: Collection[str]) -> bool:
@@ -165,7 +166,7 @@ def _counts(flow: str, names: Collection[str]) -> bool:
 
 
 def _probe(key: str, options: Sequence[str], network: RoadNetwork) -> None:
-    """SUMO reads all of it in a process of its own, whose words we can catch."""
+    """Let SUMO read all of it in a separate process, whose error messages can be captured."""
     command = ["--net-file", str(network.sumo_file), *options]
     begin_s = float(options[options.index("--begin") + 1])
     command += ["--end", str(begin_s + 1.0), "--no-step-log", "--no-warnings"]

@@ -1,4 +1,4 @@
-"""Vehicle types: ours as SUMO is told of them, and which of ours stands for one of the user's."""
+"""Vehicle types: ours for SUMO, and our substitutes for the user's."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ NEAREST_VARIANTS = 3
 def substitute_variant(
     variants: Mapping[str, Variant], vclass: str, length_m: float, rng: np.random.Generator
 ) -> Variant:
-    """The variant that stands for a vehicle of a known class and length."""
+    """The variant that represents a vehicle of a known class and length."""
     names = [name for body in BODIES_OF_CLASS[vclass] for name in variants_of(variants, body)]
     names.sort(key=lambda name: (abs(variants[name].length_m - length_m), name))
     return variants[names[int(rng.integers(min(NEAREST_VARIANTS, len(names))))]]

@@ -107,11 +107,11 @@ def _bounded(file: TextIO, where: str) -> Iterator[str]:
 
 def _unread(path: Path, where: str, error: AdvpipeError) -> AdvpipeError:
     reason = str(error).removeprefix(f"{path}: ").removeprefix("no whole Parquet table ")
-    return AdvpipeError(f"{where} is no CSV or Parquet table: {reason}")
+    return AdvpipeError(f"{where} is not a CSV or Parquet table: {reason}")
 
 
 def _no_table(where: str, error: Exception) -> AdvpipeError:
-    return AdvpipeError(f"{where} is no CSV or Parquet table: {shorten(' '.join(str(error).split()), 200)}")
+    return AdvpipeError(f"{where} is not a CSV or Parquet table: {shorten(' '.join(str(error).split()), 200)}")
 
 
 def number_in(value: object) -> float:
@@ -129,5 +129,5 @@ def name_in(value: object) -> str:
     """The name in a field of the table; ValueError for what is none."""
     text = "" if value is None else str(value).strip()
     if not text or len(text) > 100 or any(ord(sign) < 33 or sign in "<>&\"'" for sign in text):
-        raise ValueError(f"{short_repr(text)} is no name (1 to 100 characters, no spaces)")
+        raise ValueError(f"{short_repr(text)} is not a valid name (1 to 100 characters, no spaces)")
     return text

@@ -70,7 +70,7 @@ class _TableReader:
         body = self._name(place, "body", given.get("body", DEFAULT_BODY))
         if body not in self._bodies:
             known = ", ".join(sorted(self._bodies))
-            raise self._error(place, "body", f"{short_repr(body)} is no body; known: {known}")
+            raise self._error(place, "body", f"{short_repr(body)} is not a known body; known: {known}")
         numbers = [self._number(place, one, given.get(one, 0.0)) for one in (*REQUIRED, *OPTIONAL)]
         own = self._of.get(name)
         if own is None:
@@ -108,7 +108,7 @@ class _TableReader:
     def _number(self, place: str, column: str, value: object) -> float:
         number = number_in(value)
         if not abs(number) <= LARGEST:
-            raise self._error(place, column, f"{short_repr(value)} is no finite number within {LARGEST:g}")
+            raise self._error(place, column, f"{short_repr(value)} is not a finite number within {LARGEST:g}")
         return number
 
     def _error(self, place: str, column: str, what: str) -> AdvpipeError:

@@ -111,7 +111,7 @@ def _check_name(scenario: Scenario, name: str, path: Path) -> None:
     ours = {"pedestrian": scenario.traffic.pedestrians, "parked": scenario.traffic.parked_per_km}
     if number.isdigit() and ours.get(kind):
         key = "pedestrians" if kind == "pedestrian" else "parked_per_km"
-        raise AdvpipeError(f"{path}: {name} is a name of ours; rename the id or set traffic.{key} to 0")
+        raise AdvpipeError(f"{path}: {name} is a reserved name; rename the id or set traffic.{key} to 0")
 
 
 def _variant(scenario: Scenario, variants: Mapping[str, Variant], name: str, rows: Rows) -> Variant:

@@ -46,7 +46,7 @@ def test_everyone_hears_everything_at_once(tmp_path: Path) -> None:
         ("wifi", "v2x.network 'wifi' is unknown; known: embedded, or your own module:Class"),
         ("telepathy:Nobody", "v2x.network telepathy:Nobody cannot be loaded: AttributeError: "),
         ("nowhere:Nobody", "v2x.network nowhere:Nobody cannot be loaded: ModuleNotFoundError: "),
-        ("telepathy:Deaf", "v2x.network telepathy:Deaf is no network: it lacks "),
+        ("telepathy:Deaf", "v2x.network telepathy:Deaf is not a network: it lacks "),
         (
             "telepathy:Broken",
             r"telepathy:Broken failed: KeyError: 'antenna' \(telepathy.py, line 7\d\); fix it",

@@ -171,7 +171,7 @@ def test_a_port_that_is_taken_is_said(drive: Driver) -> None:
     with closing(socket.socket()) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
-        with pytest.raises(AdvpipeError, match=rf"traffic\.server\.port: {port} cannot be had"):
+        with pytest.raises(AdvpipeError, match=rf"traffic\.server\.port: {port} is not available"):
             drive(load_scenario("smoke", [TRACI, f"traffic.server.port={port}"]), 1)
 
 

@@ -68,12 +68,12 @@ BAD = {
     '<vType id="t" vClass="tram"/>': r"vType 't' has vClass 'tram', for which there is no body",
     '<vehicle id="v" type="x" depart="0"><route edges="ab"/></vehicle>': r"no vType 'x' is defined",
     '<vehicle id="ego" depart="0"><route edges="ab"/></vehicle>': r"'ego' has the name of an instrumented",
-    '<vehicle id="parked.3" depart="0"><route edges="ab"/></vehicle>': r"'parked.3' has a name of ours",
-    '<flow id="pedestrian" begin="0" end="9" number="3" from="ab" to="bc"/>': r"has a name of ours",
-    '<person id="p" depart="0"><walk edges="ab"/></person>': r"person 'p': only vehicles are taken",
+    '<vehicle id="parked.3" depart="0"><route edges="ab"/></vehicle>': r"'parked.3' has a reserved name",
+    '<flow id="pedestrian" begin="0" end="9" number="3" from="ab" to="bc"/>': r"has a reserved name",
+    '<person id="p" depart="0"><walk edges="ab"/></person>': r"person 'p': only vehicles are supported",
     '<vehicle id="v" route="none" depart="0"/>': r"traffic\.routes: SUMO refuses it: .*none",
     '<vehicle id="v" depart="soon"><route edges="ab"/></vehicle>': r"traffic\.routes: SUMO refuses it",
-    '<vehicle id="v">': r"own\.rou\.xml is not a SUMO route file .* or is cut off",
+    '<vehicle id="v">': r"own\.rou\.xml is not a SUMO route file .* or is truncated",
 }
 
 
@@ -169,7 +169,7 @@ def test_a_begin_that_is_no_time(
         f'<time><begin value="{begin}"/></time></configuration>'
     )
     settings = [f"map.sumo_net={road(200)}", f"traffic.sumo_config={config}"]
-    with pytest.raises(AdvpipeError, match=r"begin '.{1,110} is no number of seconds"):
+    with pytest.raises(AdvpipeError, match=r"begin '.{1,110} is not in seconds"):
         drive(load_scenario("smoke", settings), 1)
 
 

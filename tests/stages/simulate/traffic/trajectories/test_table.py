@@ -40,29 +40,29 @@ def test_parquet_says_the_same(tmp_path: Path) -> None:
 
 
 BAD = {
-    "": r"is no CSV or Parquet table|has no column",
+    "": r"is not a CSV or Parquet table|has no column",
     f"{HEAD}\n": r"has no rows|is no CSV",
     "id,time_s,x_m,y_m,z_m\na,0,0,0,0\n": r"has no column yaw_rad; it has id, time_s",
-    "PAR1 but no Parquet": r"is no CSV or Parquet table",
-    f"{HEAD}\na,0,0,0,0,0\na,1,nan,0,0,0\n": r"line 3, column x_m: 'nan' is no finite number",
-    f"{HEAD}\na,0,0,0,0,0\na,1,0,0,-inf,0\n": r"line 3, column z_m: '-inf' is no finite number",
-    f"{HEAD}\na,0,0,0,0,0\na,1,0,1e300,0,0\n": r"line 3, column y_m: '1e300' is no finite number",
-    f"{HEAD}\na,0,0,0,0,east\na,1,0,0,0,0\n": r"line 2, column yaw_rad: 'east' is no finite number",
-    f"{HEAD}\na,0,0,,0,0\na,1,0,0,0,0\n": r"line 2, column y_m: '' is no finite number",
+    "PAR1 but no Parquet": r"is not a CSV or Parquet table",
+    f"{HEAD}\na,0,0,0,0,0\na,1,nan,0,0,0\n": r"line 3, column x_m: 'nan' is not a finite number",
+    f"{HEAD}\na,0,0,0,0,0\na,1,0,0,-inf,0\n": r"line 3, column z_m: '-inf' is not a finite number",
+    f"{HEAD}\na,0,0,0,0,0\na,1,0,1e300,0,0\n": r"line 3, column y_m: '1e300' is not a finite number",
+    f"{HEAD}\na,0,0,0,0,east\na,1,0,0,0,0\n": r"line 2, column yaw_rad: 'east' is not a finite number",
+    f"{HEAD}\na,0,0,,0,0\na,1,0,0,0,0\n": r"line 2, column y_m: '' is not a finite number",
     f"{HEAD}\na,0,0,0,0,0\nb,0,0,0,0,0\na,0,0,0,0,0\n": r"line 4, column time_s: 0 does not come after 0",
     f"{HEAD}\na,2,0,0,0,0\na,1,0,0,0,0\n": r"line 3, column time_s: 1 does not come after 2",
     f"{HEAD}\na,0,0,0,0,0\n": r"line 2: 'a' has only this row",
-    f"{HEAD}\n,0,0,0,0,0\n": r"line 2, column id: '' is no name",
-    f"{HEAD}\na b,0,0,0,0,0\n": r"line 2, column id: 'a b' is no name",
-    f"{HEAD},body\na,0,0,0,0,0,tank\n": r"line 2, column body: 'tank' is no body; known: bus, sedan",
+    f"{HEAD}\n,0,0,0,0,0\n": r"line 2, column id: '' is not a valid name",
+    f"{HEAD}\na b,0,0,0,0,0\n": r"line 2, column id: 'a b' is not a valid name",
+    f"{HEAD},body\na,0,0,0,0,0,tank\n": r"line 2, column body: 'tank' is not a known body; known: bus, sedan",
     f"{HEAD},body\na,0,0,0,0,0,bus\na,1,0,0,0,0,sedan\n": r"line 3, column body: 'a' is a bus",
     f"{HEAD},x_m\na,0,0,0,0,0,0\n": r"two columns of the same name",
     f"{HEAD}\na,0,0,0,0\n": r"line 2 has 5 fields, the first one 6",
     f"{HEAD}\n\n\na,0,0,0,0\n": r"line 4 has 5 fields",
-    f"{HEAD}\na,0,0,0,0,1_0\n": r"line 2, column yaw_rad: '1_0' is no finite number",
+    f"{HEAD}\na,0,0,0,0,1_0\n": r"line 2, column yaw_rad: '1_0' is not a finite number",
     f"{HEAD}\na,0,0,0,0,{'1' * 100_000}\n": r"line 2 has more than 10000 characters",
-    f"{HEAD}\na,0,0,0,0,{'x' * 9000}\n": r"line 2, column yaw_rad: .{,110} is no finite",
-    f'{HEAD}\n"a,0,0,0,0,0\n': r"is no CSV or Parquet table: unexpected end of data",
+    f"{HEAD}\na,0,0,0,0,{'x' * 9000}\n": r"line 2, column yaw_rad: .{,110} is not a finite",
+    f'{HEAD}\n"a,0,0,0,0,0\n': r"is not a CSV or Parquet table: unexpected end of data",
     f"{'x' * 9000}\n": r"has no column id; it has .{,310}$",
 }
 
@@ -79,7 +79,7 @@ def test_bad_tables_are_named(tmp_path: Path, text: str, message: str) -> None:
 
 def test_a_picture_is_no_table(tmp_path: Path) -> None:
     (tmp_path / "t.png").write_bytes(b"\x89PNG" + bytes(range(256)))
-    with pytest.raises(AdvpipeError, match=r"t\.png is no CSV or Parquet table"):
+    with pytest.raises(AdvpipeError, match=r"t\.png is not a CSV or Parquet table"):
         read_trajectory_table(tmp_path / "t.png", BODIES)
 
 

@@ -138,7 +138,7 @@ def test_a_carrier_needs_rows_for_the_whole_recording(
 
 def test_names_of_ours_are_refused(tmp_path: Path, road: Callable[..., Path], drive: Driver) -> None:
     rows = "pedestrian.3,0,0,0,0,0,0,0,sedan\npedestrian.3,1,0,0,0,0,0,0,sedan\n"
-    with pytest.raises(AdvpipeError, match=r"pedestrian\.3 is a name of ours; .* traffic\.pedestrians to 0"):
+    with pytest.raises(AdvpipeError, match=r"pedestrian\.3 is a reserved name; .* traffic\.pedestrians to 0"):
         drive(scenario(tmp_path, road(200), rows, "traffic.pedestrians=5"), 1)
     rows = "ego,0,0,0,0,0,0,0,sedan\nego,1,0,0,0,0,0,0,sedan\n"
     with pytest.raises(AdvpipeError, match=r"rows of ego, whose driver is traffic"):
