@@ -40,7 +40,7 @@ PAGES_LIMIT_BYTES = 1 << 28
 
 FREE_BATCH_ROWS = 1 << 22
 BATCH_ROWS_PER_BYTE = 1
-"""A row that tells apart one point from the next has a byte at least."""
+"""A row of a point's own takes at least one byte."""
 
 FREE_ROWS = 100_000
 ROWS_PER_BYTE = 1 / 8

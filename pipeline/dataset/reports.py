@@ -1,4 +1,4 @@
-"""What a report of a data set says: which bags it is about, and the figures that a card shows."""
+"""The parts of a data set's report that are read again: its bags, and the figures that a card shows."""
 
 from __future__ import annotations
 

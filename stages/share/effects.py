@@ -45,10 +45,10 @@ def banners(reports: Sequence[Path]) -> list[str]:
 
     Raises AdvpipeError for a report.json that is none.
     """
-    told: dict[str, None] = {}
+    found: dict[str, None] = {}
     for report in reports:
-        told |= dict.fromkeys(read_report(report / REPORT_NAME).banners)
-    return list(told)
+        found |= dict.fromkeys(read_report(report / REPORT_NAME).banners)
+    return list(found)
 
 
 def _figure(key: str, digits: int, factor: float = 1.0) -> Any:
@@ -104,7 +104,7 @@ _TABLES: tuple[tuple[str, str, dict[str, Any]], ...] = (
         {
             "receiver": lambda record: record.vehicle,
             "messages": _figure("messages", 0),
-            "lies": _figure("lies", 0),
+            "false messages": _figure("lies", 0),
             "F1 of misbehaviour detection": _figure("f1", 3),
         },
     ),
