@@ -34,4 +34,4 @@ def sharing_warnings(found: Layout, bags: Sequence[BagFacts], options: ShareOpti
             yield f"{facts.path.name} has {len(facts.topics)} topics; its contract holds {MOST_TOPICS}"
     paths = {match for facts in bags for match in _PATH.findall(" ".join(facts.provenance.values()))}
     if paths:
-        yield f"the bags' provenance holds paths of the machine that made them, such as {min(paths)}"
+        yield f"the bags' provenance records hold paths of the machine that made them, such as {min(paths)}"
