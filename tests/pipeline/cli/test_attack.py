@@ -75,7 +75,7 @@ def test_options_become_an_attack(bag: Path, monkeypatch: pytest.MonkeyPatch) ->
             {"settings": ["rounds=&a [*a]"]},
             "the value cannot be read: an alias refers to",
         ),
-        ({"settings": ["rounds=!!bool x"]}, "the value cannot be read: 'x' is no bool"),
+        ({"settings": ["rounds=!!bool x"]}, "the value cannot be read: 'x' is not a valid bool"),
         ({"settings": ["rounds=!!binary aGk="]}, "the value cannot be read: the tag"),
         ({"settings": ["rounds=" + "[" * 1000]}, "the value cannot be read: is nested too deeply"),
         ({"settings": ["rounds=[[[[1]]]]"]}, "nests lists too deeply"),
