@@ -135,7 +135,7 @@ class _Receiver:
                 yield f"has a position that differs from its label's {kind}_... columns"
         attack = on[-1].attack if on else None
         if row["attack"] != attack:
-            yield f"is attacked by {attack or 'no attack'}, but its label says {row['attack'] or 'no attack'}"
+            yield f"is attacked by {attack or 'nothing'}, but its label says {row['attack'] or 'nothing'}"
         if not on and genuine != spoofed:
             yield "was changed while no attack was active"
         if spoofed is not None and genuine is not None and not _is_else_same(clean, false):

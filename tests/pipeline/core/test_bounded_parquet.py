@@ -56,7 +56,7 @@ def test_a_name_that_is_not_utf8(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("column", "reason"),
     [
-        (pa.DictionaryArray.from_arrays(np.zeros(1 << 14, np.int32), ["x" * (1 << 20)]), "a text of 1048576"),
+        (pa.DictionaryArray.from_arrays(np.zeros(1 << 14, np.int32), ["x" * (1 << 20)]), "a string of 1048576"),
         (
             pa.DictionaryArray.from_arrays(np.zeros(FREE_ROWS + 50_000, np.int32), ["x"]),
             "150000 rows; at most",

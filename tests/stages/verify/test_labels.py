@@ -124,7 +124,7 @@ def by_others(attacks: Attacks) -> None:
         ("cam", CamsCheck, later, "when cam-position-offset was not active"),
         ("delay", CamsCheck, later, "when cam-delay was not active"),
         ("cam", CamsCheck, by_others, "whose messages cam-position-offset does not attack"),
-        ("gnss", Fixes, later, "is attacked by no attack, but its label says gnss-bias"),
+        ("gnss", Fixes, later, "is attacked by nothing, but its label says gnss-bias"),
     ],
 )
 def test_labels_of_another_attack(
