@@ -112,7 +112,7 @@ def test_a_linked_folder_of_data_sets_is_looked_into(tree: Path, monkeypatch: py
     ("arguments", "line"),
     [
         (["nowhere"], "nowhere does not exist; give a folder to look below"),
-        (["datasets/whole/metadata.yaml"], "is no folder"),
+        (["datasets/whole/metadata.yaml"], "is not a folder"),
         (["--all"], "--all needs --remove"),
         (["datasets/.town.partial-abcdefgh/clean"], "give that folder"),
     ],

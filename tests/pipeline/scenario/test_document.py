@@ -94,7 +94,7 @@ BAD = {
     "a: 1\nb: {c: 1, c: 2}": (2, "'c' is given twice"),
     "<<: 5": (1, "<< takes a mapping"),
     "a: 1\n---\nb: 2": (2, "not YAML"),
-    f"a: {'9' * 101}": (1, "a number of 101 characters"),
+    f"a: {'9' * 101}": (1, "a number has 101 characters"),
     f"a: !!bool {'x' * 100_000}": (1, "is not a valid bool"),
 }
 
