@@ -54,7 +54,7 @@ BAD = {
     "traffic:\n  mix: {sedan: 1.0e+300}\n": r"mix\.sedan \(line 5\): .*less than or equal to 1000000",
     "simulation:\n  start: 1999-12-31T23:00:00Z\n": r"start is in 1999; .* between 2000 and 2037",
     "simulation:\n  start: 2038-01-01T00:00:00Z\n": r"start is in 2038; .* between 2000 and 2037",
-    "simulation:\n  step_s: 0.0625\nsensors: {lidars: {lidar: {rotation_frequency: 16}}}\n": r"is not a whole",
+    "simulation:\n  step_s: 0.0625\nsensors: {lidars: {lidar: {rotation_frequency: 16}}}\n": r"not a whole",
     "simulation:\n  step_s: 0.0015\n": r"whole number of milliseconds",
     "sensors:\n  lidars:\n    lidar:\n      x_m: .nan\n": r"x_m \(line 7\): .*finite",
     "sensors:\n  lidars:\n    lidar:\n      x_m: -.inf\n": r"x_m \(line 7\): .*finite",
