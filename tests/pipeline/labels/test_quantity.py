@@ -43,6 +43,6 @@ def test_any_of_several_may_have_done_it() -> None:
     assert beyond_all(3.0, [{"double": (0, 4)}, {"double": (0, 6)}], QUANTITIES) == ""
     assert beyond_all(3.0, [{"double": (0, 4)}, {}], QUANTITIES) == ""
     assert beyond_all(3.0, [{"double": (0, 4)}, {"double": (0, 5)}], QUANTITIES).endswith(
-        "0 to 4 m is declared (double)"
+        "declares 0 to 4 m (double)"
     )
     assert beyond_all(3.0, [], QUANTITIES) == ""
