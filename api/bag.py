@@ -30,7 +30,7 @@ CAM_DTYPE = np.dtype(
 """What a vehicle's CAM says; NaN for what it leaves out or calls unavailable."""
 
 RECEIVED_CAM_DTYPE = np.dtype([*CAM_DTYPE.descr, ("power_dbm", "f8"), ("sinr_db", "f8")])
-"""The same of a received one, and how it arrived; NaN where the bag does not tell."""
+"""The same for a received CAM, with its power and SINR; NaN where the bag does not record them."""
 
 FIX_DTYPE = np.dtype(
     [("stamp_ns", "i8"), ("latitude_deg", "f8"), ("longitude_deg", "f8"), ("altitude_m", "f8")]
@@ -117,7 +117,7 @@ class Bag:
     def sent_cams(self) -> Table:
         """The CAMs that all vehicles sent, whoever received them (K,): a structured array of `CAM_DTYPE`.
 
-        stamp_ns: when the sender handed it to its radio. Raises UsageError for a bag that does not tell.
+        stamp_ns: when the sender handed it to its radio. Raises UsageError for a bag without V2X.
         """
         sent = (message for _, message in self._reader.messages(V2X_SENT.name))
         cams = (_cam(build.stamp_ns(each), bytes(each.payload)) for each in sent)

@@ -44,10 +44,11 @@ def attack(
 
     bag: a data set, a rosbag2 folder, an .mcap file or the result of `simulate`; by default the newest data
     set under `datasets`. type: `detach`, `perturb`, `attach`, `cam-...`, `gnss-...`, or `module:Class` of
-    your own. recipe: `best`, `robust`, `paper`, or by chance `random`, `random-near`, `random-best`; of LiDAR
-    attacks. attacker: who lies by V2X: a vehicle's id or several, `20%`, or `rsu:X,Y` in metres. victim: the
-    vehicle whose GPS or LiDAR is attacked, or that CAMs aim at. dcc_reacts: whether others' congestion
-    control holds back CAMs when an attack fills the channel. from_s, to_s: when, in seconds of the recording.
+    your own. recipe, of LiDAR attacks: `best`, `robust`, `paper`, or a random baseline: `random`,
+    `random-near`, `random-best`. attacker, of V2X attacks: a vehicle's id or several, `20%`,
+    or `rsu:X,Y` in metres. victim: the vehicle whose GPS or LiDAR is attacked, or that false CAMs target.
+    dcc_reacts: whether other stations' congestion control drops CAMs when an attack fills the channel.
+    from_s, to_s: when, in seconds of the recording.
     lidar: the topic of the clouds, among several. frames: `start:stop:step`, which clouds the bag then holds.
     detector: a shipped name, a .safetensors file, or `module:Class`; device: where it computes, `cpu`,
     `cuda` or `cuda:N`. seed: of the attack's own draws. workers: processes, by default one a core; their

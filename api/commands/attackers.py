@@ -1,4 +1,4 @@
-"""Who lies by V2X, in the words that the command line and Python take."""
+"""V2X attackers as the command line and the Python API name them."""
 
 from __future__ import annotations
 

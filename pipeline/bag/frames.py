@@ -151,5 +151,5 @@ def _with_truth(
 
 
 def vehicle_topics(lidar_topic: str) -> VehicleTopics:
-    """The topics of the vehicle under whose name the LiDAR lies: `/ego/lidar/points` is ego's."""
+    """The topics of the vehicle that carries the LiDAR: `/ego/lidar/points` belongs to ego."""
     return VehicleTopics(*lidar_topic.strip("/").split("/")[:2])

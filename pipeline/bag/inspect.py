@@ -27,7 +27,7 @@ _LONG = ("scenario", "versions")  # provenance that the table leaves out; --json
 
 @dataclass(frozen=True)
 class TopicDescription:
-    """rate_hz: 0 where fewer than two messages tell no rate."""
+    """rate_hz: 0 with fewer than two messages."""
 
     name: str
     type: str
@@ -179,7 +179,7 @@ def describe(path: Path) -> BagDescription:
 
 
 def _truth(reader: BagReader) -> frozenset[str]:
-    """The vehicles' ground truth; in another tool's bag, all boxes. What CAMs told a vehicle is none."""
+    """The vehicles' ground truth; in another tool's bag, all boxes; not what CAMs reported."""
     names = reader.topics_of_type(_OBJECTS_TYPE)
     own = [name for name in names if name == VehicleTopics(name.strip("/").split("/")[0]).objects.name]
     return frozenset(own or names)

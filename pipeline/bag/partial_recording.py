@@ -1,4 +1,4 @@
-"""Find what is left of a recording: in a killed run's hidden folder, or in a bag that is damaged."""
+"""Find an incomplete recording: in a killed run's hidden folder, or in a damaged bag."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class PartialRecording:
     """The .mcap files of a recording, and the file or folder where they were found.
 
     name: the path that it has or was to get. is_data_set: whether the bag is a data set's clean one.
-    is_leftover: whether it lies in the hidden folder of a killed run.
+    is_leftover: whether it is in the hidden folder of a killed run.
     """
 
     found: Path
@@ -34,13 +34,13 @@ class PartialRecording:
 
     @property
     def filled_files(self) -> tuple[Path, ...]:
-        """Those that are not empty, unless all are."""
+        """The files that are not empty; all of them if all are empty."""
         return tuple(file for file in self.files if file.stat().st_size) or self.files
 
 
 @contextmanager
 def find_partial_recording(path: Path) -> Iterator[PartialRecording]:
-    """The remains that a path means, which no other run removes within the block.
+    """The incomplete recording that a path names, protected from removal by other runs within the block.
 
     path: an .mcap file, a rosbag2 directory, a data set, a hidden folder, or the name that a killed run
     was to give; what such a run left comes first. Raises AdvpipeError where nothing is found, and where a

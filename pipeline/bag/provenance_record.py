@@ -40,7 +40,7 @@ class RecordedAttack(Document):
 
     @property
     def family(self) -> Family:
-        """What it attacks. In an older bag, the keys that a family has of its own tell."""
+        """What it attacks. In an older bag, it follows from the keys of each family."""
         if self.declared is not None:
             return self.declared.family
         given = self.model_fields_set | set(self.model_extra or {})

@@ -24,8 +24,8 @@ class RecordedReception(NamedTuple):
     """A message that a vehicle received.
 
     payload: the CAM in UPER, or what poses as one; None for a packet that is for no receiver of CAMs.
-    power_dbm, sinr_db: NaN where the bag does not tell. number: of the message in /v2x/sent that it truly
-    was; station_id: of the radio that sent it. Both None where the bag does not tell.
+    power_dbm, sinr_db: NaN where not recorded. number: of the message in /v2x/sent that it truly
+    was; station_id: of the radio that sent it. Both None where not recorded.
     """
 
     arrival_ns: int

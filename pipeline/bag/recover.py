@@ -1,4 +1,4 @@
-"""Save what was written of a recording that was cut off, as a whole bag."""
+"""Recover an incomplete recording as a complete bag."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _TRUTH_TYPES = (VehicleTopics().objects.type, VehicleTopics().true_odometry.type
 
 @dataclass
 class Recovery:
-    """What was saved to `out` (None: nothing needs saving), and what was lost; `str` is one line."""
+    """What was recovered to `out` (None: the bag was intact), and what was lost; `str` is one line."""
 
     source: PartialRecording
     out: Path | None = None
@@ -80,7 +80,7 @@ class _Survey:
     sensors: Mapping[str, CarriedSensor] | None = None
 
     def lone_clouds(self) -> set[tuple[str, int]]:
-        """Topic and log time of LiDAR clouds that a cut parted from their truth, which nothing can use.
+        """Topic and log time of LiDAR clouds whose ground truth was lost, which nothing can use.
 
         In advpipe's own bags, both have one log time; other tools' clouds are all kept.
         """
@@ -95,7 +95,7 @@ class _Survey:
 
 
 def recover(path: Path, out: Path | None = None, *, overwrite: bool = False) -> Recovery:
-    """Write a whole bag of what is whole in a cut-off one, as `out` or `<name>-recovered` beside it.
+    """Write the intact part of an incomplete bag to `out`, or to `<name>-recovered` next to it.
 
     path: see `find_partial_recording`. The source stays as it is, and an intact bag is left alone. A data set
     becomes a data set. Attachments are not kept. Raises AdvpipeError where nothing can be saved, an output

@@ -49,9 +49,9 @@ class BagWriter:
     ...     bag.write(CLOCK, messages.clock(stamp_ns), stamp_ns)
 
     path: the rosbag2 directory to make. provenance: see `provenance.py`; it leads the file, so that a
-    recording that is cut off still has it. compression: of the chunks, a key of `COMPRESSIONS`. The bytes
+    truncated recording still has it. compression: of the chunks, a key of `COMPRESSIONS`. The bytes
     written depend on the arguments alone: no clock, no host. They are compressed and written while the
-    caller goes on, so a full disk may be told some messages late, or at the end of the block.
+    caller goes on, so the error of a full disk may come some messages late, or at the end of the block.
     """
 
     def __init__(
@@ -202,7 +202,7 @@ class BagWriter:
         try:
             yield
         except OSError as error:
-            error.filename = None  # one in the hidden folder would tell nobody anything
+            error.filename = None  # the hidden folder's name would not help the user
             raise AdvpipeError(
                 f"{final_path(self.path)}: cannot be written: {os_error_line(error)}"
             ) from None

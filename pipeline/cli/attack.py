@@ -48,7 +48,9 @@ def attack_command(
     ] = None,
     attacker: Annotated[
         list[str] | None,
-        typer.Option(help="Who lies by V2X: a vehicle's id (repeatable), 20%, or rsu:X,Y in metres."),
+        typer.Option(
+            help=("V2X attacker: a vehicle's id (repeatable), 20% of all stations, or rsu:X,Y in metres.")
+        ),
     ] = None,
     victim: Annotated[str | None, cli_option(AttackOptions, "victim")] = AttackOptions.victim,
     dcc_reacts: Annotated[

@@ -51,7 +51,7 @@ def recover_command(
     ] = None,
     overwrite: Overwrite = False,
 ) -> Answer:
-    """Save what was written of a recording that was cut off, as a whole bag or data set beside it.
+    """Recover an incomplete recording as a complete bag or data set next to it.
 
     What a killed run wrote stays in a hidden folder until a later run for the same output has finished.
     """

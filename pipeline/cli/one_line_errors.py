@@ -60,7 +60,7 @@ class OneLineErrors(TyperGroup):
 
 @contextmanager
 def _in_one_line() -> Iterator[None]:
-    """Ends the command with the line of whatever is raised inside; typer would tell some of it in its way."""
+    """Ends the command with a one-line error for any exception inside, before typer prints it."""
     try:
         yield
     except (typer.Exit, SystemExit, ClickException):

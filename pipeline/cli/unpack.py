@@ -17,7 +17,7 @@ def unpack_command(
         typer.Option("--out", "-o", help="Folder to make.", show_default="NAME beside the archive"),
     ] = None,
 ) -> Answer:
-    """Unpack an archive of `advpipe share`, safely: what is damaged, cut off or hostile leaves nothing.
+    """Unpack an archive of `advpipe share`, safely: a damaged, truncated or hostile one leaves no files.
 
     Every byte is checked; `advpipe verify` then checks what the data set claims.
     """

@@ -16,7 +16,7 @@ from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.parquet_pages import ENCODINGS, Chunk, Page, column_chunks, pages
 
 Kind = Literal["whole", "truth", "text"]
-KINDS: dict[Kind, str] = {"whole": "whole number", "truth": "true or false", "text": "text"}
+KINDS: dict[Kind, str] = {"whole": "a whole number", "truth": "true or false", "text": "a string"}
 
 BATCH_ROWS = 1 << 12
 ROWS_AT_ONCE = 1 << 9
@@ -40,7 +40,7 @@ PAGES_LIMIT_BYTES = 1 << 28
 
 FREE_BATCH_ROWS = 1 << 22
 BATCH_ROWS_PER_BYTE = 1
-"""A row that tells apart one point from the next has a byte at least."""
+"""A row of a point's own takes at least one byte."""
 
 FREE_ROWS = 100_000
 ROWS_PER_BYTE = 1 / 8
@@ -221,7 +221,7 @@ def _check_kind(path: Path, name: str, column: Any, kind: Kind) -> None:
 
     is_kind = {"whole": pa.types.is_integer, "truth": pa.types.is_boolean, "text": _is_text}[kind]
     if not is_kind(column.type) or column.null_count:
-        raise AdvpipeError(f"{path}: {name} must be a {KINDS[kind]} in every row")
+        raise AdvpipeError(f"{path}: {name} must be {KINDS[kind]} in every row")
 
 
 def _unpacked(path: Path, name: str, column: Any) -> Any:

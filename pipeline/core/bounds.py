@@ -74,7 +74,7 @@ SlipStddevMps = Annotated[Number, Field(ge=1e-4, le=100)]
 """What a filter starts with or assumes: below these its matrices lose their digits."""
 
 GateProbability = Annotated[Probability, Field(ge=0.5, lt=1)]
-"""Of fixes that a filter believes: below one half, it would drop most of the honest ones."""
+"""Share of true fixes that a filter's gate accepts: below one half, it would reject most of them."""
 
 BitrateMbps = Annotated[Number, Field(ge=1.5, le=54)]
 """Of OFDM, from the slowest in a channel of 5 MHz to the fastest in one of 20 MHz."""

@@ -20,7 +20,7 @@ def import_object(word: str, refusal: str) -> Any:
     Raises UsageError, one line that begins with `refusal`, for what cannot be imported.
     """
     module, _, attribute = word.partition(":")
-    # A program that was installed does not look into the working directory, where the user's file lies.
+    # A program that was installed does not look into the working directory, where the user's file is.
     if os.getcwd() not in sys.path:
         sys.path.insert(0, os.getcwd())
     try:

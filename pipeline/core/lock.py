@@ -1,4 +1,4 @@
-"""Locks that end with their process: they tell what a living run works on from what a killed run left."""
+"""File locks that end with their process: they tell the files of a running command from leftovers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from weakref import WeakSet
 
 try:
     import fcntl
-except ImportError:  # Windows: nobody can tell, so leftovers of killed runs stay until removed by hand
+except ImportError:  # Windows: undecidable, so leftovers of killed runs stay until removed by hand
     fcntl = None  # type: ignore[assignment]
 
 LOCK_NAME = ".lock"

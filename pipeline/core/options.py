@@ -14,7 +14,7 @@ def option(default: Any, help: str, *, least: int | None = None) -> Any:
 
 
 def parser_options(model: type, name: str) -> dict[str, Any]:
-    """What an option parser is told of a field: `help`, and `min` if it has a bound."""
+    """The keyword arguments of a field for an option parser: `help`, and `min` if it has a bound."""
     (found,) = (each for each in fields(model) if each.name == name)
     least = found.metadata["least"]
     return {"help": found.metadata["help"], **({} if least is None else {"min": least})}

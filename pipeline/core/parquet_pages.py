@@ -1,6 +1,6 @@
 """Headers of Parquet pages: what each page unpacks to, whatever the file's footer says of it.
 
-A footer is believed by readers and may lie; they unpack page by page, as much as the page's header says.
+Readers trust the footer, which may be false; they decompress as much as each page's header says.
 Where the pages of a column lie is read here from the footer, too: pyarrow ends the process where what it
 says of a column does not fit the rest, encryption and histograms of levels among it.
 Source: parquet-format 2.11, parquet.thrift, in Thrift's compact protocol.
@@ -90,7 +90,7 @@ def _page(fields: dict[int, Any]) -> Page:
 
 
 class _Compact:
-    """Reads one struct; what is cut off, or nested without end, is a ValueError."""
+    """Reads one struct; truncated or too deeply nested data is a ValueError."""
 
     def __init__(self, data: bytes) -> None:
         self._data, self.at = data, 0

@@ -94,7 +94,7 @@ class PartialFolder:
 
     A killed run leaves only the hidden folder. It stays, for `advpipe recover`, until a later run for the
     same name has finished; of several, the newest stays. One that a living run still fills is never
-    touched: its lock tells.
+    touched: its lock shows that.
     """
 
     def __init__(self, final: Path) -> None:

@@ -1,4 +1,4 @@
-"""Attacks and detectors of a user's own: a mistake in one is told in a line, with its place."""
+"""Plug-ins (users' attacks and detectors): an exception in one becomes a one-line error with its place."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ _OF_OTHERS = (
     *(PACKAGE / folder for folder in ("pipeline", "stages")),
     *(Path(sysconfig.get_path(which)) for which in ("stdlib", "purelib", "platlib")),
 )
-"""Where code lies that is not the user's."""
+"""Folders of code that is not the user's."""
 
 
 def plugin_names(words: Iterable[str]) -> tuple[str, ...]:
-    """Those of the attacks and detectors that are named `module:Class`."""
+    """The attacks and detectors that are plug-ins, named `module:Class`."""
     return tuple(dict.fromkeys(word for word in words if ":" in word))
 
 
@@ -32,15 +32,15 @@ def user_class(of_use: object) -> tuple[str, ...]:
 
 
 def with_plugin_errors(prepare: Callable[[], Work], own: Sequence[str]) -> Work:
-    """The work that `prepare` makes, with mistakes in code of the user's own reported in one line."""
+    """The work that `prepare` returns, with exceptions in plug-ins reported in one line."""
     with plugin_errors(own):
         work = prepare()
 
-    def work_and_tell(job: int) -> None:
+    def work_with_errors(job: int) -> None:
         with plugin_errors(own):
             work(job)
 
-    return work_and_tell
+    return work_with_errors
 
 
 @contextmanager

@@ -22,7 +22,7 @@ def track(
 ) -> Iterator[T]:
     """The same items; says on standard error how many have come, and how long the rest will take.
 
-    total: of the items, where they do not tell it. status: what to write besides, asked again at each item.
+    total: number of items, if they have no length. status: text to show beside, called for each item.
     --quiet silences it.
     """
     description, begin_s, count = one_line(description), time.monotonic(), 0

@@ -1,8 +1,8 @@
-"""What a command tells besides its result: how much of it, and where to.
+"""How much a command prints besides its result, and where to.
 
 A result goes to standard output: text for people, or with --json one document for programs. Everything else
 goes to standard error: notices unless --quiet, and with --verbose what is loaded, with which seed and
-versions, and how long each phase takes. Worker processes tell nothing.
+versions, and how long each phase takes. Worker processes print nothing.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def phase(name: str) -> Iterator[None]:
 
 @contextmanager
 def use_verbosity(verbosity: Verbosity) -> Iterator[None]:
-    """Within the block, this is how much is told. Libraries' warnings are details."""
+    """Within the block, this verbosity applies. Libraries' warnings are details."""
     global _current, _begin_s
     before, _current, _begin_s = (_current, _begin_s), verbosity, time.monotonic()
     try:
@@ -85,7 +85,7 @@ def use_verbosity(verbosity: Verbosity) -> Iterator[None]:
 
 
 def silence_warnings() -> None:
-    """Libraries' warnings, meant for programmers, are details, unless Python was told what they are."""
+    """Libraries' warnings, meant for programmers, are details, unless Python's -W option configures them."""
     if sys.warnoptions:
         return
     if _current.verbose:

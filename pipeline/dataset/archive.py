@@ -1,6 +1,6 @@
 """A data set as one plain .tar, or its parts; the same data set gives the same bytes.
 
-Bags are compressed already. Unpacking believes nothing: each header must be the very one that packing
+Bags are compressed already. Unpacking treats its input as untrusted: each header must be the one that packing
 writes, names stay inside the folder, sizes fit the archive, the disk and the limits, every file has the
 checksum that SHA256SUMS states, and between and after them lie zeros alone. A bit that is changed anywhere
 is found before the folder gets its name.

@@ -45,7 +45,7 @@ def read(folder: Path) -> dict[str, str]:
 
 
 def read_bytes(path: Path) -> bytes:
-    """A list of checksums as it lies there; raises AdvpipeError where there is none."""
+    """The bytes of a checksum list; raises AdvpipeError where there is none."""
     if not path.is_file():
         raise AdvpipeError(f"{path} does not exist; `advpipe share` writes it")
     if path.stat().st_size > _LIMIT_BYTES:

@@ -21,7 +21,7 @@ def whole_name(path: Path) -> Path:
 
 
 def sums_path(archive: Path) -> Path:
-    """The list of checksums that lies beside an archive."""
+    """The checksum list of an archive, next to it."""
     return archive.with_name(archive.name + ".sha256")
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 FILE = checksums.SIGNATURE_FILE
 KEY_FILE = "signer.pem"
-"""The signer's public key as the data set carries it. It tells damage; whose it is, it cannot tell."""
+"""The signer's public key as the data set carries it. It reveals damage, but does not prove who signed."""
 
 _KEY_LIMIT_BYTES = 1 << 16
 _HOW = "`openssl genpkey -algorithm ed25519 -out key.pem` makes one"

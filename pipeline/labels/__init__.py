@@ -1,1 +1,1 @@
-"""What adversarial bags tell of their attacks: declarations, and tables of labels beside the bag."""
+"""What adversarial bags record about their attacks: declarations, and label tables next to the bag."""

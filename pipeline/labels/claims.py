@@ -1,4 +1,4 @@
-"""What a CAM claims of its sender: each claim is told by some of the message's fields."""
+"""What a CAM claims of its sender: each claim is stated by some of the message's fields."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ CLAIM_FIELDS: Mapping[Claim, tuple[str, ...]] = {
     "station type": ("station_type",),
     "generation time": ("generation_delta_time_ms",),
 }
-"""All of `cam_values.FIELDS`, by the claim that they tell."""
+"""All of `cam_values.FIELDS`, by the claim that they state."""
 
 _CLAIM_OF = {field: claim for claim, fields in CLAIM_FIELDS.items() for field in fields}
 

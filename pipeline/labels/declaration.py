@@ -41,7 +41,7 @@ class Terms(Document):
     """What an attack keeps to with its parameters, or a part of a mix.
 
     bounds: what it keeps to in each cloud, fix or message that it changes. every_message_matters: whether all
-    that its attackers send by it are lies, whatever they say: of stations that do not exist, or are others,
+    its attackers' messages are false, whatever they say: of stations that do not exist, or are others,
     or one too many. untrue: what it makes untrue in its attackers' own messages (`claims.Claim`); all other
     fields of a message that it changes or delays stay as they are.
     """

@@ -52,7 +52,7 @@ POSITION_OFFSET = Quantity[MessageChange](
     _position_offset_m,
     resolution=0.01,
 )
-"""Where both tell a position; a CAM tells it in steps of 1e-7 degrees."""
+"""Where both state a position, which a CAM quantises to 1e-7 degrees."""
 SPEED_OFFSET = Quantity[MessageChange](
     "speed_offset_mps",
     "m/s",
@@ -60,7 +60,7 @@ SPEED_OFFSET = Quantity[MessageChange](
     _speed_offset_mps,
     resolution=1 / q.SPEED.per_unit,
 )
-"""Where both tell a speed, which a CAM rounds up; what is beyond all that it can tell counts as the most that
+"""Where both state a speed, which a CAM rounds up; what is beyond its range counts as the most that
 it can."""
 DELAY = Quantity[MessageChange]("delay_s", "s", "delay of a message", lambda change: change.delay_s)
 MESSAGES_ADDED = Quantity[MessageChange](

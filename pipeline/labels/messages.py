@@ -41,8 +41,8 @@ MESSAGE_COLUMNS: Columns = {
 }
 """number, station_id: of the message as in /v2x/sent (the radio's, whatever is claimed). time_ns: when it was
 handed to the radio, as recorded; sent_ns: the same after the attack, null for never. part: of a mix, what
-its attacker carries out; else empty. attacker: the vehicle or roadside unit; empty where it is not the
-sender who lies, as with a spoofed GPS. action: one of `ACTIONS`. fields: what the attack changed, with commas
+its attacker carries out; else empty. attacker: the vehicle or roadside unit; empty where the sender
+is no attacker, as with a spoofed GPS. action: one of `ACTIONS`. fields: what the attack changed, with commas
 between them ("other" for what has no column). mattered: see `pipeline/v2x/facilities/effect.py`. true_...,
 false_...: of each field of a CAM, with x and y in the map's frame.
 
@@ -62,7 +62,7 @@ _READ: dict[str, Kind] = {
 
 @dataclass(frozen=True, slots=True)
 class MessageLabel:
-    """One message that an attack touched: who lies by which attack, how, and whether it mattered."""
+    """A message that an attack changed: the attacker, the attack, what was done, and whether it mattered."""
 
     number: int
     attack: str
@@ -76,9 +76,9 @@ class MessageLabel:
 
     @property
     def is_false(self) -> bool:
-        """Whether receivers hear it and it mattered: a zero-speed report of a standing car is no lie.
+        """Whether it gave receivers false data that mattered: zero speed of a standing car does not.
 
-        An attacker's message that is no CAM is one: no receiver may believe it.
+        An attacker's message that is no valid CAM counts as false: no receiver may accept it.
         """
         return self.action != DROPPED and (self.mattered or self.action == CORRUPT)
 
@@ -128,6 +128,6 @@ def _path(bag: Path) -> Path:
 
 
 def are_false(numbers: Sequence[int | None], labels: Iterable[MessageLabel]) -> npt.NDArray[np.bool_]:
-    """Which messages (M,) are lies, by their numbers in /v2x/sent; None is of an unknown message, no lie."""
-    lying = {label.number for label in labels if label.is_false}
-    return np.array([number in lying for number in numbers], bool)
+    """Which messages (M,) are false, by their numbers in /v2x/sent; an unknown one (None) counts as true."""
+    false_numbers = {label.number for label in labels if label.is_false}
+    return np.array([number in false_numbers for number in numbers], bool)

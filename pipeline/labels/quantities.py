@@ -18,7 +18,7 @@ Float64 = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class CloudChange:
-    """A clean cloud (N,), what an attack made of it, and labels that tell exactly what differs: the points
+    """A clean cloud (N,), what an attack made of it, and labels that state exactly what differs: the points
     that were not removed in their order, and then those added."""
 
     clean: Cloud

@@ -23,7 +23,7 @@ class Quantity(Generic[C]):
     """A number that can be measured of any change of one family.
 
     unit: "1" of counts and shares. measure: None where a change has no such number. resolution: how far from
-    the attack's own number it may come out, as a message tells it in steps.
+    the attack's own number it may come out, as messages quantise it.
     """
 
     name: str

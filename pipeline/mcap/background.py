@@ -30,5 +30,5 @@ class Background:
         self._pool.shutdown()
 
     def abort(self) -> None:
-        """Drops what lies in wait; the call that runs is waited for."""
+        """Drops the waiting calls, and waits for the running one."""
         self._pool.shutdown(cancel_futures=True)

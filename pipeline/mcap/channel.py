@@ -1,4 +1,4 @@
-"""The channels of a bag and what lies in them: names, types, quality of service, and messages as bytes."""
+"""The channels of a bag: names, types, quality of service, and messages as bytes."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class TopicInfo:
 
 @dataclass(frozen=True)
 class RawMessage:
-    """One message as it lies in a bag: `cdr` is its serialised body, `schema` its type's definition."""
+    """One message as it is stored in a bag: `cdr` is its serialised body, `schema` its type's definition."""
 
     topic: Topic
     schema: str

@@ -1,4 +1,4 @@
-"""MCAP records read within bounds: no length in a file is believed before it is known to fit."""
+"""MCAP records read within bounds: a length in a file is used only after it was checked."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class Record(NamedTuple):
 
     @property
     def bytes(self) -> bytes:
-        """All of it, as it lies in the file."""
+        """All of it, as it is stored in the file."""
         return HEAD.pack(self.opcode, len(self.body)) + self.body
 
 

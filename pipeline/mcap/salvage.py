@@ -1,4 +1,4 @@
-"""Read what is whole of a damaged or cut-off .mcap file."""
+"""Read the intact part of a damaged or truncated .mcap file."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ from advpipe.pipeline.mcap.unpacking import UnpackBudget
 
 @dataclass
 class Salvage:
-    """The whole messages of one file, and a tally of the rest, which fills while they are read.
+    """The intact messages of one file, and a count of the rest, which grows while they are read.
 
     A chunk is saved whole or not at all: its checksum has to be right. lost_messages: those of damaged
-    chunks that an index still counts; nothing tells how many were in what is cut off. lost_bytes: of the
+    chunks that an index still counts; those in the missing end are unknown. lost_bytes: of the
     file, in damaged chunks and in what is no whole record. metadata: records by name.
     """
 
@@ -149,7 +149,7 @@ def _entries(body: bytes) -> int:
 
 
 def _packed_bytes(body: bytes) -> int:
-    """How many bytes of data a chunk holds, as far as it can tell."""
+    """How many bytes of data a chunk holds, as far as its header shows."""
     try:
         return len(parse_chunk(body).data)
     except DAMAGE:

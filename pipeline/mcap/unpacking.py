@@ -12,7 +12,7 @@ RATIO = 100
 text to a tenth."""
 
 MESSAGE_BYTES = 256
-"""What a message costs beyond its bytes. An index tells of each in 16 bytes that are never packed, so a file
+"""What a message costs beyond its bytes. An index holds each in 16 uncompressed bytes, so a file
 that has one never comes to its end."""
 
 

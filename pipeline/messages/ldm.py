@@ -45,7 +45,7 @@ def ldm_snapshot_cdr(snapshot: LdmSnapshot, frame_id: str = "map") -> bytes:
 def ldm_detections_cdr(snapshot: LdmSnapshot, frame_id: str = "map") -> bytes:
     """vision_msgs/Detection3DArray, serialised.
 
-    Ids are station ids, scores 1, sizes 0 where a CAM does not tell them. No CAM tells a height: boxes are
+    Ids are station ids, scores 1, sizes 0 where a CAM does not state them. No CAM states a height: boxes are
     flat and lie on the ground.
     """
     cdr = Cdr()

@@ -126,10 +126,10 @@ def _packet(message: Any) -> Problems:
 
 
 def _reception_info(message: Any) -> Problems:
-    """NaN is not told."""
+    """NaN stands for a value that is not recorded."""
     yield from _header(message.header)
-    told = (value for value in (message.power_dbm, message.sinr_db) if not math.isnan(value))
-    yield from _finite(told, _STRONGEST_DBM, "the power or SINR")
+    recorded = (value for value in (message.power_dbm, message.sinr_db) if not math.isnan(value))
+    yield from _finite(recorded, _STRONGEST_DBM, "the power or SINR")
 
 
 def _reception(message: Any) -> Problems:

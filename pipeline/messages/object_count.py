@@ -12,7 +12,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.serde.utils import SIZEMAP
 from rosbags.typesys.store import Typestore
 
-_HEAD_BYTES = 4  # of encapsulation, whose second byte tells the order of bytes; alignment counts from its end
+_HEAD_BYTES = 4  # of encapsulation, whose second byte gives the byte order; alignment counts from its end
 
 
 def has_more_objects(store: Typestore, type_name: str, cdr: bytes, limit: int) -> bool:

@@ -24,7 +24,7 @@ LDM_OBJECTS = "ldm/objects"
 
 
 def is_truth(topic_name: str) -> bool:
-    """Whether boxes on a topic may be the truth; what a vehicle was told by radio is none."""
+    """Whether boxes on a topic may be the truth; what a vehicle learned by radio is not."""
     return not topic_name.endswith(f"/{LDM_OBJECTS}")
 
 

@@ -61,7 +61,7 @@ def stations_message(stamp_ns: int, stations: Sequence[RadioPlace], frame_id: st
 
 
 def stations_of_message(message: Any) -> tuple[RadioPlace, ...]:
-    """The radios that a recorded message tells of; their places to the bit."""
+    """The radios in a recorded message; their positions to the bit."""
     poses = build.se3_from_poses([station.pose for station in message.stations])
     return tuple(
         RadioPlace(
@@ -88,7 +88,7 @@ def sent_message(sent: Sent) -> StampedCdr:
 
 
 def sent_of_message(message: Any) -> Sent:
-    """The transmission that a recorded message tells of."""
+    """The transmission in a recorded message."""
     return Sent(
         message.number,
         message.key,

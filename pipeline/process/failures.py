@@ -69,5 +69,5 @@ def _folder_is_gone() -> bool:
 
 
 def _say(line: str) -> None:
-    with suppress(OSError, ValueError):  # standard error is closed or full: the exit code has to tell
+    with suppress(OSError, ValueError):  # standard error is closed or full: only the exit code is left
         print(line, file=sys.stderr, flush=True)

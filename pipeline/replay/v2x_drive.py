@@ -44,7 +44,7 @@ class V2xDrive:
 
     v2x, seed, origin: those of the scenario. stations: all vehicles that had a radio, by its number.
     listeners: the instrumented ones among them. until_ns: nothing is read of what comes after the step in
-    which this time lies. Raises AdvpipeError for a bag without V2X.
+    which this time is. Raises AdvpipeError for a bag without V2X.
     """
 
     def __init__(self, reader: BagReader, until_ns: int | None = None) -> None:
@@ -77,7 +77,7 @@ class V2xDrive:
     def sent_again(self, listeners: Collection[int]) -> Iterator[tuple[V2xStep, tuple[Received, ...]]]:
         """Each step as it was recorded, and what these stations receive in it when it is sent again.
 
-        Of the instrumented vehicles the bag itself tells what they received (`bag/receptions.py`); this is
+        For the instrumented vehicles, the bag itself holds what they received (`bag/receptions.py`); this is
         for all others.
         """
         self.listeners = {number: self.stations[number] for number in sorted(listeners)}
@@ -102,7 +102,7 @@ class V2xDrive:
 def read_steps(reader: BagReader, until_ns: int | None = None) -> Iterator[V2xStep]:
     """All steps of a recorded drive, in order; with `until_ns` to the first one that ends then or later.
 
-    None of a bag that does not tell where the radios were. Raises AdvpipeError for a message that no station
+    None for a bag without the stations' positions. Raises AdvpipeError for a message that no station
     of its step can have sent, for two of a number, for a step longer than `LONGEST_STEP_NS`, and for one
     later than `LATEST_NS`.
     """
@@ -160,7 +160,7 @@ def _wrong(reader: BagReader, raw: RawMessage, what: str) -> AdvpipeError:
 
 
 def read_stations(reader: BagReader, last_ns: int | None = None) -> dict[int, str]:
-    """Names of all stations of a drive, by number; none of a bag that does not tell where the radios were.
+    """Names of all stations of a drive, by number; none for a bag without the stations' positions.
 
     Raises AdvpipeError where one has two of either.
     """

@@ -1,4 +1,4 @@
-"""The section `attacks`: who lies, to whom, when and how; the command line makes the same from options."""
+"""The section `attacks`: who attacks whom, when and how; the command line builds it from its options."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class RoadsideUnit(Section):
 
 
 class Attackers(Section):
-    """Who sends the lies: exactly one of the three."""
+    """Who sends the false messages: exactly one of the three."""
 
     vehicles: tuple[Word, ...] = Field((), max_length=10_000, description="their ids in /v2x/stations")
     share: ShareOfSome | None = Field(None, description="of all stations, drawn from the seed")

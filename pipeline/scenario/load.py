@@ -60,7 +60,7 @@ def load_scenario(
 def dump_scenario(scenario: Scenario) -> str:
     """The resolved scenario as YAML: every key but the attacks, defaults included.
 
-    Of a path only the file name stays: a data set tells nobody how its maker's disk is laid out.
+    Of a path only the file name stays: a data set does not reveal paths of its author's machine.
     """
     tree = scenario_tree(scenario)
     return yaml.safe_dump(tree, sort_keys=False, allow_unicode=True, width=100)

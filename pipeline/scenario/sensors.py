@@ -36,7 +36,7 @@ class CarriedSensors(Section):
         return self
 
     def mounted(self) -> Iterator[tuple[str, str, MountedSection]]:
-        """Every sensor that is carried by name: its place in the section, its name, and what it is told."""
+        """Every sensor that is carried by name: its place in the section, its name, and its settings."""
         for key, kind in SENSORS.items():
             if issubclass(kind, MountedSensor):
                 for name, section in getattr(self, key).items():

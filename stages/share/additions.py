@@ -1,4 +1,4 @@
-"""Everything that sharing adds to a data set, but checksums and signature."""
+"""Everything that sharing adds to a data set, except checksums and signature."""
 
 from __future__ import annotations
 

@@ -240,14 +240,14 @@ def _attack(bag: BagFacts) -> _Attack:
 
 
 def _aims(bag: BagFacts) -> Iterator[str]:
-    """Of each attack in a bag: who lies, whom it harms, which detector it looked at, and when it acts."""
+    """For each attack in a bag: its attackers, victim, detector and schedule."""
     attacks = bag.provenance.fields.attacks
     for one in attacks:
         facts = {f"attackers' {key}": value for key, value in (one.attackers or {}).items()}
         facts |= {"victim": one.victim, "lidar": one.lidar, "detector": one.detector}
         facts |= one.schedule or {}
-        told = [f"{key} {_plain(value)}" for key, value in facts.items() if value not in (None, "", [])]
-        yield (f"{one.type}: " if len(attacks) > 1 else "") + ", ".join(told)
+        stated = [f"{key} {_plain(value)}" for key, value in facts.items() if value not in (None, "", [])]
+        yield (f"{one.type}: " if len(attacks) > 1 else "") + ", ".join(stated)
 
 
 def _plain(value: object) -> str:

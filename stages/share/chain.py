@@ -37,7 +37,8 @@ def _check_report(path: Path, sha256_of_bags: Mapping[str, str]) -> None:
             )
         if stated != sha256_of_bags[bag]:
             raise AdvpipeError(
-                f"{path} was made from another {bag} than the one in the data set; evaluate again with "
+                f"{path} was made from a {bag} that differs from the one in the data set; evaluate "
+                "again with "
                 "--overwrite"
             )
     if report.clean_sha256s - set(sha256_of_bags.values()):
@@ -49,7 +50,7 @@ def _check_report(path: Path, sha256_of_bags: Mapping[str, str]) -> None:
 def _check_bag(bag: Path, record: Provenance, drives: Collection[str]) -> str:
     stated = record.fields.parent_sha256
     if stated is None:
-        return f"{bag.name} does not say which bag it was made from"
+        return f"{bag.name} does not record which bag it was made from"
     if stated not in drives:
         raise AdvpipeError(
             f"{bag} was made from another bag (parent SHA-256 {stated[:12]}…) than this data set's clean one "

@@ -1,4 +1,4 @@
-"""What a user says about a data set to be shared."""
+"""The user's options for sharing a data set."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class ShareOptions:
     def __post_init__(self) -> None:
         if self.licence is not None and not _SPDX.fullmatch(self.licence):
             raise UsageError(
-                f"licence {self.licence!r} is no SPDX identifier, such as CC-BY-4.0 or LicenseRef-mine "
+                f"licence {self.licence!r} is not an SPDX identifier, such as CC-BY-4.0 or LicenseRef-mine "
                 "(https://spdx.org/licenses)"
             )
 
@@ -41,7 +41,7 @@ def citation_text(text_or_file: str | None) -> str | None:
     try:
         text_or_file.encode()
     except UnicodeEncodeError:  # what a locale cannot spell comes as halves of surrogate pairs
-        raise UsageError("--citation is no text in UTF-8; set LC_ALL=C.UTF-8, or name a file") from None
+        raise UsageError("--citation is not valid UTF-8 text; set LC_ALL=C.UTF-8, or name a file") from None
     try:
         if "\n" in text_or_file or not path.is_file():
             return text_or_file
@@ -49,6 +49,6 @@ def citation_text(text_or_file: str | None) -> str | None:
             raise UsageError(f"{path} is too large for a citation")
         return path.read_text(encoding="utf-8").strip()
     except UnicodeDecodeError:
-        raise UsageError(f"{path} is no text in UTF-8") from None
+        raise UsageError(f"{path} is not valid UTF-8 text") from None
     except OSError:  # too long for a file's name: a text
         return text_or_file

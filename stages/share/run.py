@@ -1,4 +1,4 @@
-"""Make a data set ready to publish: everything that others need to use it and to believe it."""
+"""Make a data set ready to publish: everything that others need to use and to verify it."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def share(dataset: Path, out: Path, options: ShareOptions = DEFAULT_OPTIONS) -> 
             outputs = (out,)
     left = [
         f"{leftover.path.relative_to(dataset)} was left by a killed run and is not shared; "
-        "`advpipe clean` tells what it is good for"
+        "`advpipe clean` shows whether it is still of use"
         for leftover in found.leftovers
     ]
     return ShareSummary(outputs, len(files), size_bytes, (*warnings, *left))
@@ -89,24 +89,27 @@ def _is_archive(out: Path) -> bool:
 def _refuse_outputs(found: Layout, out: Path, options: ShareOptions) -> None:
     source, target = found.folder.resolve(), out.resolve()
     if target == source or target in source.parents or source in target.parents:
-        raise UsageError(f"{out} is, holds or lies in the data set {found.folder}; choose another output")
+        raise UsageError(
+            f"{out} is, contains or is inside the data set {found.folder}; choose another output"
+        )
     if out.suffix in _OTHER_ARCHIVES:
         raise UsageError(
-            f"{out}: an archive is a plain .tar, for bags are compressed; end the output's name in .tar"
+            f"{out}: an archive is a plain .tar, as bags are already compressed; end the output's "
+            "name in .tar"
         )
     if options.split_size_bytes is not None and not _is_archive(out):
         raise UsageError(f"only an archive can be split: end the output's name in .tar, as in {out.name}.tar")
     if not layout.is_portable(target.name):
-        raise UsageError(f"{str(out)!r}: a name of signs that not every system takes; choose another")
+        raise UsageError(
+            f"{str(out)!r}: a name with characters that not every system supports; choose another"
+        )
     if _is_archive(out):
         refuse_existing(out, options.overwrite)
     elif out.exists():
         refuse_folder(out, overwrite=options.overwrite)
     for name in names.FOLDERS:
         if (found.folder / name).exists() and not _was_shared(found):
-            raise UsageError(
-                f"{found.folder / name} has a name that a shared data set needs itself; rename it"
-            )
+            raise UsageError(f"{found.folder / name} has a name that shared data sets reserve; rename it")
 
 
 def _was_shared(found: Layout) -> bool:

@@ -1,4 +1,4 @@
-"""What the author of a data set should know before it is published."""
+"""Warnings to the author of a data set before it is published."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _PATH = re.compile(
 def sharing_warnings(found: Layout, bags: Sequence[BagFacts], options: ShareOptions) -> Iterator[str]:
     """One line each."""
     if options.licence is None:
-        yield "no licence is stated, so nobody may use the data set: give one with --licence CC-BY-4.0, say"
+        yield "no licence is stated, so nobody may use the data set: give one, such as --licence CC-BY-4.0"
     if found.scenario is None:
         yield "there is no scenario.yaml: the drive cannot be simulated again"
     attacks = [facts.path for facts in bags if facts.is_attack]
@@ -26,12 +26,12 @@ def sharing_warnings(found: Layout, bags: Sequence[BagFacts], options: ShareOpti
         yield "there is no adversarial bag"
     for bag in attacks:
         if not (bag / "attack.yaml").is_file():
-            yield f"{bag.name} has no attack.yaml: what was done is told by the bag's own record alone"
+            yield f"{bag.name} has no attack.yaml: only the bag's provenance says what was done"
     for facts in bags:
         if not facts.description.checksums.chunks_covered:
-            yield f"{facts.path.name} carries no chunk checksums; SHA256SUMS alone tells damage"
+            yield f"{facts.path.name} has no chunk checksums; only SHA256SUMS reveals damage"
         if len(facts.topics) > MOST_TOPICS:
             yield f"{facts.path.name} has {len(facts.topics)} topics; its contract holds {MOST_TOPICS}"
     paths = {match for facts in bags for match in _PATH.findall(" ".join(facts.provenance.values()))}
     if paths:
-        yield f"the bags' records name paths of the machine that made them, such as {min(paths)}"
+        yield f"the bags' provenance records hold paths of the machine that made them, such as {min(paths)}"

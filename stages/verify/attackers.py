@@ -1,4 +1,4 @@
-"""Who may have touched which messages, by the attacks that a bag names."""
+"""Which attacker may have changed which messages, by the attacks that a bag declares."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class MessageAttack(NamedTuple):
 class DeclaredAttacker(NamedTuple):
     """An attack that touches messages, as labels name it.
 
-    senders: station ids of the radios whose messages it touches. is_sender: whether it is the sender who
-    lies. parts: of a mix, the attack that each sender carries out. acts: whether it may touch a message of
+    senders: station ids of the radios whose messages it touches. is_sender: whether the sender itself
+    attacks. parts: of a mix, the attack that each sender carries out. acts: whether it may touch a message of
     that time. declared: None in a bag of an older version.
     """
 
@@ -47,8 +47,8 @@ class DeclaredAttacker(NamedTuple):
 class DeclaredAttackers:
     """In the order in which they touch messages: GPS first, then V2X as configured.
 
-    names: of all radios by station id. attackers: station ids of all senders who lie. undeclared: attacks of
-    which the bag does not tell whether all that they send matters, nor what a mix is made of.
+    names: of all radios by station id. attackers: station ids of all attacking senders. undeclared: attacks
+    for which the bag states neither whether all their messages matter nor the parts of a mix.
     """
 
     def __init__(self, clean: BagReader, attacks: Sequence[MessageAttack], start_ns: int, seed: int) -> None:
@@ -70,7 +70,7 @@ class DeclaredAttackers:
 
     def declared(self, name: str, sender: int, part: str) -> list[Terms] | None:
         """What the attacks of a name on a sender's messages declare, of a mix this part of it: any may have
-        touched a message. Nothing for a spoofed receiver; None where the bag does not tell."""
+        touched a message. Nothing for a spoofed receiver; None where the bag does not state it."""
         attackers = [one for one in self.named(name) if sender in one.senders]
         if any(one.is_undeclared for one in attackers):
             return None
@@ -79,7 +79,7 @@ class DeclaredAttackers:
 
     def only_at(self, place: int, sender: int) -> DeclaredAttacker | None:
         """The one who touches a sender's messages at a `place`; None for nobody, and where several do under
-        one name, so that nobody can tell whose is what."""
+        one name, so that the attacker is ambiguous."""
         name = self._all[place].name if place < len(self._all) else ""
         found = [one for one in self.named(name) if sender in one.senders]
         return found[0] if len(found) == 1 else None
@@ -91,7 +91,7 @@ class DeclaredAttackers:
 
 
 def victims(clean: BagReader, attacks: Sequence[MessageAttack]) -> dict[str, list[MessageAttack]]:
-    """The attacks on GPS by the vehicle that they strike, in the order in which it was named first."""
+    """The GPS attacks by victim vehicle, victims in the order of their first attack."""
     usual, found = default_victim(vehicles_with_filter(clean)), dict[str, list[MessageAttack]]()
     for one in attacks:
         if one.family == "gnss":
@@ -115,16 +115,16 @@ def _attacker(
 def _spoofed(
     clean: BagReader, attacks: Sequence[MessageAttack], drive: V2xDrive, start_ns: int
 ) -> list[DeclaredAttacker]:
-    """Victims with a filter first, which believe the lie for good; of other stations, only CAMs are known."""
+    """Victims with a filter first, whose errors last; of other stations, only CAMs are recorded."""
     with_filter = vehicles_with_filter(clean)
     by_victim = sorted(victims(clean, attacks).items(), key=lambda item: item[0] not in with_filter)
     attackers = []
     for victim, on_it in by_victim:
-        struck = [one.spec for one in on_it]
-        name = "+".join(dict.fromkeys(spec.type for spec in struck))
+        specs = [one.spec for one in on_it]
+        name = "+".join(dict.fromkeys(spec.type for spec in specs))
         senders = frozenset(number for number, vehicle in drive.stations.items() if vehicle == victim)
         attackers.append(
-            DeclaredAttacker(name, senders, False, {}, _spans(struck, start_ns, victim in with_filter))
+            DeclaredAttacker(name, senders, False, {}, _spans(specs, start_ns, victim in with_filter))
         )
     return attackers
 

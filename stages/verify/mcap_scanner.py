@@ -1,4 +1,4 @@
-"""One .mcap file from its first byte to its last: every record is read, and nothing may lie between them."""
+"""Scan one .mcap file from its first to its last byte: every record is read, with no gaps between them."""
 
 from __future__ import annotations
 
@@ -241,7 +241,7 @@ class McapScanner:
         self._places = {}
 
     def check_bytes(self, record: Record, parsed: McapRecord | None) -> None:
-        """Each record has one spelling, so that no bit of it can change unseen."""
+        """Compare a record with its canonical encoding, so that no bit of it can change unnoticed."""
         if parsed is None or (isinstance(parsed, Attachment) and record.body[-4:] == bytes(4)):
             return
         if _bytes_of(parsed) != record.bytes:

@@ -1,4 +1,4 @@
-"""Whether the labels of a message tell what happened to it between the clean and the adversarial bag."""
+"""Whether a message's labels explain its change from the clean to the adversarial bag."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _BYTES = (CHANGED, CORRUPT)
 
 
 class _State(NamedTuple):
-    """A message between two attacks: who sends it, when, and what it says."""
+    """A message between two attacks: its sender, time and content."""
 
     station_id: int
     request_ns: int
@@ -49,7 +49,7 @@ class MessageLabels:
     `false_...`), with the attacks that the bag names (`attack`, `attacker`, `sender`, `part`, and whether the
     attack was on at that time), with the rules by which they are made (`fields`, `mattered`), and with what
     the attacks declare: what is untrue, and bounds. What
-    cannot be known is believed: which of two attacks of one name and sender touched a message; what it said
+    cannot be known is accepted: which of two attacks of one name and sender touched a message; what it said
     before the last of several attacks; what it says where congestion control held it back; whether chance, or
     pauses, had a GPS attack on within its span.
 
@@ -124,7 +124,7 @@ class MessageLabels:
             yield f"was attacked at {time_ns} ns, when {name} was not active"
 
     def _honest(self, row: Row, origin: _State | None) -> Values | None:
-        """What an honest one would have said: of a new or late one, the last of who it claims to be."""
+        """The true content; for an added or delayed message, the last of the station it claims to be."""
         if row["action"] not in (ADDED, DELAYED):
             return None if origin is None else origin.values
         station_id = row["false_station_id"]
@@ -132,7 +132,7 @@ class MessageLabels:
         return None if payload is None else values_of_payload(payload)
 
     def _end(self, diff: MessageDiff, stated: _State | None) -> Iterator[str]:
-        """Whether the adversarial bag holds what the last label tells."""
+        """Whether the adversarial bag holds the message that the last label describes."""
         row, clean, forged = diff.labels[-1], diff.clean, diff.forged
         if forged is None:
             if stated is not None and not self.is_held_back(stated.station_id):
@@ -151,7 +151,7 @@ class MessageLabels:
     def _beyond(
         self, row: Row, before: _State | None, after: _State | None, declared: Sequence[Terms]
     ) -> Iterator[str]:
-        """Beyond the bounds of all attacks that could have changed or delayed it."""
+        """How it exceeds the bounds of every attack that could have changed or delayed it."""
         if row["action"] not in (CHANGED, DELAYED) or before is None or after is None:
             return
         delay_s = (after.request_ns - before.request_ns) / NS_PER_S
@@ -207,7 +207,7 @@ def _undeclared(row: Row, before: _State | None, declared: Sequence[Terms]) -> I
 
 
 def _action(row: Row, before: _State | None, forged: Message | None) -> Iterator[str]:
-    """What happened to it, as far as its being there tells, and from whose radio it is."""
+    """Whether the action and the sender fit the messages in both bags."""
     action, known = row["action"], before or forged
     if action not in ACTIONS:
         yield f"is labelled {action}, which is not one of {', '.join(ACTIONS)}"
@@ -234,7 +234,7 @@ def _times(row: Row, origin: _State | None) -> Iterator[str]:
 
 
 def _values(row: Row, kind: str, said: Values | None) -> Iterator[str]:
-    """The first field that a label tells otherwise than a message."""
+    """The first field in which a label differs from a message."""
     for name in FIELDS:
         if row[f"{kind}_{name}"] != (None if said is None else said[name]):
             yield f"differs from its label's {kind}_{name}"

@@ -1,4 +1,4 @@
-"""All that was sent in two bags, and what labels tell of it, brought together by number."""
+"""All sent messages of two bags and their labels, joined by message number."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Added(NamedTuple):
 
 
 class MessageStore:
-    """Lies in a file of SQLite's own, where temporary files go: memory holds a few pages of it.
+    """A temporary SQLite database, of which memory holds a few pages.
 
     Numbers lie in no order in bags, once messages are delayed and added. Raises sqlite3.Error where there is
     no room, OverflowError for a number that no bag of ours has.
@@ -101,7 +101,7 @@ class MessageStore:
         )
 
     def last_of(self, station_id: int, until_ns: int) -> bytes | None:
-        """What a station last said in the clean bag by then."""
+        """The payload of a station's last message in the clean bag up to `until_ns`."""
         found = self._database.execute(
             "SELECT payload FROM clean WHERE station_id = ? AND request_ns <= ? "
             "ORDER BY request_ns DESC, number DESC LIMIT 1",

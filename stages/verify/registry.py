@@ -51,4 +51,4 @@ QUICK = ("checksums", "signature", "crcs")
 """Those that read every byte once and unpack nothing."""
 
 QUICK_ALONE = (*QUICK, "beside")
-"""The same without SHA256SUMS: then bags tell what lies beside them."""
+"""The same without SHA256SUMS: then the bags' own checksums protect the files next to them."""

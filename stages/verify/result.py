@@ -1,4 +1,4 @@
-"""What verifying finds, and what it cannot tell."""
+"""What verification finds, and what it cannot check."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NOT_DECLARED = "not checked: the bag comes from a version that did not record at
 
 
 class Fault(NamedTuple):
-    """Something is not as it is claimed to be. where: a relative path, perhaps with more behind it."""
+    """Something is wrong. where: a relative path, perhaps followed by a topic."""
 
     where: str
     what: str

@@ -22,7 +22,7 @@ from advpipe.stages.verify.subject import Bag, Subject, find_subject
 __all__ = ["verify"]
 
 MALFORMED = (*DAMAGE, TypeError, AttributeError, ArithmeticError)
-"""What looking into records, messages and tables of another shape, or with absurd values, raises."""
+"""What malformed records, messages and tables, or absurd values, raise."""
 
 
 def verify(path: Path, *, quick: bool = False, key: Path | None = None) -> Verification:
@@ -95,7 +95,7 @@ def _run(subject: Subject, quick: bool, result: Verification) -> None:
 
 
 def _check_bag(bag: Bag, result: Verification) -> None:
-    """One pass over all messages, and then what only the whole bag tells."""
+    """One pass over all messages, and then the checks of the whole bag."""
     faults = list(_safely(_opening(bag), bag.place))
     result.add("container", faults)
     if faults:
@@ -115,13 +115,13 @@ def _check_bag(bag: Bag, result: Verification) -> None:
 
 
 def _opening(bag: Bag) -> Iterator[Result]:
-    """Nothing, of a bag whose record and list of topics can be read; raises what keeps others from it."""
+    """Yields nothing; raises the error of a bag whose provenance or topics cannot be read."""
     _ = bag.files, bag.provenance, bag.reader.topics
     yield from ()
 
 
 def _safely(results: Iterator[Result], where: str) -> Iterator[Result]:
-    """The same, and one fault where a bag cannot be read, or its records and messages have another shape."""
+    """The same results; an error while reading the bag becomes a fault."""
     try:
         yield from results
     except AdvpipeError as error:

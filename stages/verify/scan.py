@@ -135,7 +135,7 @@ def _record(stream: IO[bytes], start: int, end: int) -> tuple[int, bytes]:
 
 
 def _is_own(stream: IO[bytes]) -> bool:
-    """Whether advpipe wrote the file, as far as its header is to be believed."""
+    """Whether the header says that advpipe wrote the file."""
     end = stream.seek(0, 2)
     first = next(read_records(stream, _MAGIC_BYTES, end, (Opcode.HEADER,)))
     header = parse_record(first.opcode, first.body) if first.body else None

@@ -158,7 +158,7 @@ def _dataset(path: Path) -> Subject:
     if (path / CLEAN_NAME / METADATA_NAME).is_file():
         layout: Layout | None = read_layout(path)
     elif (path / checksums.FILE).is_file():
-        layout = None  # the list of checksums tells what is missing
+        layout = None  # the checksum list shows what is missing
     else:
         raise UsageError(f"{path} is not a data set: {CLEAN_NAME}/{METADATA_NAME} is missing")
     subject = Subject(path, layout)

@@ -1,4 +1,4 @@
-"""What the end of an .mcap file says about the rest of it."""
+"""Compare the summary of an .mcap file with its data section."""
 
 from __future__ import annotations
 

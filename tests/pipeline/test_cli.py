@@ -98,7 +98,7 @@ MISTAKES = {
     "schema over a file": (["schema", "-o", "file"], "--overwrite"),
     "schema nowhere": (["schema", "-o", "nowhere/x"], "nowhere/x: No such file"),
     "missing bag to attack": (["attack", "nowhere"], "nowhere"),
-    "no bag in the folder": (["attack", "empty"], "empty is no bag"),
+    "no bag in the folder": (["attack", "empty"], "empty is not a bag"),
     "output in /proc": (["simulate", "smoke", "-o", "/proc/foo/x"], "/proc/foo: No such file or directory"),
     "output below a file": (["simulate", "smoke", "-o", "file/x"], "file"),
     "output with a long name": (["simulate", "smoke", "-o", "x" * 250], ": File name too long"),

@@ -1,4 +1,4 @@
-"""What an adversarial bag says was done to its parent, and which messages it may hold."""
+"""What an adversarial bag's provenance says was done to its parent, and which messages it may hold."""
 
 from __future__ import annotations
 

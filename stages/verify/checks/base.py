@@ -1,4 +1,4 @@
-"""The three kinds of checks: of the folder as a whole, of a bag, and of every message of a bag."""
+"""Base classes of the checks: of the whole folder, of a bag, and of every message of a bag."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class BagCheck(ABC):
 
 
 class MessageView:
-    """A message on its way past the checks, decoded once for all of them."""
+    """A message as the checks see it, decoded once for all of them."""
 
     def __init__(self, bag: Bag, raw: RawMessage) -> None:
         self.bag, self.raw = bag, raw

@@ -1,4 +1,4 @@
-"""Whether the files beside a bag are those that the bag remembers."""
+"""Whether the files next to a bag match the checksums in the bag."""
 
 from __future__ import annotations
 

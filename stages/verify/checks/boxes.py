@@ -1,4 +1,4 @@
-"""Whether the true boxes hold as many LiDAR points as the bag says."""
+"""Whether the ground-truth boxes hold as many LiDAR points as the bag states."""
 
 from __future__ import annotations
 

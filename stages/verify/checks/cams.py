@@ -1,4 +1,4 @@
-"""Whether labels of V2X messages tell exactly what was done to which of them, by whom and when."""
+"""Whether V2X message labels state exactly what was done to which message, by whom and when."""
 
 from __future__ import annotations
 

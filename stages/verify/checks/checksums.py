@@ -13,7 +13,7 @@ from advpipe.stages.verify.result import Fault, Result, Unchecked
 
 
 class Checksums(FolderCheck):
-    """SHA-256 of every file; without a list, that is said."""
+    """SHA-256 of every file; a missing list is reported as unchecked."""
 
     def check(self) -> Iterator[Result]:
         root = self.subject.root

@@ -9,7 +9,7 @@ from advpipe.stages.verify.result import Fault, Result
 
 
 class Container(BagCheck):
-    """Tells what the scanners found."""
+    """Reports what the scanners found."""
 
     def check(self) -> Iterator[Result]:
         for scanner in self.bag.scanners:

@@ -1,4 +1,4 @@
-"""Whether labels of GNSS fixes tell exactly where the receiver was, and where it is made to believe it is."""
+"""Whether labels of GNSS fixes state the true and the spoofed position exactly."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Fixes(BagCheck):
 
     All columns are compared: with the bags, with the schedules of the attacks that the bag names (`attack`),
     and with the rules by which they are made (`squared_sigmas`, `mattered`). The victim's filter does not run
-    again: its odometry and /tf are believed.
+    again: its odometry and /tf are not checked.
     """
 
     def check(self) -> Iterator[Result]:
@@ -51,14 +51,14 @@ class Fixes(BagCheck):
             return
         where = self.bag.subject.place(path)
         yield Unchecked(self.bag.place, "odometry and /tf of vehicles with attacked GPS are not recomputed")
-        geodesy, strikes = (
+        geodesy, gnss_attacks = (
             read_filter(attacked.clean).geodesy,
             victims(attacked.clean, attacked.on_messages),
         )
         found: dict[str, _Receiver] = {}
         for row in rows(path):
             vehicle = row["vehicle"]
-            if vehicle not in strikes:
+            if vehicle not in gnss_attacks:
                 yield Fault(where, f"labels fix {row['fix']} of {vehicle}, whose GPS no attack targets")
                 return
             if vehicle not in found:
@@ -68,23 +68,23 @@ class Fixes(BagCheck):
                         acting_on_fixes(one.spec, vehicle, attacked.start_ns, attacked.seed),
                         measurable(one.declared.bounds, FIX_QUANTITIES) if one.declared else {},
                     )
-                    for one in strikes[vehicle]
+                    for one in gnss_attacks[vehicle]
                 ]
                 readers = attacked.clean, attacked.adversarial
                 found[vehicle] = _Receiver(vehicle, geodesy, attacks, _pairs(readers, vehicle))
             what = next(found[vehicle].wrong(row), None)
             if what is not None:
                 yield Fault(where, f"fix {row['fix']} of {vehicle} {what}")
-        yield from self._unmeasured(strikes, found.keys())
+        yield from self._unmeasured(gnss_attacks, found.keys())
         for vehicle, receiver in found.items():
             if any(_place(clean) != _place(false) for _, clean, false in receiver.pairs):
                 yield Fault(where, f"fixes of {vehicle} were changed but have no labels")
 
     def _unmeasured(
-        self, strikes: Mapping[str, Sequence[MessageAttack]], with_fixes: Collection[str]
+        self, gnss_attacks: Mapping[str, Sequence[MessageAttack]], with_fixes: Collection[str]
     ) -> Iterator[Unchecked]:
         """Bounds that cannot be checked."""
-        for vehicle, attacks in strikes.items():
+        for vehicle, attacks in gnss_attacks.items():
             for spec, _, declared in attacks:
                 if declared is None:
                     yield Unchecked(self.bag.place, f"bounds of {spec.type} {NOT_DECLARED}")
@@ -115,7 +115,7 @@ class _Receiver:
     count: int = 0
 
     def wrong(self, row: Row) -> Iterator[str]:
-        """What the label of the next fix tells otherwise than it is."""
+        """What is wrong with the label of the next fix."""
         time_ns, clean, false = next(self.pairs, (0, None, None))
         if clean is None or false is None:
             yield "is labelled, but the bags do not hold it"
@@ -135,7 +135,7 @@ class _Receiver:
                 yield f"has a position that differs from its label's {kind}_... columns"
         attack = on[-1].attack if on else None
         if row["attack"] != attack:
-            yield f"is attacked by {attack or 'no attack'}, but its label says {row['attack'] or 'no attack'}"
+            yield f"is attacked by {attack or 'nothing'}, but its label says {row['attack'] or 'nothing'}"
         if not on and genuine != spoofed:
             yield "was changed while no attack was active"
         if spoofed is not None and genuine is not None and not _is_else_same(clean, false):

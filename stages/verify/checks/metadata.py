@@ -1,4 +1,4 @@
-"""Whether metadata.yaml tells of the messages that are there."""
+"""Whether metadata.yaml describes the messages in the bag."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether labels of points tell exactly what an attack did to each cloud, within its stated budget."""
+"""Whether point labels state exactly what an attack did to each cloud, within its declared bounds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether each adversarial bag was made from the clean one that lies beside it."""
+"""Whether each adversarial bag was made from the clean one next to it."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ RECOVERED_KEY = "recovered"
 
 
 class _Expected(NamedTuple):
-    """A rate, and how many messages that makes; None where nothing tells."""
+    """A rate, and how many messages that makes; None where unknown."""
 
     rate_hz: float
     messages: int | None

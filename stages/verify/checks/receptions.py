@@ -43,7 +43,7 @@ class _Arrival:
 class ReceptionsCheck(MessageCheck):
     """In advpipe's bags, of packets as long as they are awaited; attacks that left them alone copy them.
 
-    Power and SINR are believed: the radio does not run again.
+    Power and SINR are not checked: the radio does not run again.
     """
 
     def __init__(self, bag: Bag) -> None:

@@ -1,4 +1,4 @@
-"""Whether the files beside a bag say what the bag says: scenario.yaml, attack.yaml, /scenario/info."""
+"""Whether scenario.yaml, attack.yaml and /scenario/info agree with the bag's provenance."""
 
 from __future__ import annotations
 
@@ -34,7 +34,9 @@ class ScenarioFiles(MessageCheck):
     def check(self) -> Iterator[Result]:
         subject, provenance = self.bag.subject, self.bag.provenance
         if subject.layout is not None and self.bag.path == subject.layout.clean and "scenario" in provenance:
-            path = subject.root / SCENARIO_NAME  # of another drive beside it, its own record alone tells
+            path = (
+                subject.root / SCENARIO_NAME
+            )  # for another drive next to it, only its own provenance counts
             if not path.is_file():
                 yield self._missing(SCENARIO_NAME)
             elif path.stat().st_size > LIMIT_BYTES or path.read_bytes() != provenance["scenario"].encode():
@@ -43,7 +45,7 @@ class ScenarioFiles(MessageCheck):
             yield from self._attack_file()
 
     def _missing(self, where: str) -> Result:
-        """A list of checksums tells what is missing; what was never shared was never claimed."""
+        """Missing where no checksum list exists; a list itself says which files were shared."""
         return Unchecked(where, "was not shared") if self.bag.subject.has_sums else Fault(where, "is missing")
 
     def _attack_file(self) -> Iterator[Result]:

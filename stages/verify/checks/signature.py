@@ -11,7 +11,7 @@ from advpipe.stages.verify.result import Fault, Result, Unchecked
 
 
 class Signature(FolderCheck):
-    """By the key that the user gave, or by the one that lies beside: that tells damage, not who signed."""
+    """Checked with the user's key, or with the data set's own, which shows damage but not who signed."""
 
     def check(self) -> Iterator[Result]:
         root, key = self.subject.root, self.subject.key

@@ -90,5 +90,5 @@ def test_road_users_of_another_package(tmp_path: Path) -> None:
 
 
 def test_an_object_that_is_no_box_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(AdvpipeError, match="'1', which is no box"):
+    with pytest.raises(AdvpipeError, match="'1', whose shape is not a box"):
         list(read_frames(write_objects(tmp_path / "bag", CYLINDER)))

@@ -254,5 +254,5 @@ def test_a_message_of_another_type_is_one_line(tmp_path: Path) -> None:
 
     with BagWriter(tmp_path / "bag", provenance={}) as bag:
         bag.write_cdr(topics.TF, b"\0\1\0\0\xff\xff\xff\xff", 7)
-    assert "a message of /tf at 7 ns is no tf2_msgs/msg/TFMessage" in refused(tmp_path / "bag")
+    assert "a message of /tf at 7 ns is not a valid tf2_msgs/msg/TFMessage" in refused(tmp_path / "bag")
     assert typestore() is not None

@@ -56,7 +56,7 @@ def test_it_lists_alone_and_says_what_is_of_use(tree: Path) -> None:
     assert code == 0
     assert "advpipe recover datasets/.town.partial-abcdefgh` saves it" in out
     assert "1 finished frames of datasets/town/adv: running the same command again resumes there" in out
-    assert "half of datasets/r: of no use" in out
+    assert "part of datasets/r: no longer of use" in out
     assert "3 in all" in out
     assert (
         "--remove deletes 1 that nothing can use; --remove --all also deletes 2 that can still be used"
@@ -112,7 +112,7 @@ def test_a_linked_folder_of_data_sets_is_looked_into(tree: Path, monkeypatch: py
     ("arguments", "line"),
     [
         (["nowhere"], "nowhere does not exist; give a folder to look below"),
-        (["datasets/whole/metadata.yaml"], "is no folder"),
+        (["datasets/whole/metadata.yaml"], "is not a folder"),
         (["--all"], "--all needs --remove"),
         (["datasets/.town.partial-abcdefgh/clean"], "give that folder"),
     ],

@@ -28,7 +28,7 @@ def test_share_and_unpack(dataset: Path) -> None:
     assert result.exit_code == 0, result.output
     assert result.stdout.splitlines()[0] == "shared/town"
     assert "no licence is stated" in result.stderr
-    assert "name paths of the machine that made them, such as /home/me/Town06.xodr" in result.stderr
+    assert "hold paths of the machine that made them, such as /home/me/Town06.xodr" in result.stderr
     assert "A. Author" in Path("shared/town/README.md").read_text(encoding="utf-8")
 
     words = ["share", "town", "--out", "town.tar", "--split-mb", "1", "--licence", "CC0-1.0"]

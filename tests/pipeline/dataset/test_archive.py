@@ -112,7 +112,7 @@ def test_what_is_cut_off_or_missing_is_said(tmp_path: Path, folder: Path) -> Non
     sums.unlink()
     for length in (0, 100, 512, 5000, len(good) - 10_000, len(good) - 1):
         archive.write_bytes(good[:length])
-        refused(archive, "cut off")
+        refused(archive, "truncated")
     for garbage in (b"x", bytes(512), bytes(10_240)):
         archive.write_bytes(good + garbage)
         refused(archive, "there is data after the archive's end")
@@ -133,7 +133,7 @@ def test_what_is_cut_off_or_missing_is_said(tmp_path: Path, folder: Path) -> Non
     parts[1].write_bytes(whole)
     (tmp_path / "town.tar.sha256").unlink()
     parts[-1].unlink()
-    refused(archive, "cut off")
+    refused(archive, "truncated")
     archive.write_bytes(good)
     refused(archive, "both ")
 
@@ -277,7 +277,7 @@ def test_files_and_their_list_must_fit(tmp_path: Path, folder: Path) -> None:
 def test_a_laid_out_folder_is_the_same(tmp_path: Path, folder: Path) -> None:
     write_folder(contents(folder), tmp_path / "new")
     assert bytes_of(tmp_path / "new") == bytes_of(folder)
-    with pytest.raises(AdvpipeError, match="new exists already"):
+    with pytest.raises(AdvpipeError, match="new already exists"):
         write_folder(contents(folder), tmp_path / "new")
     (folder / "README.md").write_text("other", encoding="utf-8")
     with pytest.raises(AdvpipeError, match=r"README\.md changed while it was copied"):

@@ -80,7 +80,7 @@ def test_anything_else_is_refused_with_its_line(tmp_path: Path, text: str, messa
 
 def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:
     (tmp_path / "SHA256SUMS").write_bytes(f"{LINE}\n{ABC}  ".encode() + b"\xff\n")
-    with pytest.raises(AdvpipeError, match=":2: no UTF-8"):
+    with pytest.raises(AdvpipeError, match=":2: invalid UTF-8"):
         checksums.read(tmp_path)
     (tmp_path / "SHA256SUMS").unlink()
     with pytest.raises(AdvpipeError, match="does not exist"):

@@ -57,9 +57,9 @@ def test_nothing_changed_measures_nothing() -> None:
         ({"max_displacement_m": (0.0, 4.0), "points_added": (1, 1)}, []),
         (
             {"max_displacement_m": (0.0, 3.9)},
-            ["how far a point was moved: 4 m, where 0 to 3.9 m is declared"],
+            ["largest displacement of a point: 4 m, but the attack declares 0 to 3.9 m"],
         ),
-        ({"points_added": (3, 3)}, ["points added: 1, where 3 is declared (points_added)"]),
+        ({"points_added": (3, 3)}, ["points added: 1, but the attack declares 3 (points_added)"]),
         ({"share_removed": (0.0, 0.015)}, []),
         (
             {"share_removed": (0.0, 0.0149)},

@@ -18,12 +18,20 @@ QUANTITIES = {quantity.name: quantity for quantity in (DOUBLE, COARSE, POSITIVE)
     ("number", "bounds", "said"),
     [
         (2.0, {"double": (0, 4)}, []),
-        (2.1, {"double": (0, 4)}, ["twice the number: 4.2 m, where 0 to 4 m is declared (double)"]),
+        (2.1, {"double": (0, 4)}, ["twice the number: 4.2 m, but the attack declares 0 to 4 m (double)"]),
         (2.4, {"coarse": (2, 2)}, []),
-        (2.6, {"coarse": (2, 2)}, ["the number: 2.6, where 2 is declared (coarse)"]),
+        (2.6, {"coarse": (2, 2)}, ["the number: 2.6, but the attack declares 2 (coarse)"]),
         (-3.0, {"positive": (1, 2)}, []),
-        (3.0, {"positive": (1, 2)}, ["the positive number: 3 s, where 1 to 2 s is declared (positive)"]),
-        (float("nan"), {"double": (0, 4)}, ["twice the number: nan m, where 0 to 4 m is declared (double)"]),
+        (
+            3.0,
+            {"positive": (1, 2)},
+            ["the positive number: 3 s, but the attack declares 1 to 2 s (positive)"],
+        ),
+        (
+            float("nan"),
+            {"double": (0, 4)},
+            ["twice the number: nan m, but the attack declares 0 to 4 m (double)"],
+        ),
     ],
 )
 def test_bounds(number: float, bounds: dict[str, tuple[float, float]], said: list[str]) -> None:
@@ -35,6 +43,6 @@ def test_any_of_several_may_have_done_it() -> None:
     assert beyond_all(3.0, [{"double": (0, 4)}, {"double": (0, 6)}], QUANTITIES) == ""
     assert beyond_all(3.0, [{"double": (0, 4)}, {}], QUANTITIES) == ""
     assert beyond_all(3.0, [{"double": (0, 4)}, {"double": (0, 5)}], QUANTITIES).endswith(
-        "0 to 4 m is declared (double)"
+        "declares 0 to 4 m (double)"
     )
     assert beyond_all(3.0, [], QUANTITIES) == ""

@@ -69,8 +69,8 @@ def test_spans_that_meet_at_a_moment_do_not_overlap() -> None:
         ({"kind": "periodic", "period_s": 1, "on_s": 2}, "on_s 2 is longer than period_s 1"),
         ({"kind": "random"}, "a random schedule needs its probability"),
         ({"kind": "random", "probability": 0}, r"equal to 0\.000001"),
-        ({"probability": 0.5}, "probability is given, but kind is continuous; make it random"),
-        ({"period_s": 3}, "period_s is given, but kind is continuous; make it periodic"),
+        ({"probability": 0.5}, "probability is given, but kind is continuous; set kind: random"),
+        ({"period_s": 3}, "period_s is given, but kind is continuous; set kind: periodic"),
     ],
 )
 def test_bad_schedules(keys: dict[str, object], line: str) -> None:
@@ -91,7 +91,7 @@ def test_bad_schedules(keys: dict[str, object], line: str) -> None:
         ),
         ({"type": "detach", "frames": "::0"}, "the step must be at least 1"),
         ({"type": "detach", "frames": 30}, "is a number to YAML; write it in quotes, such as '0:30'"),
-        ({"type": "detach", "parameters": {"ratio": float("nan")}}, "ratio is nan; it has to be finite"),
+        ({"type": "detach", "parameters": {"ratio": float("nan")}}, "ratio is nan; it must be finite"),
         ({"type": "detach", "parameters": {"ratio": {"a": 1}}}, "ratio is a dict; give a number"),
         ({"type": "cam-replay", "attackers": {"share": 0.1, "vehicles": ["a"]}}, "exactly one of"),
         ({"type": "cam-replay", "attackers": {"vehicles": ["a", "a"]}}, "lists one vehicle twice"),

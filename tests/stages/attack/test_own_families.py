@@ -249,7 +249,7 @@ def test_bounds_of_ones_own_are_declared_and_kept(data_set: Path) -> None:
         (
             "Burst",
             {"told_per_s": 1},
-            r"Burst went beyond its bounds: messages an attacker added within one second: 2, where 0 to 1",
+            r"Burst went .*: messages an attacker added within one second: 2, but the attack declares 0 to 1",
         ),
         ("Unmeasured", {}, r"Unmeasured bounds 'smell', which nobody measures; known: position_offset_m, "),
     ],

@@ -218,8 +218,8 @@ def write_foreign(path: Path) -> None:
 def test_another_tools_bag_is_shared_with_what_is_known(tmp_path: Path) -> None:
     write_foreign(tmp_path / "theirs" / "clean")
     summary = share(tmp_path / "theirs", tmp_path / "out")
-    assert any("no licence is stated" in remark for remark in summary.remarks)
-    assert any("clean carries no chunk checksums" in remark for remark in summary.remarks)
+    assert any("no licence is stated" in warning for warning in summary.warnings)
+    assert any("clean has no chunk checksums" in warning for warning in summary.warnings)
     card = card_of(tmp_path / "out")
     assert "another tool than advpipe" in card
     assert "simulated" not in card.split("## Notes")[0]

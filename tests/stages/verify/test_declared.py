@@ -44,7 +44,7 @@ def test_a_field_that_is_not_declared_untrue(data_set: Path) -> None:
     assert faults(bag, CamsCheck, declaring(untrue=["speed", "position"])) == []
     first = min(rows, key=lambda row: row["number"])
     assert faults(bag, CamsCheck, declaring(untrue=[]))[0] == (
-        f"message {first['number']} has its latitude_deg,longitude_deg changed; cam-position-offset declares "
+        f"message {first['number']} had latitude_deg,longitude_deg changed; cam-position-offset declares "
         "nothing untrue"
     )
 
@@ -73,7 +73,7 @@ def test_a_message_that_is_changed_in_more(data_set: Path, rewrite: Rewrite) -> 
         table = table.set_column(at, table.schema.field(at), pa.array(values, table.schema.field(at).type))
     pq.write_table(table, bag / CAMS)
     assert faults(bag, CamsCheck) == [
-        f"message {number} has its speed_mps changed; cam-position-offset declares only the position untrue"
+        f"message {number} had speed_mps changed; cam-position-offset declares only the position untrue"
     ]
 
 
@@ -125,21 +125,21 @@ def test_what_hangs_on_parameters(data_set: Path, options: dict[str, object], cl
             "gnss",
             Fixes,
             {"fix_displacement_m": [0, 0.1]},
-            "is beyond the bounds of gnss-bias: distance between the false and the true fix: ",
+            "exceeds the bounds of gnss-bias: distance between the false and the true fix: ",
         ),
         ("gnss", Fixes, {"fix_height_change_m": [0, 0]}, "absolute change of a fix's height"),
         (
             "cam",
             CamsCheck,
             {"position_offset_m": [0, 20]},
-            "beyond the bounds of cam-position-offset: horizontal offset of the reported position: ",
+            "exceeds the bounds of cam-position-offset: horizontal offset of the reported position: ",
         ),
         ("cam", CamsCheck, {"delay_s": [1, 2]}, "delay of a message: 0 s, but the attack declares 1 to 2 s"),
         (
             "dos",
             CamsCheck,
             {"messages_added_per_s": [0, 5]},
-            "messages an attacker added within one second: 6, where 0 to 5 is declared",
+            "messages an attacker added within one second: 6, but the attack declares 0 to 5",
         ),
     ],
 )
@@ -171,7 +171,7 @@ def test_fixes_of_an_older_version(data_set: Path) -> None:
         del attacks[0]["declared"]
 
     said = unchecked(data_set / "gnss", Fixes, undeclared)
-    assert "bounds of gnss-bias not checked: the bag is of a version" in said
+    assert "bounds of gnss-bias not checked: the bag comes from a version" in said
 
 
 def test_a_victim_without_fixes(data_set: Path) -> None:

@@ -124,7 +124,7 @@ def by_others(attacks: Attacks) -> None:
         ("cam", CamsCheck, later, "when cam-position-offset was not active"),
         ("delay", CamsCheck, later, "when cam-delay was not active"),
         ("cam", CamsCheck, by_others, "whose messages cam-position-offset does not attack"),
-        ("gnss", Fixes, later, "is attacked by nobody, not gnss-bias"),
+        ("gnss", Fixes, later, "is attacked by nothing, but its label says gnss-bias"),
     ],
 )
 def test_labels_of_another_attack(
@@ -144,7 +144,7 @@ def bounded_by(**bounds: list[float]) -> Callable[[Attacks], None]:
 @pytest.mark.parametrize(
     ("bag", "bounds", "words"),
     [
-        ("perturb", {"max_displacement_m": [0, 1e-4]}, "m, where 0 to 0.0001 m is declared"),
+        ("perturb", {"max_displacement_m": [0, 1e-4]}, "m, but the attack declares 0 to 0.0001 m"),
         ("attach", {"points_added": [1, 1]}, "points added: "),
         (
             "attach",
@@ -182,11 +182,11 @@ def unchecked(bag: Path, check: type[BagCheck], change: Callable[[Attacks], None
 @pytest.mark.parametrize(
     ("bag", "check", "words"),
     [
-        ("detach", Points, "bounds of detach not checked: the bag is of a version"),
+        ("detach", Points, "bounds of detach not checked: the bag comes from a version"),
         (
             "dos",
             CamsCheck,
-            "parts, bounds, mattered and untrue fields of cam-dos not checked: the bag is of a version",
+            "parts, bounds, mattered and untrue fields of cam-dos not checked: the bag comes from a version",
         ),
     ],
 )

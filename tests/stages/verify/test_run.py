@@ -257,7 +257,7 @@ def test_what_a_killed_run_left_is_no_finding(data_set: Path) -> None:
     (job / ".lock").touch()
     result = verify(data_set)
     assert result.is_good
-    said = ".detach.0123456789ab.job: was left by a killed run: no part of the data set"
+    said = ".detach.0123456789ab.job: was left by a killed run; not part of the data set"
     assert said in " ".join(map(str, result.unchecked))
     with pytest.raises(AdvpipeError, match="unfinished run"):
         verify(job)
@@ -265,7 +265,11 @@ def test_what_a_killed_run_left_is_no_finding(data_set: Path) -> None:
 
 def test_what_is_no_data_set(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("x")
-    for path, words in (("nothing", "does not exist"), ("", "no data set"), ("a.txt", "no data set")):
+    for path, words in (
+        ("nothing", "does not exist"),
+        ("", "neither a data set"),
+        ("a.txt", "not a data set"),
+    ):
         with pytest.raises(AdvpipeError, match=words):
             verify(tmp_path / path)
 

@@ -106,7 +106,7 @@ def _bounded(file: TextIO, where: str) -> Iterator[str]:
 
 
 def _unread(path: Path, where: str, error: AdvpipeError) -> AdvpipeError:
-    reason = str(error).removeprefix(f"{path}: ").removeprefix("no whole Parquet table ")
+    reason = str(error).removeprefix(f"{path}: ").removeprefix("not a complete Parquet file ")
     return AdvpipeError(f"{where} is not a CSV or Parquet table: {reason}")
 
 
