@@ -13,7 +13,7 @@ from advpipe.pipeline.results.coordinated import (
     AttackedCounts,
     AttacksByTarget,
     CoordinatedRecord,
-    TogetherFigures,
+    TogetherMetrics,
 )
 from advpipe.stages.evaluate.coordinated.attack_timeline import AttackTimeline, read_struck
 from advpipe.stages.evaluate.coordinated.effects import Effect, effects
@@ -143,4 +143,4 @@ def _record(
     means = {effect.key: effect.attacked.mean(*span_ns) for effect in told}
     means |= {f"{effect.key}_clean": effect.clean.mean(*span_ns) for effect in told}
     from_s, to_s = ((ns - start_ns) / 1e9 for ns in span_ns)
-    return replace(found, together=TogetherFigures(from_s, to_s, **means))
+    return replace(found, together=TogetherMetrics(from_s, to_s, **means))

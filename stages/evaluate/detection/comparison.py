@@ -44,7 +44,7 @@ class CloudResult:
 class FrameResult:
     """One frame: its ground truth and the clouds of it. Indices count in their own bag.
 
-    baselines: by the words of `baseline_words`. defended: the clean and the adversarial cloud, by `under`.
+    baselines: by the names of `baseline_names`. defended: the clean and the adversarial cloud, by `under`.
     """
 
     index: int
@@ -57,7 +57,7 @@ class FrameResult:
     defended: Mapping[str, CloudResult] = field(default_factory=dict)
 
     def clouds(self) -> dict[str, CloudResult]:
-        """The clouds that the detector sees as they are, by the word that reports use."""
+        """The clouds that the detector sees as they are, by condition, as reports name it."""
         given = {"clean": self.clean}
         if self.adversarial is not None:
             given["adv"] = self.adversarial
@@ -68,9 +68,9 @@ class FrameResult:
         return self.clouds() | dict(self.defended)
 
 
-def under(word: str, defence: str) -> str:
-    """The word of a cloud under a defence: `adv under jitter:sigma_m=0.01`."""
-    return f"{word} under {defence}"
+def under(condition: str, defence: str) -> str:
+    """The name of a condition under a defence: `adv under jitter:sigma_m=0.01`."""
+    return f"{condition} under {defence}"
 
 
 @dataclass(frozen=True)

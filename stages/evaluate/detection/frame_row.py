@@ -33,7 +33,7 @@ def frame_row(frame: FrameResult, min_score: float) -> FrameRow:
         frame=frame.index,
         stamp_ns=frame.stamp_ns,
         objects=int(frame.truth.is_evaluated.sum()),
-        clouds={word: _counts(frame, cloud, min_score) for word, cloud in frame.clouds().items()},
+        clouds={condition: _counts(frame, cloud, min_score) for condition, cloud in frame.clouds().items()},
     )
 
 

@@ -51,7 +51,7 @@ FORMULAS: Mapping[str, str] = {
     "lost": "lost objects are found on the clean cloud and missed on the other, at loose IoU and at least "
     "the working_score (the best F1 on the clean clouds)",
 }
-"""What the figures mean, in words that go into every report."""
+"""What the figures mean, as every report explains them."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -72,8 +72,8 @@ class Report(Evaluation):
             for row in self.results
             if row.attacked
         ]
-        told = ratios or [section.title for section in self.sections] or ["clean bag alone"]
-        return f"{self.folder}: {'; '.join(told)}"
+        summary = ratios or [section.title for section in self.sections] or ["clean bag alone"]
+        return f"{self.folder}: {'; '.join(summary)}"
 
     def _repr_html_(self) -> str:
         """The tables of report.html."""
@@ -91,7 +91,7 @@ def report_of(
     sections: Sequence[ReportSection],
     origin: ResultsOrigin,
     formulas: Mapping[str, str],
-    banners: Sequence[str],
+    warnings: Sequence[str],
 ) -> Report:
     """The report of scored comparisons; the formulas of sections join the others."""
     of_sections = {name: text for section in sections for name, text in section.formulas}
@@ -101,7 +101,7 @@ def report_of(
         formulas={**formulas, **of_sections},
         average_precision=precision_records(summaries),
         records={each.key: each.records for each in sections if each.records},
-        warnings=tuple(banners),
+        warnings=tuple(warnings),
         sections=tuple(sections),
     )
 
@@ -112,7 +112,7 @@ def precision_records(summaries: Sequence[Summary]) -> tuple[PrecisionRecord, ..
         PrecisionRecord(
             summary.result.bag,
             summary.result.detector,
-            cloud,
+            condition,
             each.name,
             each.criterion,
             each.by,
@@ -123,6 +123,6 @@ def precision_records(summaries: Sequence[Summary]) -> tuple[PrecisionRecord, ..
             each.ap_r11,
         )
         for summary in summaries
-        for cloud, precisions in summary.precisions.items()
+        for condition, precisions in summary.precisions.items()
         for each in precisions
     )

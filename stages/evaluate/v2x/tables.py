@@ -18,7 +18,7 @@ from advpipe.stages.evaluate.v2x.drive import EvaluatedDrive
 def detection_table(attacked: Sequence[EvaluatedDrive]) -> Table:
     """A line for each attack; one for a whole bag before them where no attack is all of it.
 
-    Where nobody lies, as where messages are dropped, there is nothing to find and no figure.
+    Where nobody lies, as where messages are dropped, there is nothing to find and no metric.
     """
     heads = (
         *("bag", "attack", "messages", "lies", "precision", "recall", "F1", "MCC", "latency s", "caught %"),
@@ -30,10 +30,10 @@ def detection_table(attacked: Sequence[EvaluatedDrive]) -> Table:
         whole = ScoredAttack("all", each.lies, each.ours, each.baseline, math.nan)
         is_one = any(part.lies == each.lies for part in each.parts)
         for part in each.parts if is_one else (whole, *each.parts):
-            figures = (
-                *_figures(part.ours),
+            cells = (
+                *_score_cells(part.ours),
                 formatted_number(100 * part.ours.caught, 0),
-                *_figures(part.baseline),
+                *_score_cells(part.baseline),
             )
             lines.append(
                 (
@@ -43,7 +43,7 @@ def detection_table(attacked: Sequence[EvaluatedDrive]) -> Table:
                         formatted_number(each.messages, 0),
                         formatted_number(part.lies, 0),
                     ),
-                    *(figures if part.lies else ("–",) * len(figures)),
+                    *(cells if part.lies else ("–",) * len(cells)),
                     formatted_number(part.published, 3),
                 )
             )
@@ -62,7 +62,7 @@ def victim_table(drives: Sequence[EvaluatedDrive]) -> Table:
     lines = []
     for drive in drives:
         for listener, error in drive.errors.items():
-            row, warned = error.figures(), drive.warned[listener]
+            row, warned = error.metrics(), drive.warned[listener]
             lines.append(
                 (
                     *(
@@ -141,6 +141,6 @@ def _delivered(clean: EvaluatedDrive, drive: EvaluatedDrive, listener: str) -> I
     return (one.delivered(listener, honest) for one in both)
 
 
-def _figures(found: Scores) -> Iterable[str]:
+def _score_cells(found: Scores) -> Iterable[str]:
     shares = (found.precision, found.recall, found.f1, found.mcc)
     return (*(formatted_number(value, 3) for value in shares), formatted_number(found.latency_s, 2))

@@ -143,7 +143,7 @@ def test_a_window_counts_the_strikes_and_effects_in_it(
 def test_a_window_before_it_names_the_bag_alone(smoke: Path, struck: Path) -> None:
     begin_ns = int(BagReader(smoke).log_times_ns("/ego/odometry")[0])
     (early,) = coordinated_sections(smoke, [struck], window=Window(begin_ns, begin_ns + 900_000_000))
-    assert early.lead == "three: no vehicle is struck by attacks of two kinds in this window."
+    assert early.lead == "three: no vehicle is attacked in two ways in this window."
     assert (early.tables, early.records, early.pictures) == ((), (), ())
 
 
