@@ -1,4 +1,4 @@
-"""A clean bag against one adversarial bag, frame by frame: what the detector made of each cloud."""
+"""A clean bag against one adversarial bag, frame by frame: the detector's results on each cloud."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Bool = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class CloudResult:
-    """What the detector made of one cloud, and how far the cloud is from the clean one.
+    """The detector's results on one cloud, and how far the cloud is from the clean one.
 
     box_points: (K,) points of the cloud in the box of each detection.
     emptied: (M,) objects that are evaluated, and have too few points in this cloud.
@@ -78,7 +78,7 @@ class Comparison:
     """The frames of one adversarial bag, or of the clean bag alone, as one detector sees them.
 
     detector: its name in reports. baseline_tries: of how many random tries the best is among the baselines; 0
-    without baselines. defences: their names; the clouds were also looked at under each.
+    without baselines. defences: their names; the clouds were also scored under each.
     """
 
     bag: Path | None
@@ -95,7 +95,7 @@ class Comparison:
 
     @property
     def is_white_box(self) -> bool | None:
-        """Whether the detector that looks is the one that was attacked; None where nobody can say.
+        """Whether the evaluated detector is the one that was attacked; None where that is unknown.
 
         One file may hold several detectors `module:Class`: they are told apart by name too.
         """

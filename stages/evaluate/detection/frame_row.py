@@ -1,4 +1,4 @@
-"""One frame in counts: what the detector lost and made up in each of its clouds."""
+"""One frame in counts: objects lost and false positives in each of its clouds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which objects an attack hides and what it makes up, by class and range."""
+"""Objects that an attack hides and false positives that it causes, by class and range."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ EVERY_CLASS = "all"
 def success_records(scored: Scored, result: ResultRow, conditions: Sequence[str]) -> Iterator[SuccessRecord]:
     """A record for each condition, class and range: objects found on clean clouds and lost on these.
 
-    lost of found in percent has its interval from the bootstrap. new_false_positives are told by their own
+    lost of found in percent has its interval from the bootstrap. new_false_positives count by their own
     class and range.
     """
     for condition in conditions:

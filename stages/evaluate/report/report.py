@@ -26,8 +26,8 @@ FORMULAS: Mapping[str, str] = {
     "iou": "strict 3D IoU: car and truck 0.7, cyclist and pedestrian 0.5; loose: 0.5 and 0.25",
     "ignored": "no object counts with fewer than 5 points in the clean cloud or with its centre out of the "
     "detector's range in the plane, and no detection that finds one, nor one out of that range",
-    "strata": "by range (of the centre, in the plane), by LiDAR points in the clean cloud and by the share "
-    "hidden, as recorded: objects of other strata are ignored, and so is what finds them; a false positive "
+    "strata": "by range (of the centre, in the plane), by LiDAR points in the clean cloud and by the "
+    "recorded occlusion: objects of other strata and their detections are ignored; a false positive "
     "counts in the stratum of its own range and points, and in every stratum of occlusion",
     "kitti_difficulty": "KITTI's easy, moderate and hard are defined in a camera's image (height of the box "
     "in pixels, truncation), which there is none of here: AP by range, points and occlusion is given instead",
@@ -37,8 +37,9 @@ FORMULAS: Mapping[str, str] = {
     "clean, adversarial and baseline clouds",
     "baseline": "as many points removed, added or moved as far as by the attack, chosen at random: anywhere; "
     "near objects (within 0.5 m of a box) as far as there are such points; or, where points are moved, every "
-    "point by the attack's bound; best try: of as many tries as the attack looked at (or as stated) the one "
-    "that hides most, chosen for each object by the detector's own result, and put together. " + RANDOM_BEST,
+    "point by the attack's bound; best try: of as many tries as the attack's query budget (or as stated) the "
+    "one that hides most, chosen for each object by the detector's own result, and put together. "
+    + RANDOM_BEST,
     "significant_vs_random": "the 95 % interval of the paired difference of mAP ratios to every plain random "
     "baseline that is scored beside the attack lies below 0; recipe random-best, which is stronger, is not "
     "compared",

@@ -18,17 +18,17 @@ from advpipe.stages.evaluate.v2x.drive import EvaluatedDrive
 def detection_table(attacked: Sequence[EvaluatedDrive]) -> Table:
     """A line for each attack; one for a whole bag before them where no attack is all of it.
 
-    Where nobody lies, as where messages are dropped, there is nothing to find and no metric.
+    Without false messages, as where messages are dropped, there is nothing to find and no metric.
     """
     heads = (
-        *("bag", "attack", "messages", "lies", "precision", "recall", "F1", "MCC", "latency s", "caught %"),
+        *("bag", "attack", "messages", "false", "precision", "recall", "F1", "MCC", "latency s", "caught %"),
         *("baseline precision", "recall", "F1", "MCC", "latency s", "CaTCH published F1"),
     )
     lines = []
     for drive in attacked:
         each = drive.detection
-        whole = ScoredAttack("all", each.lies, each.ours, each.baseline, math.nan)
-        is_one = any(part.lies == each.lies for part in each.parts)
+        whole = ScoredAttack("all", each.false_messages, each.ours, each.baseline, math.nan)
+        is_one = any(part.false_messages == each.false_messages for part in each.parts)
         for part in each.parts if is_one else (whole, *each.parts):
             cells = (
                 *_score_cells(part.ours),
@@ -41,17 +41,17 @@ def detection_table(attacked: Sequence[EvaluatedDrive]) -> Table:
                         drive.name,
                         part.attack,
                         formatted_number(each.messages, 0),
-                        formatted_number(part.lies, 0),
+                        formatted_number(part.false_messages, 0),
                     ),
-                    *(cells if part.lies else ("–",) * len(cells)),
+                    *(cells if part.false_messages else ("–",) * len(cells)),
                     formatted_number(part.published, 3),
                 )
             )
-    return Table("Detection of lies", heads, tuple(lines))
+    return Table("Detection of false messages", heads, tuple(lines))
 
 
 def victim_table(drives: Sequence[EvaluatedDrive]) -> Table:
-    """What each listener knows, what it is warned of, and what it hears of the honest; the clean drive first.
+    """The map, the warnings and the honest messages received of each listener; the clean drive first.
 
     What is heard compares the same messages, clean → attacked: those that the attack left alone.
     """
@@ -105,7 +105,7 @@ def radio_table(drives: Sequence[EvaluatedDrive]) -> Table:
 
 
 def check_table(config: DetectorConfig, attacked: Sequence[EvaluatedDrive], has_roads: bool) -> Table:
-    """Our checks with their thresholds, and how many lies each objects to."""
+    """Our checks with their thresholds, and how many false messages each flags."""
     lines = []
     for name, check in CHECKS.items():
         is_on = name in config.thresholds and (has_roads or name not in NEED_ROADS)
@@ -115,7 +115,7 @@ def check_table(config: DetectorConfig, attacked: Sequence[EvaluatedDrive], has_
         lines.append(
             (name, check.meaning, above, how, formatted_number(hits, 0) if is_on else "–", check.source)
         )
-    heads = ("check", "measures", "objects above", "threshold", "lies it objects to", "after")
+    heads = ("check", "measures", "objects above", "threshold", "false messages flagged", "after")
     return Table("Our checks", heads, tuple(lines))
 
 

@@ -119,7 +119,7 @@ def test_messages_whose_truth_is_lost_are_not_scored(offset: Path, tmp_path: Pat
     lost = read_receptions(BagReader(bag))[0].numbers.count(None)
     assert lost > 0
     assert whole.detection.messages - found.detection.messages == lost
-    assert 0 < found.detection.lies < whole.detection.lies
+    assert 0 < found.detection.false_messages < whole.detection.false_messages
     assert found.missing_data[0].startswith(f"which sent messages {lost} of the {whole.detection.messages} ")
 
 
