@@ -6,7 +6,7 @@ from typing import Annotated
 
 DICTIONARY, INT32 = "dictionary", "int32"
 
-Word = Annotated[str, DICTIONARY]
+Category = Annotated[str, DICTIONARY]
 """One of a few texts: each is stored once, and a row holds its place among them."""
 
 Number = Annotated[int, INT32]

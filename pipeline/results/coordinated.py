@@ -27,12 +27,12 @@ class AttackedCounts:
 
 
 @dataclass(frozen=True)
-class TogetherFigures:
+class TogetherMetrics:
     """Means over the time in which all attacks are active, in seconds of the recording; None where a bag
     lacks the topic.
 
-    own_place_m: how far off the vehicle takes itself to be. map_wrong: stations of its map that are false,
-    missing or displaced. points_touched: in a cloud.
+    own_place_m: the error of the vehicle's own position estimate. map_wrong: entries of its map that are
+    false, missing or displaced. points_touched: in a cloud.
     """
 
     from_s: float
@@ -53,4 +53,4 @@ class CoordinatedRecord(Listed):
     vehicle: str
     attacks: AttacksByTarget
     attacked: Annotated[AttackedCounts, Flat("attacked_")]
-    together: Annotated[TogetherFigures | None, Flat("")] = None
+    together: Annotated[TogetherMetrics | None, Flat("")] = None

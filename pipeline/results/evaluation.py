@@ -12,8 +12,8 @@ import numpy as np
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.tabular import Rows, Tabular, data_frame
 from advpipe.pipeline.results.deprecated import with_deprecated_keys
-from advpipe.pipeline.results.figures import Record
 from advpipe.pipeline.results.listed import Listed
+from advpipe.pipeline.results.metrics import Record
 from advpipe.pipeline.results.origin import ResultsOrigin
 from advpipe.pipeline.results.records import PrecisionRecord
 from advpipe.pipeline.results.row import ResultRow

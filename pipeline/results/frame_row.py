@@ -37,14 +37,14 @@ class CloudCounts:
 @dataclass(frozen=True)
 class FrameRow:
     """Index of the frame in the clean bag, stamp, number of evaluated objects, and the counts of each cloud
-    that it has, by the cloud's word: a column's name is `points_adv`, the field's and the cloud's."""
+    that it has, by condition: a column's name is `points_adv`, the field's and the condition's."""
 
     frame: int
     stamp_ns: int
     objects: int
     clouds: Mapping[str, CloudCounts]
 
-    def count(self, word: str, name: str) -> int | float | None:
+    def count(self, condition: str, name: str) -> int | float | None:
         """A field of the counts of one cloud; None where the frame has no such cloud."""
-        counts = self.clouds.get(word)
+        counts = self.clouds.get(condition)
         return None if counts is None else getattr(counts, name)

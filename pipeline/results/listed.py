@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
-from advpipe.pipeline.results.figures import Record
+from advpipe.pipeline.results.metrics import Record
 
 
 @dataclass(frozen=True)

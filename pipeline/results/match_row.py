@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from advpipe.pipeline.results.column import Number, Word
+from advpipe.pipeline.results.column import Category, Number
 
 DETECTION, TRUTH = "detection", "truth"
 FOUND, MISSED, FALSE, IGNORED = "found", "missed", "false positive", "ignored"
@@ -15,10 +15,10 @@ FOUND, MISSED, FALSE, IGNORED = "found", "missed", "false positive", "ignored"
 class MatchRow:
     """A detection on a cloud, or an object of its frame, with its number there.
 
-    cloud: `clean`, `adv`, a baseline's word, or one of these under a defence. kind: `DETECTION` or `TRUTH`;
+    cloud: `clean`, `adv`, a baseline's name, or one of these under a defence. kind: `DETECTION` or `TRUTH`;
     what the other one has is None: id, occlusion, is_lost and is_emptied are an object's, score and is_new a
     detection's. Box: centre, size and yaw in the frame of the ground truth. points: of a detection in the
-    cloud it was made on, of an object in the clean one. occlusion: share hidden, in [0, 1]; None where the
+    cloud it was made on, of an object in the clean one. occlusion: in [0, 1]; None where the
     bag does not tell. fate: by each criterion one of `FOUND`, `MISSED`, `FALSE`, `IGNORED`. match: the number
     of the object or detection that it was matched with, None for none.
 
@@ -26,14 +26,14 @@ class MatchRow:
     is_emptied: with too few points left.
     """
 
-    bag: Word
-    detector: Word
-    cloud: Word
+    bag: Category
+    detector: Category
+    cloud: Category
     frame: int
     stamp_ns: int
-    kind: Word
+    kind: Category
     number: Number
-    class_name: Word
+    class_name: Category
     id: str | None
     score: float | None
     x_m: float
@@ -45,10 +45,10 @@ class MatchRow:
     yaw_rad: float
     points: int
     occlusion: float | None
-    fate_strict: Word
-    fate_loose: Word
-    fate_bev: Word
-    fate_bev_loose: Word
+    fate_strict: Category
+    fate_loose: Category
+    fate_bev: Category
+    fate_bev_loose: Category
     match_strict: Number | None
     match_loose: Number | None
     match_bev: Number | None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
-from advpipe.pipeline.results.figures import Record
+from advpipe.pipeline.results.metrics import Record
 
 
 @dataclass(frozen=True)

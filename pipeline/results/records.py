@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from advpipe.pipeline.results.figures import Interval, Precisions, Record
 from advpipe.pipeline.results.listed import Listed
+from advpipe.pipeline.results.metrics import Interval, Precisions, Record
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class SuccessRecord(_OfAttack):
 
 
 @dataclass(frozen=True)
-class DefendedFigures:
+class DefendedMetrics:
     """What an attack leads to under a defence. map_ratio_percent: of the clean clouds under the defence;
     map_adv_percent: of those without."""
 
@@ -84,7 +84,7 @@ class DefenceRecord(_OfAttack):
     clean_map_kept_percent: float
     clean_map_kept_ci95: Interval
     clean_precisions: Precisions
-    attacked: DefendedFigures | None
+    attacked: DefendedMetrics | None
 
     def record(self) -> Record:
         """The record as `report.json` has it."""

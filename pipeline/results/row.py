@@ -6,25 +6,25 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from advpipe.pipeline.results.figures import (
-    BaselineFigures,
-    CleanFigures,
-    CloudFigures,
+from advpipe.pipeline.results.metrics import (
+    BaselineMetrics,
+    CleanMetrics,
+    CloudMetrics,
     Record,
-    RecountedFigures,
-    nothing,
+    RecountedMetrics,
+    undefined_record,
 )
 
 PLAIN_BASELINE = "baseline"
-"""The word of the baseline whose keys every row has, None where it was not scored."""
+"""The name of the baseline whose keys every row has, None where it was not scored."""
 
 
 @dataclass(frozen=True)
 class AttackRecord:
     """The attack that made a bag, by the bag's own record.
 
-    parameter, value: its budget. attacked_against: the detector. is_white_box: whether that is the one that
-    looks; None where nobody can say. query_budget: how many
+    parameter, value: its budget. attacked_against: the detector. is_white_box: whether that is the
+    evaluated one; None where that is unknown. query_budget: how many
     detector queries the attack used to keep the best try. baseline_tries: of
     how many the best is among the baselines.
     """
@@ -57,9 +57,9 @@ class FrameCounts:
 
 @dataclass(frozen=True)
 class ResultRow:
-    """The figures of one bag and detector.
+    """The metrics of one bag and detector.
 
-    boxes: evaluated ones by class. attacked, recounted: None without an attack. baselines: by word, those
+    boxes: evaluated ones by class. attacked, recounted: None without an attack. baselines: by name, those
     that were scored. significant_vs_random: whether the attack is
     significantly stronger than all of them; None where that is unknown. notes: what the
     reader must know besides.
@@ -70,38 +70,38 @@ class ResultRow:
     attack: AttackRecord
     counts: FrameCounts
     boxes: Mapping[str, int]
-    clean: CleanFigures
-    attacked: CloudFigures | None
-    recounted: RecountedFigures | None
-    baselines: Mapping[str, BaselineFigures]
+    clean: CleanMetrics
+    attacked: CloudMetrics | None
+    recounted: RecountedMetrics | None
+    baselines: Mapping[str, BaselineMetrics]
     significant_vs_random: bool | None
     notes: tuple[str, ...]
 
-    def figures_of(self, baseline: str = "") -> CloudFigures | None:
-        """Those of the attack, None without one; or those of a baseline that was scored, by its word."""
-        return self.baselines[baseline].figures if baseline else self.attacked
+    def metrics_of(self, baseline: str = "") -> CloudMetrics | None:
+        """Those of the attack, None without one; or those of a baseline that was scored, by name."""
+        return self.baselines[baseline].metrics if baseline else self.attacked
 
     @property
     def strongest_baseline(self) -> str | None:
-        """The word of the plain random baseline with the lowest mAP ratio; None where none is defined."""
-        return lowest({word: each.figures.map_ratio_percent for word, each in self.baselines.items()})
+        """The name of the plain random baseline with the lowest mAP ratio; None where none is defined."""
+        return lowest({name: each.metrics.map_ratio_percent for name, each in self.baselines.items()})
 
     def record(self) -> Record:
-        """The row as `report.json` has it: flat, a baseline's word before each of its figures."""
+        """The row as `report.json` has it: flat, each key of a baseline begins with its name."""
         known = self.clean.precisions.ap
         row: Record = {"bag": self.bag, "detector": self.detector, **asdict(self.attack)}
         row |= asdict(self.counts) | {"classes_in_map": list(self.counts.classes_in_map)}
         row |= {f"boxes_{name}": count for name, count in self.boxes.items()}
         row |= self.clean.record()
-        row |= self.attacked.record() if self.attacked else nothing(CloudFigures, known)
-        row |= asdict(self.recounted) if self.recounted else nothing(RecountedFigures)
-        row |= {f"{PLAIN_BASELINE}_{key}": None for key in nothing(CloudFigures, known)}
+        row |= self.attacked.record() if self.attacked else undefined_record(CloudMetrics, known)
+        row |= asdict(self.recounted) if self.recounted else undefined_record(RecountedMetrics)
+        row |= {f"{PLAIN_BASELINE}_{key}": None for key in undefined_record(CloudMetrics, known)}
         row |= {f"map_ratio_delta_points_vs_{PLAIN_BASELINE}{end}": None for end in ("", "_ci95")}
-        for word, baseline in self.baselines.items():
-            row |= {f"{word}_{key}": value for key, value in baseline.figures.record().items()}
-            row[f"map_ratio_delta_points_vs_{word}"] = baseline.map_ratio_delta_points
-            row[f"map_ratio_delta_points_vs_{word}_ci95"] = baseline.map_ratio_delta_points_ci95
-            row[f"significant_vs_{word}"] = baseline.is_significant
+        for name, baseline in self.baselines.items():
+            row |= {f"{name}_{key}": value for key, value in baseline.metrics.record().items()}
+            row[f"map_ratio_delta_points_vs_{name}"] = baseline.map_ratio_delta_points
+            row[f"map_ratio_delta_points_vs_{name}_ci95"] = baseline.map_ratio_delta_points_ci95
+            row[f"significant_vs_{name}"] = baseline.is_significant
         return row | {
             "baselines": list(self.baselines),
             "significant_vs_random": self.significant_vs_random,
@@ -110,6 +110,6 @@ class ResultRow:
 
 
 def lowest(ratios: Mapping[str, float]) -> str | None:
-    """The word with the lowest ratio, of those that are defined; None without one."""
-    defined = {word: ratio for word, ratio in ratios.items() if ratio == ratio}
-    return min(defined, key=lambda word: defined[word]) if defined else None
+    """The name with the lowest ratio, of those that are defined; None without one."""
+    defined = {name: ratio for name, ratio in ratios.items() if ratio == ratio}
+    return min(defined, key=lambda name: defined[name]) if defined else None

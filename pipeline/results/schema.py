@@ -13,14 +13,14 @@ from advpipe.pipeline.results.cooperative import CooperativeRecord
 from advpipe.pipeline.results.coordinated import CoordinatedRecord
 from advpipe.pipeline.results.deprecated import DEPRECATED_KEYS, old_key
 from advpipe.pipeline.results.evaluation import SCHEMA
-from advpipe.pipeline.results.figures import CRITERIA, CloudFigures, Precisions, RecountedFigures
 from advpipe.pipeline.results.listed import Flat, LeftOut, key_of, shape
 from advpipe.pipeline.results.localisation import LocalisationRecord
+from advpipe.pipeline.results.metrics import CRITERIA, CloudMetrics, Precisions, RecountedMetrics
 from advpipe.pipeline.results.origin import ResultsOrigin
 from advpipe.pipeline.results.records import (
     BaselineRecord,
     DefenceRecord,
-    DefendedFigures,
+    DefendedMetrics,
     PrecisionRecord,
     SuccessRecord,
     TransferRecord,
@@ -41,7 +41,7 @@ INTERVAL: Schema = {"type": ["array", "null"], "items": {"type": "number"}, "min
 
 
 def report_schema() -> Schema:
-    """The schema as plain values. A figure that is undefined is null; no other keys are let in."""
+    """The schema as plain values. A metric that is undefined is null; no other keys are let in."""
     lists = {
         "average_precision": PrecisionRecord,
         "attack_success": SuccessRecord,
@@ -95,14 +95,14 @@ def _add_deprecated(schema: Any) -> None:
 
 
 def _row() -> Schema:
-    """A row is flat: of the attack's figures and of each baseline's, with its word before them."""
-    figures = _properties(CloudFigures)
+    """A row is flat: the attack's metrics, and those of each baseline with its name before them."""
+    metrics = _properties(CloudMetrics)
     properties = {
         "bag": {"type": "string"},
         "detector": {"type": "string"},
         **_properties(AttackRecord),
         **_properties(FrameCounts),
-        **{key: _or_null(value) for key, value in {**figures, **_properties(RecountedFigures)}.items()},
+        **{key: _or_null(value) for key, value in {**metrics, **_properties(RecountedMetrics)}.items()},
         "map_clean": NUMBER,
         "map_clean_ci95": INTERVAL,
         "map_r11_clean": NUMBER,
@@ -112,7 +112,7 @@ def _row() -> Schema:
         "significant_vs_random": {"type": ["boolean", "null"]},
         "notes": _list({"type": "string"}),
     }
-    of_baselines = {f"^{_BASELINE}_{key}$": _or_null(value) for key, value in figures.items()}
+    of_baselines = {f"^{_BASELINE}_{key}$": _or_null(value) for key, value in metrics.items()}
     patterns = {
         f"^boxes_{_CLASS}$": {"type": "integer"},
         f"^map_{_CRITERION}(_r11)?_clean$": NUMBER,
@@ -137,7 +137,7 @@ def _row() -> Schema:
 
 
 def _defence() -> Schema:
-    about, attacked = _properties(DefenceRecord), _properties(DefendedFigures)
+    about, attacked = _properties(DefenceRecord), _properties(DefendedMetrics)
     return {
         "type": "object",
         "description": _description(DefenceRecord),
@@ -187,7 +187,7 @@ def _required(record: type) -> set[str]:
 
 def _is_nested(hint: Any) -> bool:
     """Whether a field holds average precisions, whose keys are patterns."""
-    return _without_none(hint) in (Precisions, DefendedFigures)
+    return _without_none(hint) in (Precisions, DefendedMetrics)
 
 
 def _without_none(hint: Any) -> Any:

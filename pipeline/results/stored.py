@@ -7,20 +7,20 @@ from collections.abc import Mapping
 from typing import Any, TypeVar, get_type_hints
 
 from advpipe.pipeline.geometry.boxes import CLASSES
-from advpipe.pipeline.results.figures import (
+from advpipe.pipeline.results.metrics import (
     CRITERIA,
-    BaselineFigures,
-    CleanFigures,
+    BaselineMetrics,
     CleanMeans,
-    CloudFigures,
+    CleanMetrics,
+    CloudMetrics,
     Interval,
     Precisions,
-    RecountedFigures,
+    RecountedMetrics,
     precision_key,
 )
 from advpipe.pipeline.results.row import AttackRecord, FrameCounts, ResultRow
 
-Figures = TypeVar("Figures")
+Metrics = TypeVar("Metrics")
 Stored = Mapping[str, Any]
 
 
@@ -33,45 +33,45 @@ def stored_row(stored: Stored) -> ResultRow:
     return ResultRow(
         bag=str(stored["bag"]),
         detector=str(stored["detector"]),
-        attack=_figures(AttackRecord, stored),
-        counts=_figures(FrameCounts, stored),
+        attack=_fields_from(AttackRecord, stored),
+        counts=_fields_from(FrameCounts, stored),
         boxes={name: _whole(stored[f"boxes_{name}"]) for name in CLASSES if f"boxes_{name}" in stored},
-        clean=CleanFigures(
+        clean=CleanMetrics(
             {each: _clean_means(stored, each) for each in CRITERIA}, _precisions(stored, "clean")
         ),
-        attacked=_cloud_figures(stored) if has_attack else None,
-        recounted=_figures(RecountedFigures, stored) if has_attack else None,
-        baselines={word: _baseline(stored, word) for word in stored["baselines"]},
+        attacked=_cloud_metrics(stored) if has_attack else None,
+        recounted=_fields_from(RecountedMetrics, stored) if has_attack else None,
+        baselines={name: _baseline(stored, name) for name in stored["baselines"]},
         significant_vs_random=stored["significant_vs_random"],
         notes=tuple(map(str, stored["notes"])),
     )
 
 
 def _clean_means(stored: Stored, criterion: str) -> CleanMeans:
-    word = "" if criterion == "strict" else f"{criterion}_"
+    prefix = "" if criterion == "strict" else f"{criterion}_"
     return CleanMeans(
-        map_r40=_real(stored[f"map_{word}clean"]),
-        map_r40_ci95=_interval(stored[f"map_{word}clean_ci95"]),
-        map_r11=_real(stored[f"map_{word}r11_clean"]),
+        map_r40=_real(stored[f"map_{prefix}clean"]),
+        map_r40_ci95=_interval(stored[f"map_{prefix}clean_ci95"]),
+        map_r11=_real(stored[f"map_{prefix}r11_clean"]),
     )
 
 
-def _baseline(stored: Stored, word: str) -> BaselineFigures:
-    return BaselineFigures(
-        figures=_cloud_figures(stored, f"{word}_"),
-        map_ratio_delta_points=_real(stored[f"map_ratio_delta_points_vs_{word}"]),
-        map_ratio_delta_points_ci95=_interval(stored[f"map_ratio_delta_points_vs_{word}_ci95"]),
-        is_significant=stored[f"significant_vs_{word}"],
+def _baseline(stored: Stored, name: str) -> BaselineMetrics:
+    return BaselineMetrics(
+        metrics=_cloud_metrics(stored, f"{name}_"),
+        map_ratio_delta_points=_real(stored[f"map_ratio_delta_points_vs_{name}"]),
+        map_ratio_delta_points_ci95=_interval(stored[f"map_ratio_delta_points_vs_{name}_ci95"]),
+        is_significant=stored[f"significant_vs_{name}"],
     )
 
 
-def _cloud_figures(stored: Stored, prefix: str = "") -> CloudFigures:
-    return _figures(CloudFigures, stored, prefix, precisions=_precisions(stored, "adv", prefix))
+def _cloud_metrics(stored: Stored, prefix: str = "") -> CloudMetrics:
+    return _fields_from(CloudMetrics, stored, prefix, precisions=_precisions(stored, "adv", prefix))
 
 
-def _precisions(stored: Stored, word: str, prefix: str = "") -> Precisions:
+def _precisions(stored: Stored, condition: str, prefix: str = "") -> Precisions:
     keys = {
-        (criterion, name): prefix + precision_key(criterion, name, word)
+        (criterion, name): prefix + precision_key(criterion, name, condition)
         for criterion in CRITERIA
         for name in CLASSES
     }
@@ -82,7 +82,7 @@ def _precisions(stored: Stored, word: str, prefix: str = "") -> Precisions:
     )
 
 
-def _figures(kind: type[Figures], stored: Stored, prefix: str = "", **nested: object) -> Figures:
+def _fields_from(kind: type[Metrics], stored: Stored, prefix: str = "", **nested: object) -> Metrics:
     """A dataclass from the keys that its fields have in a record; nested: those that have none."""
     hints = {name: hint for name, hint in get_type_hints(kind).items() if name not in nested}
     return kind(

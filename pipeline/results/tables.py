@@ -37,8 +37,10 @@ def match_table(rows: Sequence[MatchRow]) -> pa.Table:
     return _table(columns, schema)
 
 
-def frame_table(results: Iterable[tuple[ResultRow, Sequence[FrameRow]]], words: Sequence[str]) -> pa.Table:
-    """The frames of each result; words: of the clouds that have columns, empty where a frame has no such."""
+def frame_table(
+    results: Iterable[tuple[ResultRow, Sequence[FrameRow]]], conditions: Sequence[str]
+) -> pa.Table:
+    """The frames of each result; conditions: those that have columns, empty where a frame lacks one."""
     listed = [(result, row) for result, rows in results for row in rows]
     schema: list[tuple[str, pa.DataType]] = [
         (name, pa.string()) for name in ("bag", "detector", "attack", "recipe")
@@ -52,10 +54,10 @@ def frame_table(results: Iterable[tuple[ResultRow, Sequence[FrameRow]]], words: 
     for name, kind in _types(FrameRow).items():
         schema.append((name, kind))
         columns.append([getattr(row, name) for _, row in listed])
-    for word in words:
+    for condition in conditions:
         for name, kind in _types(CloudCounts).items():
-            schema.append((f"{name}_{word}", kind))
-            columns.append([row.count(word, name) for _, row in listed])
+            schema.append((f"{name}_{condition}", kind))
+            columns.append([row.count(condition, name) for _, row in listed])
     return _table(columns, pa.schema(schema))
 
 

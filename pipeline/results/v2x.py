@@ -9,8 +9,8 @@ from advpipe.pipeline.results.listed import Flat, Listed
 
 
 @dataclass(frozen=True)
-class ScoreFigures:
-    """How well lies are told from honest messages; each as `misbehaviour.scores.Scores` has it."""
+class ScoreMetrics:
+    """How well false messages are told apart from honest ones; each as in `misbehaviour.scores.Scores`."""
 
     precision: float
     recall: float
@@ -23,16 +23,16 @@ class ScoreFigures:
 
 @dataclass(frozen=True)
 class AttackScores:
-    """Our detector and the baseline on the lies of one attack and all honest messages."""
+    """Our detector and the baseline on the false messages of one attack and all honest messages."""
 
     attack: str
     false_messages: int
-    ours: Annotated[ScoreFigures, Flat("")]
-    baseline: Annotated[ScoreFigures, Flat("baseline_")]
+    ours: Annotated[ScoreMetrics, Flat("")]
+    baseline: Annotated[ScoreMetrics, Flat("baseline_")]
 
 
 @dataclass(frozen=True)
-class LdmFigures:
+class LdmMetrics:
     """A Local Dynamic Map against the truth: means over time, and the most false entries at once."""
 
     known: float
@@ -62,11 +62,11 @@ class Warnings:
 
 
 @dataclass(frozen=True)
-class RadioFigures:
+class RadioMetrics:
     """Messages sent and never sent, of everybody, attackers included; the share of pairs of such a message
     and a receiver within 300 m that is delivered; channel busy ratios over stations and time; mean delay.
 
-    Of whole drives: bags tell of no single pair.
+    Of whole drives: bags do not record single pairs.
     """
 
     cams: int
@@ -79,12 +79,12 @@ class RadioFigures:
 
 @dataclass(frozen=True)
 class V2xRecord(Listed):
-    """What one listener made of the messages of a bag.
+    """The messages of a bag as one listener evaluates them.
 
-    attack, attacks: all of the bag's in one word, and each by itself. messages, lies, undecoded: of all
-    listeners. has_roads: whether the bag tells its roads, which some checks need. honest_delivered: the share
-    of the messages near the listener that no attack touched that it received, and of the same ones in the
-    clean drive. radio: None for a part of a drive.
+    attack, attacks: all of the bag's in one text, and each by itself. messages, false_messages, undecoded:
+    of all listeners. has_roads: whether the bag holds its roads, which some checks need. honest_delivered: of
+    the messages near the listener that no attack touched, the share that it received; and of the same ones
+    in the clean drive. radio: None for a part of a drive.
     """
 
     bag: str
@@ -97,8 +97,8 @@ class V2xRecord(Listed):
     attacks: tuple[AttackScores, ...]
     honest_delivered: float
     honest_delivered_clean: float
-    ours: Annotated[ScoreFigures, Flat("")]
-    baseline: Annotated[ScoreFigures, Flat("baseline_")]
-    ldm: Annotated[LdmFigures, Flat("ldm_")]
+    ours: Annotated[ScoreMetrics, Flat("")]
+    baseline: Annotated[ScoreMetrics, Flat("baseline_")]
+    ldm: Annotated[LdmMetrics, Flat("ldm_")]
     warning: Annotated[Warnings, Flat("warning_")]
-    radio: Annotated[RadioFigures | None, Flat("radio_")]
+    radio: Annotated[RadioMetrics | None, Flat("radio_")]

@@ -1,4 +1,4 @@
-"""The bags of an evaluation: what can be refused is, before anything is computed."""
+"""The bags of an evaluation, checked before anything is computed."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Bags:
         for name in names:
             if names.count(name) > 1:
                 raise UsageError(
-                    f"two adversarial bags are named {name}; rename one, the report tells them by name"
+                    f"two adversarial bags are named {name}; rename one, the report identifies them by name"
                 )
         on_clouds = tuple(bag for bag, about in provenances.items() if touches_clouds(about))
         bags = cls(clean, provenances, on_clouds)
@@ -62,12 +62,12 @@ class Bags:
         return bool(self.on_clouds) or not self.provenances
 
     def refuse_another_parent(self, clean_sha256: str) -> None:
-        """Raises UsageError for an adversarial bag that says that it was made from another bag."""
+        """Raises UsageError for an adversarial bag that was made from another bag."""
         for bag, provenance in self.provenances.items():
-            said = provenance.fields.parent_sha256
-            if said is not None and said != clean_sha256:
+            parent = provenance.fields.parent_sha256
+            if parent is not None and parent != clean_sha256:
                 raise UsageError(
-                    f"{bag} was made from another bag than {self.clean} (parent SHA-256 {said[:12]}…, "
+                    f"{bag} was made from another bag than {self.clean} (parent SHA-256 {parent[:12]}…, "
                     f"not {clean_sha256[:12]}…); give the bag that was attacked; if that was recorded anew "
                     "since, attack again with --overwrite or remove that folder"
                 )

@@ -17,7 +17,7 @@ from advpipe.stages.evaluate.report.section import Family, ReportSection
 from advpipe.stages.evaluate.v2x.section import v2x_sections as v2x
 
 OF_WINDOW = (
-    "All figures of this part are of the window of {length_s:.1f} s from the first chosen cloud to one "
+    "All values of this part are of the window of {length_s:.1f} s from the first chosen cloud to one "
     "period after the last. Filters, radio, maps and detectors ran from the beginning of the drive to the "
     "window's end."
 )

@@ -15,8 +15,8 @@ from advpipe.pipeline.core.options import check_bounds, option
 class Options:
     """How a clean bag and adversarial ones are scored; the command line takes its options from here.
 
-    detectors: the first one is shown in pictures. baseline_tries: None for as many as the attack itself
-    looked at. defences: as `parse_defences` reads them. lidar_topic: None where a bag has one LiDAR.
+    detectors: the first one is shown in pictures. baseline_tries: None for the query budget of the
+    attack itself. defences: as `parse_defences` reads them. lidar_topic: None where a bag has one LiDAR.
     bootstrap_draws: what the intervals are made of.
     """
 
@@ -25,7 +25,7 @@ class Options:
         "A shipped name, a .safetensors file, or module:Class; repeat it for a matrix of transfer.",
     )
     seed: int = option(0, "Seed of the bootstrap, the baselines and the defences.", least=0)
-    baseline: bool = option(True, "Score the same budget spent at random; random-best is an attack.")
+    baseline: bool = option(True, "Also score random baselines of equal budget; random-best is an attack.")
     baseline_tries: int | None = options.baseline_tries()
     defences: tuple[str, ...] = option(
         (),
@@ -35,7 +35,7 @@ class Options:
     frames: FrameSlice = option(
         ALL_FRAMES,
         "start:stop:step, counted in the clean bag: which clouds detection and cooperative "
-        "perception look at. Localisation, V2X and coordinated attacks are scored on the time from the "
+        "perception use. Localisation, V2X and coordinated attacks are scored on the time from the "
         "first to one period after the last; a step leaves out clouds alone.",
     )
     bootstrap_draws: int = 1000
@@ -56,4 +56,4 @@ class Options:
         names = [Path(detector).name for detector in self.detectors]
         for name in names:
             if names.count(name) > 1:
-                raise UsageError(f"two detectors are named {name}; reports tell them by name")
+                raise UsageError(f"two detectors are named {name}; reports identify them by name")

@@ -38,7 +38,7 @@ REPORTING = (
     "pipeline/v2x",
     "stages/evaluate",
 )
-"""The code that decides what a report says."""
+"""The code that decides the contents of a report."""
 
 
 def origin_of(
@@ -91,24 +91,24 @@ def origin_of(
     )
 
 
-def transfer_remark(comparison: Comparison) -> list[str]:
-    """A remark if the attack was made against another detector than the one that is scored."""
+def transfer_warning(comparison: Comparison) -> list[str]:
+    """A warning if the attack was made against another detector than the one that is scored."""
     if comparison.is_white_box is not False:
         return []
     attacked = comparison.provenance.get("detector", "another detector")
     return [f"Attacked against {attacked}, evaluated with {comparison.detector}: this is a transfer attack."]
 
 
-def topic_remark(comparison: Comparison, topic: str) -> list[str]:
-    """A remark if the clouds that are scored, those of a topic, are not the ones that were attacked."""
+def topic_warning(comparison: Comparison, topic: str) -> list[str]:
+    """A warning if the clouds that are scored, those of a topic, are not the ones that were attacked."""
     attacked = comparison.provenance.fields.lidar_topics
     if not attacked or topic in attacked:
         return []
     return [f"Attacked were the clouds of {', '.join(attacked)}, evaluated were those of {topic}."]
 
 
-def intensity_remark(clean: Path, topic: str) -> list[str]:
-    """A remark if the first cloud of a topic has intensities on another scale than advpipe's."""
+def intensity_warning(clean: Path, topic: str) -> list[str]:
+    """A warning if the first cloud of a topic has intensities on another scale than advpipe's."""
     (frame,) = read_frames(clean, FrameSlice(0, 1), lidar_topic=topic)
     most = float(np.nanmax(frame.cloud["intensity"], initial=0.0))
     if most <= 1.0:

@@ -20,7 +20,7 @@ from advpipe.stages.evaluate.detection.scoring import known_classes
 from advpipe.stages.evaluate.detection.summary import Summary, summarise
 from advpipe.stages.evaluate.families import added_sections
 from advpipe.stages.evaluate.options import Options
-from advpipe.stages.evaluate.provenance import intensity_remark, origin_of, topic_remark, transfer_remark
+from advpipe.stages.evaluate.provenance import intensity_warning, origin_of, topic_warning, transfer_warning
 from advpipe.stages.evaluate.report.attacked import attacked_sections
 from advpipe.stages.evaluate.report.files import REPORT, write_report
 from advpipe.stages.evaluate.report.report import FORMULAS, Report, report_of
@@ -107,6 +107,10 @@ def _score(
     comparisons = run.comparisons(workers)
     topic = find_lidar_topic(BagReader(bags.clean), options.lidar_topic)
     classes, draws, seed = known_classes(model), options.bootstrap_draws, options.seed
-    for each in track(comparisons, "figures and their intervals", len(comparisons)):
-        remarks = [*transfer_remark(each), *topic_remark(each, topic), *intensity_remark(bags.clean, topic)]
-        yield summarise(each, classes, draws, seed, remarks)
+    for each in track(comparisons, "metrics and their intervals", len(comparisons)):
+        warnings = [
+            *transfer_warning(each),
+            *topic_warning(each, topic),
+            *intensity_warning(bags.clean, topic),
+        ]
+        yield summarise(each, classes, draws, seed, warnings)

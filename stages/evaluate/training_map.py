@@ -1,4 +1,4 @@
-"""Whether the evaluated drive is on a map that a detector was trained on: said before any figure."""
+"""Whether the evaluated drive is on a map that a detector was trained on: the warning before all results."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from advpipe.pipeline.detector.training_maps import ReportsTrainingMaps, is_trai
 class MapStatus:
     """Of one detector and one drive.
 
-    is_training_map: None where nobody can say. text: what the reader has to know; empty for a map that the
+    is_training_map: None where that is unknown. text: what the reader has to know; empty for a map that the
     detector was not trained on.
     """
 

@@ -38,19 +38,19 @@ def sweep_caveats(cells: Sequence[Cell]) -> list[str]:
 
 def _random_best_measured(cells: Sequence[Cell]) -> list[str]:
     """How strong random-best is, on the drive that the ingredients of `best` were measured on."""
-    told = []
+    sentences = []
     for attack, about in measured(cells).items():
         lines = lines_of(about)
         if {"recipe best", "recipe random-best"} <= lines.keys():
             best, random = (lines[f"recipe {each}"] for each in ("best", "random-best"))
             budget = f"{AXES[attack].title.partition(', ')[2]} {best['budget']:g}"
             ratios = (formatted_number(each["map_ratio_plain_percent"], 1) for each in (random, best))
-            told.append(f"{attack} ({budget}) {' % against '.join(ratios)} %")
-    if not told:
+            sentences.append(f"{attack} ({budget}) {' % against '.join(ratios)} %")
+    if not sentences:
         return []
     return [
         "On another drive, the one on which the detector was validated, recipe random-best leaves, against "
-        f"recipe best: {'; '.join(told)} of the clean mAP."
+        f"recipe best: {'; '.join(sentences)} of the clean mAP."
     ]
 
 
@@ -68,18 +68,18 @@ def _lost(cells: Sequence[Cell]) -> list[str]:
 
 def _held_still(cells: Sequence[Cell]) -> list[str]:
     """How much of its budget recipe `paper` uses where it moves points."""
-    told = []
+    sentences = []
     for cell in cells:
         weight, moved_m = _parameter(cell, "weight"), cell.attacked.rms_displacement_m
         allowed_cm = _parameter(cell, "eps_cm")
         if _recipe(cell) == "paper" and weight and allowed_cm is not None:
-            told.append(
+            sentences.append(
                 f"{cell.name}: the weight λ = {weight:g} of the Chamfer distance, beside steps of equal "
                 f"length for each point, holds the points to {1000 * moved_m:.1f} mm (RMS) of the "
                 f"{10 * allowed_cm:g} mm allowed, so these are figures of hardly any perturbation. The paper "
                 "names no λ."
             )
-    return told
+    return sentences
 
 
 def _recipe(cell: Cell) -> str:

@@ -1,4 +1,4 @@
-"""One cell of a sweep: a recipe at a budget, with every figure that tables and pictures need."""
+"""One cell of a sweep: a recipe at a budget, with every value that tables and pictures need."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from advpipe.pipeline.core import plain_json
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.results.deprecated import with_new_keys
 from advpipe.pipeline.results.evaluation import plain_value
-from advpipe.pipeline.results.figures import CloudFigures
+from advpipe.pipeline.results.metrics import CloudMetrics
 from advpipe.pipeline.results.row import ResultRow
 from advpipe.pipeline.results.stored import stored_row
 
@@ -21,11 +21,11 @@ LIMIT_BYTES = 1 << 24
 
 @dataclass(frozen=True)
 class Settings:
-    """What a cell's figures depend on, besides recipe and budget.
+    """What a cell's values depend on, besides recipe and budget.
 
     clean_sha256: of the clean bag, as `parent_sha256` has it. detector: its name in reports. frames:
     start:stop:step, counted in the clean bag. seed: of the attack, the baselines and the bootstrap.
-    baseline_tries: of how many the best is scored, None for as many as the attack looked at. advpipe,
+    baseline_tries: of how many the best is scored, None for as many as the attack's query budget. advpipe,
     code_sha256: the version of this package, and of its code that attacks clouds and scores.
     device: what the detector computed on, cpu or cuda.
     """
@@ -66,24 +66,24 @@ class Cell:
     commit: str | None = None
 
     @property
-    def attacked(self) -> CloudFigures:
-        """The attack's figures: every cell has one."""
+    def attacked(self) -> CloudMetrics:
+        """The attack's metrics: every cell has one."""
         assert self.row.attacked is not None
         return self.row.attacked
 
     @property
-    def strongest_random(self) -> CloudFigures | None:
+    def strongest_random(self) -> CloudMetrics | None:
         """Those of the strongest plain random baseline; None without one."""
-        word = self.row.strongest_baseline
-        return None if word is None else self.row.figures_of(word)
+        name = self.row.strongest_baseline
+        return None if name is None else self.row.metrics_of(name)
 
     @property
     def name(self) -> str:
         """Such as `best-perturb-10`."""
         return f"{self.recipe}-{self.budget}"
 
-    def figures(self) -> dict[str, Any]:
-        """All of it that comes out alike when the cell is computed again: without the commit, as most of them
+    def reproducible_values(self) -> dict[str, Any]:
+        """All values that are the same when the cell is computed again: without the commit, as most of them
         leave its code alone."""
         return {key: value for key, value in self._record().items() if key != "commit"}
 

@@ -53,7 +53,7 @@ def load_scenes(
 ) -> list[ReportScene]:
     """The frame before and after each attack; boxes are those above the working score of the cells."""
     settings = cells[0].settings
-    looking = DetectionRun(
+    run = DetectionRun(
         detector,
         clean,
         tuple(bags),
@@ -66,7 +66,7 @@ def load_scenes(
     )
     classes = known_classes(load_detector(detector, device))
     scenes = []
-    for comparison, cell in zip(looking.comparisons(1), cells, strict=True):
+    for comparison, cell in zip(run.comparisons(1), cells, strict=True):
         score = cell.row.counts.working_score
         summary = replace(summarise(comparison, classes, 1, settings.seed), min_score=score)
         scenes.append(load_scene(clean, summary, comparison.frames[0], settings.lidar_topic))

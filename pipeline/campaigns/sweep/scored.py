@@ -1,4 +1,4 @@
-"""A cell's figures: the same rows as in the report of `advpipe evaluate`, without its pictures."""
+"""A cell's metrics: the same rows as in the report of `advpipe evaluate`, without its pictures."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
 from advpipe.stages.evaluate.detection.comparison import FrameResult
-from advpipe.stages.evaluate.detection.condition import Arm
+from advpipe.stages.evaluate.detection.condition_matches import ConditionMatches
 from advpipe.stages.evaluate.detection.detection_run import DetectionRun
-from advpipe.stages.evaluate.detection.figures import ratio_draws
+from advpipe.stages.evaluate.detection.metrics import ratio_draws
 from advpipe.stages.evaluate.detection.scoring import known_classes
 from advpipe.stages.evaluate.detection.summary import summarise
 
@@ -38,7 +38,7 @@ def scored_cell(
     device: str = CPU,
 ) -> Cell:
     """Score an adversarial bag of these settings beside the clean one and random baselines."""
-    looking = DetectionRun(
+    run = DetectionRun(
         detector,
         clean,
         (bag,),
@@ -49,7 +49,7 @@ def scored_cell(
         frames=FrameSlice.parse(settings.frames),
         device=device,
     )
-    (comparison,) = looking.comparisons(workers)
+    (comparison,) = run.comparisons(workers)
     classes = known_classes(load_detector(detector, device))
     summary = summarise(comparison, classes, DRAWS, settings.seed)
     return Cell(
@@ -77,6 +77,8 @@ def _draws(
     """
     stamps_ns = np.array([frame.stamp_ns for frame in frames])
     bootstrap = BlockBootstrap.of(stamps_ns, DRAWS, named_generator(seed, "evaluate", "bootstrap"))
-    clean, attacked = (Arm.of(frames, word, classes, in_map, bootstrap) for word in ("clean", "adv"))
+    clean, attacked = (
+        ConditionMatches.of(frames, condition, classes, in_map, bootstrap) for condition in ("clean", "adv")
+    )
     draws = ratio_draws(attacked, clean)
     return tuple(float(f"{draw:.6g}") if np.isfinite(draw) else None for draw in draws)

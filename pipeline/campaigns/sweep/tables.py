@@ -13,7 +13,7 @@ from advpipe.pipeline.campaigns.sweep.cell import Cell
 from advpipe.pipeline.campaigns.sweep.variants import by_steps, split_recipe, steps_factor
 from advpipe.pipeline.metrics.bootstrap import percentile_interval
 from advpipe.pipeline.results.evaluation import plain_value
-from advpipe.pipeline.results.figures import CloudFigures
+from advpipe.pipeline.results.metrics import CloudMetrics
 from advpipe.stages.evaluate.detection.baseline import BEST, baseline_title
 from advpipe.stages.evaluate.report.numbers import (
     NOTHING,
@@ -30,13 +30,13 @@ NOT_RUN = "not run"
 
 HEADS = (
     "attack", "paper: ratio %", "CD m²", "ours: ratio %", "95 %", "CD m²", "below paper",
-    f"strongest {PLAIN_RANDOM}: ratio %", "ours minus it", "95 %", f"beats {PLAIN_RANDOM}", "max shift m",
+    f"strongest {PLAIN_RANDOM}: ratio %", "Δ to it, points", "95 %", "significant", "max shift m",
     "RMS shift m", "points", "frames",
 )  # fmt: skip
 
 ON_THE_TERMINAL = {
     0: "attack", 1: "paper %", 2: "CD m²", 3: "ours %", 4: "95 %", 5: "CD m²", 7: "plain\nrandom %",
-    10: "beats\nit", 14: "frames",
+    10: "signi-\nficant", 14: "frames",
 }  # fmt: skip
 """The places in `HEADS` of what fits into 80 characters, and shorter heads."""
 
@@ -110,15 +110,15 @@ def cell_line(budget: SweepBudget, recipe: str, cell: Cell | None) -> tuple[str,
     )
     if cell is None:
         return (*known, NOT_RUN, *[NOTHING] * (len(HEADS) - len(known) - 1))
-    attacked, word = cell.attacked, cell.row.strongest_baseline
-    random = cell.row.baselines[word] if word else None
+    attacked, strongest = cell.attacked, cell.row.strongest_baseline
+    random = cell.row.baselines[strongest] if strongest else None
     return (
         *known,
         formatted_number(attacked.map_ratio_percent, 2),
         interval(attacked.map_ratio_ci95),
         formatted_number(attacked.chamfer_distance_m2, 5),
         ANSWER[below_paper(budget, cell)],
-        formatted_number(random.figures.map_ratio_percent, 2) if random else NOTHING,
+        formatted_number(random.metrics.map_ratio_percent, 2) if random else NOTHING,
         formatted_number(random.map_ratio_delta_points, 2) if random else NOTHING,
         interval(random.map_ratio_delta_points_ci95) if random else NOTHING,
         ANSWER[cell.row.significant_vs_random],
@@ -195,25 +195,25 @@ def loose_table(cells: Sequence[Cell]) -> Table:
 def baselines_table(cells: Sequence[Cell]) -> Table:
     """Every baseline of every cell: its ratio, and the paired difference to it."""
     heads = (
-        *("cell", f"{PLAIN_RANDOM} baseline", "tries", "looks of the attack"),
-        *("its ratio %", "95 %", "ours minus it", "95 %", "beats it"),
+        *("cell", f"{PLAIN_RANDOM} baseline", "tries", "query budget of the attack"),
+        *("baseline's ratio %", "95 %", "Δ to baseline, points", "95 %", "significant"),
     )
     lines = [
         (
             cell.name,
-            baseline_title(word),
-            formatted_number(cell.row.attack.baseline_tries if word.endswith(BEST) else 1, 0),
+            baseline_title(name),
+            formatted_number(cell.row.attack.baseline_tries if name.endswith(BEST) else 1, 0),
             formatted_number(cell.row.attack.query_budget, 0),
-            formatted_number(baseline.figures.map_ratio_percent, 2),
-            interval(baseline.figures.map_ratio_ci95),
+            formatted_number(baseline.metrics.map_ratio_percent, 2),
+            interval(baseline.metrics.map_ratio_ci95),
             formatted_number(baseline.map_ratio_delta_points, 2),
             interval(baseline.map_ratio_delta_points_ci95),
             ANSWER[baseline.is_significant],
         )
         for cell in cells
-        for word, baseline in cell.row.baselines.items()
+        for name, baseline in cell.row.baselines.items()
     ]
-    return Table("Against the same budget spent plainly at random", heads, tuple(lines))
+    return Table("Against plain random baselines of equal budget", heads, tuple(lines))
 
 
 def budget_table(cells: Sequence[Cell]) -> Table:
@@ -288,7 +288,7 @@ def records(cells: Sequence[Cell], recipes: Sequence[str]) -> list[Mapping[str, 
     return listed
 
 
-def _distance_and_ratio(figures: CloudFigures | None) -> list[str]:
+def _distance_and_ratio(figures: CloudMetrics | None) -> list[str]:
     if figures is None:
         return [NOTHING, NOTHING]
     ratio = with_interval(figures.map_ratio_percent, figures.map_ratio_ci95, 2)

@@ -16,17 +16,17 @@ STEPS: Mapping[str, float] = {"half": 0.5, "twice": 2}
 VARIANTS = (HIDE, *STEPS)
 
 
-def split_recipe(word: str) -> tuple[str, tuple[str, ...]]:
+def split_recipe(text: str) -> tuple[str, tuple[str, ...]]:
     """The recipe and its variants; AdvpipeError for a variant that is none, and for a second spelling."""
-    recipe, *variants = word.split("+")
+    recipe, *variants = text.split("+")
     for variant in variants:
         if variant not in VARIANTS:
             raise UsageError(f"unknown variant {variant!r} of recipe {recipe}; known: {', '.join(VARIANTS)}")
     spelling = "+".join([recipe, *(variant for variant in VARIANTS if variant in variants)])
-    if word != spelling:
-        raise UsageError(f"recipe {word} is spelt {spelling}")
+    if text != spelling:
+        raise UsageError(f"recipe {text} is spelt {spelling}")
     if len([variant for variant in variants if variant in STEPS]) > 1:
-        raise UsageError(f"recipe {word} asks for two numbers of steps; take one of {', '.join(STEPS)}")
+        raise UsageError(f"recipe {text} asks for two numbers of steps; take one of {', '.join(STEPS)}")
     return recipe, tuple(variants)
 
 

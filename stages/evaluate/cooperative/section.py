@@ -47,9 +47,9 @@ ALONE, TRUE, CLEAN = "alone", "true poses", "clean poses"
 See = Callable[[CachedDetector, SharedFrame, Float64], Detections]
 
 FUSIONS: dict[str, See] = {
-    "clouds": lambda eye, frame, pose: eye.detect(fuse_clouds(frame.own.cloud, frame.other, pose)),
-    "detections": lambda eye, frame, pose: fuse_detections(
-        eye.detect(frame.own.cloud), eye.detect(frame.other), pose
+    "clouds": lambda cached, frame, pose: cached.detect(fuse_clouds(frame.own.cloud, frame.other, pose)),
+    "detections": lambda cached, frame, pose: fuse_detections(
+        cached.detect(frame.own.cloud), cached.detect(frame.other), pose
     ),
 }
 """How the two are fused."""
@@ -93,16 +93,18 @@ def cooperative_sections(
         return ()
     moved = {bag_name(bag): BagReader(bag) for bag in attacked}
     asked = asked_for(reader, pair, frames, lidar_topic)
-    rows, telling = cooperative_rows(reader, pair, moved, detector, device, asked)
+    rows, most_displaced = cooperative_rows(reader, pair, moved, detector, device, asked)
     title = "Cooperative perception under GPS attacks"
-    if telling is None:
+    if most_displaced is None:
         if frames == ALL_FRAMES:
             return ()
         lead = f"No poses are false at the frames {frames}: nothing was fused. Choose later or more frames."
         return (ReportSection(key=KEY, title=title, lead=lead),)
     names = pair.own.vehicle, pair.other.vehicle
-    caption = f"{names[0]} with what {names[1]} shares, when the lie is the greatest for their distance"
-    picture = to_png(draw_fused(telling, *names))
+    caption = (
+        f"{names[0]} with what {names[1]} shares, when the false pose is worst relative to their distance"
+    )
+    picture = to_png(draw_fused(most_displaced, *names))
     return (
         ReportSection(
             key=KEY,
@@ -127,8 +129,8 @@ def cooperative_rows(
     """The fusing vehicle alone, and fused by clean and attacked poses; a row for each class with objects.
 
     All of the same instants, from the first to the last at which any bag's poses are others than the clean
-    bag's, and of the clouds asked for, by default all. The second is what was fused when the smallest of
-    the lies was the greatest for the distance between the two, for a picture; None without instants.
+    bag's, and of the clouds asked for, by default all. The second is what was fused when the smallest pose
+    error was greatest relative to the distance between the two, for a picture; None without instants.
     """
     true = Alignment(reader, pair, true=True)
     reported = {
@@ -140,39 +142,43 @@ def cooperative_rows(
     chosen = fused_instants(asked if asked is not None else asked_for(reader, pair), false)
     if chosen is None:
         return [], None
-    eye = CachedDetector(load_detector(detector, device))
-    arms = [(ALONE, ""), *((name, fusion) for fusion in FUSIONS for name in reported)]
+    cached = CachedDetector(load_detector(detector, device))
+    conditions = [(ALONE, ""), *((name, fusion) for fusion in FUSIONS for name in reported)]
     matches: dict[tuple[str, str, str, str], list[FrameMatches]] = {}
     off: dict[str, list[tuple[float, float]]] = {name: [] for name in reported}
-    greatest, telling = -1.0, None
+    greatest, most_displaced = -1.0, None
     count = len(range(chosen.start, chosen.stop or 0, chosen.step))
     for frame in track(shared_frames(reader, pair, chosen), "cooperative perception", count):
-        eye.forget()
+        cached.forget()
         stamp_ns, own_SE3_other = frame.own.stamp_ns, true.at(frame.own.stamp_ns)
         together = fuse_clouds(frame.own.cloud, frame.other, own_SE3_other)
-        truth = ground_truth(frame.own, eye.classes, eye.range_m).counted_on(together)
+        truth = ground_truth(frame.own, cached.classes, cached.range_m).counted_on(together)
         poses = {name: alignment.at(stamp_ns) for name, alignment in reported.items()}
         for name, pose in poses.items():
             off[name].append((misalignment_m(pose, own_SE3_other), misalignment_deg(pose, own_SE3_other)))
         seen: dict[str, tuple[Float64, Float64]] = {}
-        for name, fusion in arms:
-            see = eye.detect(frame.own.cloud) if name == ALONE else FUSIONS[fusion](eye, frame, poses[name])
-            found = _in_range(eye, without_oneself(see))
+        for name, fusion in conditions:
+            see = (
+                cached.detect(frame.own.cloud)
+                if name == ALONE
+                else FUSIONS[fusion](cached, frame, poses[name])
+            )
+            found = _in_range(cached, without_oneself(see))
             if fusion == "clouds":
                 seen[name] = poses[name], found.boxes[found.scores >= SHOWN_SCORE]
-            for (word, label), one in match(truth, found, eye.classes, CRITERIA).items():
-                matches.setdefault((name, fusion, word, label), []).append(one)
-        lie_m = min(off[name][-1][0] for name in adversarial)
-        if (lie := lie_m / float(np.linalg.norm(own_SE3_other[:3, 3]))) > greatest:
+            for (criterion, label), one in match(truth, found, cached.classes, CRITERIA).items():
+                matches.setdefault((name, fusion, criterion, label), []).append(one)
+        error_m = min(off[name][-1][0] for name in adversarial)
+        if (relative_error := error_m / float(np.linalg.norm(own_SE3_other[:3, 3]))) > greatest:
             boxes = truth.boxes.geometry[truth.is_evaluated]
-            greatest, telling = lie, Fused(frame.own.cloud, frame.other, boxes, seen)
+            greatest, most_displaced = relative_error, Fused(frame.own.cloud, frame.other, boxes, seen)
     rows = [
         _row(name, fusion, label, matches, off.get(name, []))
-        for name, fusion in arms
-        for label in eye.classes
+        for name, fusion in conditions
+        for label in cached.classes
         if sum(one.n_truth for one in matches.get((name, fusion, "strict", label), []))
     ]
-    return rows, telling
+    return rows, most_displaced
 
 
 def _row(
@@ -182,7 +188,7 @@ def _row(
     matches: Mapping[tuple[str, str, str, str], Sequence[FrameMatches]],
     off: Sequence[tuple[float, float]],
 ) -> CooperativeRecord:
-    strict, loose = (RankedMatches.of(matches[name, fusion, word, label]) for word in CRITERIA)
+    strict, loose = (RankedMatches.of(matches[name, fusion, criterion, label]) for criterion in CRITERIA)
     off_m, off_deg = np.mean(off, axis=0) if off else (np.nan, np.nan)
     return CooperativeRecord(
         poses=name,
@@ -197,9 +203,9 @@ def _row(
     )
 
 
-def _in_range(eye: CachedDetector, found: Detections) -> Detections:
+def _in_range(cached: CachedDetector, found: Detections) -> Detections:
     """What is fused may lie beyond what the detector is asked about."""
-    kept = np.flatnonzero(eye.range_m.contains_centres(found.boxes))
+    kept = np.flatnonzero(cached.range_m.contains_centres(found.boxes))
     return Detections(found.boxes[kept], found.scores[kept], found.labels[kept])
 
 

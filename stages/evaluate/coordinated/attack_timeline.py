@@ -1,4 +1,4 @@
-"""Who was struck when: fixes, messages and clouds of one adversarial bag, by the vehicle they mislead."""
+"""Who was attacked when: fixes, messages and clouds of one adversarial bag, by the vehicle they mislead."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Int64 = npt.NDArray[np.int64]
 class AttackTimeline:
     """What attacks of one kind did to one vehicle.
 
-    attacks: their words. what: "fixes", "messages" or "clouds". times_ns: (N,) of each one, ascending, N > 0.
+    attacks: their names. what: "fixes", "messages" or "clouds". times_ns: (N,) of each one, ascending, N > 0.
     """
 
     vehicle: str
@@ -40,22 +40,25 @@ class AttackTimeline:
     times_ns: Int64
 
 
-def read_struck(
+def read_attack_timelines(
     clean: BagReader, bag: Path, window: Window = WHOLE_DRIVE
 ) -> dict[str, tuple[AttackTimeline, ...]]:
-    """By vehicle, whatever strikes it in a window; messages that aim at nobody strike all but their senders.
+    """By vehicle, its attacks in a window; messages without a target attack all vehicles but their senders.
 
     bag: the adversarial bag's folder, or the file in it. Raises AdvpipeError for labels that cannot be read.
     """
     reader = BagReader(bag)
-    told = reader.provenance.fields.attacks
+    recorded = reader.provenance.fields.attacks
     found: dict[str, list[AttackTimeline]] = {}
-    fixes, sent = _fixes(clean, reader, told, window.last_ns), _messages(reader, bag, told, window.end_ns)
+    fixes, sent = (
+        _fixes(clean, reader, recorded, window.last_ns),
+        _messages(reader, bag, recorded, window.end_ns),
+    )
     for one in (*fixes, *sent, *_clouds(bag)):
         times_ns = one.times_ns[window.holds(one.times_ns)]
         if len(times_ns):
             found.setdefault(one.vehicle, []).append(replace(one, times_ns=times_ns))
-    return {vehicle: tuple(strikes) for vehicle, strikes in sorted(found.items())}
+    return {vehicle: tuple(timelines) for vehicle, timelines in sorted(found.items())}
 
 
 def touched_points(bag: Path, vehicle: str) -> dict[int, int]:
@@ -75,25 +78,25 @@ def touched_points(bag: Path, vehicle: str) -> dict[int, int]:
 
 
 def _fixes(
-    clean: BagReader, reader: BagReader, told: Sequence[RecordedAttack], last_ns: int | None
+    clean: BagReader, reader: BagReader, recorded: Sequence[RecordedAttack], last_ns: int | None
 ) -> Iterator[AttackTimeline]:
-    spoofs = [one for one in told if one.family == "gnss"]
+    spoofs = [one for one in recorded if one.family == "gnss"]
     for vehicle in sorted({*vehicles_with_filter(clean)} & {*vehicles_with_filter(reader)}) if spoofs else ():
         times_ns = attacked_fixes_ns(clean, reader, vehicle, last_ns)
         if len(times_ns):
-            words = dict.fromkeys(one.type for one in spoofs if one.victim in (None, vehicle))
-            yield AttackTimeline(vehicle, tuple(words), "fixes", times_ns)
+            names = dict.fromkeys(one.type for one in spoofs if one.victim in (None, vehicle))
+            yield AttackTimeline(vehicle, tuple(names), "fixes", times_ns)
 
 
 def _messages(
-    reader: BagReader, bag: Path, told: Sequence[RecordedAttack], until_ns: int | None
+    reader: BagReader, bag: Path, recorded: Sequence[RecordedAttack], until_ns: int | None
 ) -> Iterator[AttackTimeline]:
-    sent = [one for one in told if one.family == "v2x"]
+    sent = [one for one in recorded if one.family == "v2x"]
     names = {one.type for one in sent}
     labels = [label for label in read_labels(bag) if label.attack in names] if sent else []
     for vehicle in read_recording(reader, until_ns).listeners if labels else ():
-        words = {one.type for one in sent if one.victim in (None, vehicle)}
-        own = [label for label in labels if label.attack in words and label.attacker != vehicle]
+        names = {one.type for one in sent if one.victim in (None, vehicle)}
+        own = [label for label in labels if label.attack in names and label.attacker != vehicle]
         if own:
             met = tuple(sorted({label.attack for label in own}))
             yield AttackTimeline(vehicle, met, "messages", np.array(sorted(label.time_ns for label in own)))
@@ -102,12 +105,12 @@ def _messages(
 def _clouds(bag: Path) -> Iterator[AttackTimeline]:
     if not _beside(bag, FRAMES).exists():
         return
-    struck = [row for row in _clouds_of(bag) if row["attack"]]
-    for vehicle in sorted({_vehicle(row["topic"]) for row in struck}):
-        own = [row for row in struck if _vehicle(row["topic"]) == vehicle]
-        words = dict.fromkeys(row["attack"] for row in own)
+    attacked = [row for row in _clouds_of(bag) if row["attack"]]
+    for vehicle in sorted({_vehicle(row["topic"]) for row in attacked}):
+        own = [row for row in attacked if _vehicle(row["topic"]) == vehicle]
+        names = dict.fromkeys(row["attack"] for row in own)
         yield AttackTimeline(
-            vehicle, tuple(words), "clouds", np.array(sorted(row["stamp_ns"] for row in own))
+            vehicle, tuple(names), "clouds", np.array(sorted(row["stamp_ns"] for row in own))
         )
 
 

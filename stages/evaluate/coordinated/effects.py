@@ -37,7 +37,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Effect:
-    """One figure of a vehicle.
+    """One measure of a vehicle.
 
     key: in `report.json`. digits: to print of it. is_by_cloud: known of single clouds, nothing lies between.
     """
@@ -51,7 +51,7 @@ class Effect:
 
 
 def effects(clean: BagReader, bag: Path, vehicle: str, window: Window = WHOLE_DRIVE) -> Iterator[Effect]:
-    """Of its estimate, its map and its clouds in a window, those that both bags tell of."""
+    """Of its estimate, its map and its clouds in a window, those that both bags record."""
     reader, topics = BagReader(bag), VehicleTopics(vehicle)
     needed = {
         _own_place: (topics.odometry.name, topics.true_odometry.name),
@@ -73,9 +73,9 @@ def effects(clean: BagReader, bag: Path, vehicle: str, window: Window = WHOLE_DR
 def _own_place(reader: BagReader, vehicle: str, window: Window) -> Series:
     topics = VehicleTopics(vehicle)
     true = poses(reader, topics.true_odometry.name, window.last_ns)
-    told = poses(reader, topics.odometry.name, window.last_ns)
+    reported = poses(reader, topics.odometry.name, window.last_ns)
     return _series(
-        {ns: float(np.linalg.norm((told[ns] - true[ns])[:2, 3])) for ns in told.keys() & true.keys()}
+        {ns: float(np.linalg.norm((reported[ns] - true[ns])[:2, 3])) for ns in reported.keys() & true.keys()}
     )
 
 

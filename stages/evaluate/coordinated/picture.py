@@ -1,4 +1,4 @@
-"""A coordinated attack on one time axis: what strikes a vehicle, and what becomes of it."""
+"""A coordinated attack on one time axis: the attacks on a vehicle and their effects."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ SHADE = "#fbe3e4"
 
 
 def draw_coordinated(
-    strikes: Sequence[AttackTimeline],
-    told: Sequence[Effect],
+    timelines: Sequence[AttackTimeline],
+    effects: Sequence[Effect],
     together_ns: tuple[int, int] | None,
     start_ns: int,
 ) -> Figure:
-    """A stroke for each fix, message and cloud that is struck, and the effects below; shaded: while all are.
+    """A stroke for each attacked fix, message and cloud, and the effects below; shaded: while all are active.
 
     together_ns: from when to when, None for never. start_ns: of the recording.
     """
     from advpipe.pipeline.core.figure import Figure
 
-    heights = [0.3 + 0.4 * len(strikes), *(1.5 for _ in told)]
+    heights = [0.3 + 0.4 * len(timelines), *(1.5 for _ in effects)]
     size = (11.0, sum(heights) + 1.0)
     figure = Figure(figsize=size, dpi=110, facecolor="white", layout="constrained")
     panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)[
@@ -39,13 +39,13 @@ def draw_coordinated(
             begin_s, end_s = ((ns - start_ns) / 1e9 for ns in together_ns)
             axes.axvspan(begin_s, end_s, color=SHADE, linewidth=0, zorder=0)
     events, *curves = panels
-    rows = range(len(strikes))[::-1]
-    for row, one in zip(rows, strikes, strict=True):
+    rows = range(len(timelines))[::-1]
+    for row, one in zip(rows, timelines, strict=True):
         times_s = (one.times_ns - start_ns) / 1e9
         events.eventplot(times_s, lineoffsets=row, linelengths=0.7, linewidths=1.0, colors=PREDICTION)
-    events.set_yticks(list(rows), [f"{' + '.join(one.attacks)}: {one.what}" for one in strikes])
-    events.set_ylim(-0.6, len(strikes) - 0.4)
-    for axes, effect in zip(curves, told, strict=True):
+    events.set_yticks(list(rows), [f"{' + '.join(one.attacks)}: {one.what}" for one in timelines])
+    events.set_ylim(-0.6, len(timelines) - 0.4)
+    for axes, effect in zip(curves, effects, strict=True):
         for series, colour, label in (
             (effect.clean, BASELINE, "clean"),
             (effect.attacked, PREDICTION, "attacked"),

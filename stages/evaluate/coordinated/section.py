@@ -13,9 +13,9 @@ from advpipe.pipeline.results.coordinated import (
     AttackedCounts,
     AttacksByTarget,
     CoordinatedRecord,
-    TogetherFigures,
+    TogetherMetrics,
 )
-from advpipe.stages.evaluate.coordinated.attack_timeline import AttackTimeline, read_struck
+from advpipe.stages.evaluate.coordinated.attack_timeline import AttackTimeline, read_attack_timelines
 from advpipe.stages.evaluate.coordinated.effects import Effect, effects
 from advpipe.stages.evaluate.coordinated.picture import draw_coordinated
 from advpipe.stages.evaluate.detection.comparison import bag_name
@@ -38,7 +38,7 @@ def coordinated_sections(
 ) -> tuple[ReportSection, ...]:
     """One section on the vehicles that attacks of two kinds or three strike in one bag; else none.
 
-    window: what strikes outside of it counts for nothing; bags of attacks that do not meet in it are named.
+    window: what timelines outside of it counts for nothing; bags of attacks that do not meet in it are named.
     `seed` serves no draw here. Raises AdvpipeError for labels that cannot be read.
     """
     del seed
@@ -52,29 +52,31 @@ def coordinated_sections(
     outcomes: list[tuple[str, ...]] = []
     pictures: list[ReportPicture] = []
     records: list[CoordinatedRecord] = []
-    struck = [(bag, *each) for bag in adversarial for each in read_struck(reader, bag, window).items()]
-    together_on = [each for each in struck if len(each[2]) > 1]
+    attacked = [
+        (bag, *each) for bag in adversarial for each in read_attack_timelines(reader, bag, window).items()
+    ]
+    together_on = [each for each in attacked if len(each[2]) > 1]
     if together_on:
-        for bag, vehicle, strikes in track(together_on, "coordinated attacks", len(together_on)):
+        for bag, vehicle, timelines in track(together_on, "coordinated attacks", len(together_on)):
             name = bag_name(bag)
-            span_ns, told = together(strikes), list(effects(reader, bag, vehicle, window))
-            leads.append(_lead(name, vehicle, strikes, span_ns, start_ns))
-            lines += [_line(name, one, start_ns) for one in strikes]
+            span_ns, found_effects = together(timelines), list(effects(reader, bag, vehicle, window))
+            leads.append(_lead(name, vehicle, timelines, span_ns, start_ns))
+            lines += [_line(name, one, start_ns) for one in timelines]
             if span_ns is not None:
-                outcomes += [_outcome(name, vehicle, effect, span_ns) for effect in told]
-            records.append(_record(name, vehicle, strikes, told, span_ns, start_ns))
-            caption = f"{name}: what strikes {vehicle}, and what becomes of it"
-            png = to_png(draw_coordinated(strikes, told, span_ns, start_ns))
+                outcomes += [_outcome(name, vehicle, effect, span_ns) for effect in found_effects]
+            records.append(_record(name, vehicle, timelines, found_effects, span_ns, start_ns))
+            caption = f"{name}: the attacks on {vehicle} and their effects"
+            png = to_png(draw_coordinated(timelines, found_effects, span_ns, start_ns))
             pictures.append(ReportPicture(SECTION, name, f"{name}-{vehicle}-coordinated.png", caption, png))
     apart = [bag for bag in adversarial if bag not in {each[0] for each in together_on}]
     if window != WHOLE_DRIVE and (idle := [bag_name(bag) for bag in apart if _is_of_kinds(bag)]):
         leads.append(f"{', '.join(idle)}: no vehicle is attacked in two ways in this window.")
     if not leads:
         return ()
-    heads = ("bag", "vehicle", "attack", "strikes", "first s", "last s")
-    tables = [Table("What strikes when", heads, tuple(lines))] if lines else []
+    heads = ("bag", "vehicle", "attack", "attacked", "first s", "last s")
+    tables = [Table("Attack times", heads, tuple(lines))] if lines else []
     if outcomes:
-        title = "While all strike, means"
+        title = "Means while all attacks are active"
         tables.append(Table(title, ("bag", "vehicle", "effect", "clean", "attacked"), tuple(outcomes)))
     return (
         ReportSection(
@@ -89,10 +91,10 @@ def coordinated_sections(
     )
 
 
-def together(strikes: Sequence[AttackTimeline]) -> tuple[int, int] | None:
-    """From when to when all strike, in nanoseconds; None for never."""
-    begin_ns = max(int(one.times_ns[0]) for one in strikes)
-    end_ns = min(int(one.times_ns[-1]) for one in strikes)
+def together(timelines: Sequence[AttackTimeline]) -> tuple[int, int] | None:
+    """The time in which all attacks are active, in nanoseconds; None if there is none."""
+    begin_ns = max(int(one.times_ns[0]) for one in timelines)
+    end_ns = min(int(one.times_ns[-1]) for one in timelines)
     return (begin_ns, end_ns) if begin_ns <= end_ns else None
 
 
@@ -102,14 +104,18 @@ def _is_of_kinds(bag: Path) -> bool:
 
 
 def _lead(
-    name: str, vehicle: str, strikes: Sequence[AttackTimeline], span_ns: tuple[int, int] | None, start_ns: int
+    name: str,
+    vehicle: str,
+    timelines: Sequence[AttackTimeline],
+    span_ns: tuple[int, int] | None,
+    start_ns: int,
 ) -> str:
-    *others, last = [" + ".join(one.attacks) for one in strikes]
-    words = f"{', '.join(others)} and {last}"
+    *others, last = [" + ".join(one.attacks) for one in timelines]
+    listed = f"{', '.join(others)} and {last}"
     if span_ns is None:
-        return f"{name}: {words} strike {vehicle}, but never at the same time."
+        return f"{name}: {listed} attack {vehicle}, but never at the same time."
     begin_s, end_s = ((ns - start_ns) / 1e9 for ns in span_ns)
-    return f"{name}: {words} strike {vehicle} together from {begin_s:.1f} to {end_s:.1f} s."
+    return f"{name}: {listed} attack {vehicle} together from {begin_s:.1f} to {end_s:.1f} s."
 
 
 def _line(name: str, one: AttackTimeline, start_ns: int) -> tuple[str, ...]:
@@ -127,20 +133,20 @@ def _outcome(name: str, vehicle: str, effect: Effect, span_ns: tuple[int, int]) 
 def _record(
     name: str,
     vehicle: str,
-    strikes: Sequence[AttackTimeline],
-    told: Sequence[Effect],
+    timelines: Sequence[AttackTimeline],
+    found_effects: Sequence[Effect],
     span_ns: tuple[int, int] | None,
     start_ns: int,
 ) -> CoordinatedRecord:
     found = CoordinatedRecord(
         name,
         vehicle,
-        attacks=AttacksByTarget(**{one.what: one.attacks for one in strikes}),
-        attacked=AttackedCounts(**{one.what: len(one.times_ns) for one in strikes}),
+        attacks=AttacksByTarget(**{one.what: one.attacks for one in timelines}),
+        attacked=AttackedCounts(**{one.what: len(one.times_ns) for one in timelines}),
     )
     if span_ns is None:
         return found
-    means = {effect.key: effect.attacked.mean(*span_ns) for effect in told}
-    means |= {f"{effect.key}_clean": effect.clean.mean(*span_ns) for effect in told}
+    means = {effect.key: effect.attacked.mean(*span_ns) for effect in found_effects}
+    means |= {f"{effect.key}_clean": effect.clean.mean(*span_ns) for effect in found_effects}
     from_s, to_s = ((ns - start_ns) / 1e9 for ns in span_ns)
-    return replace(found, together=TogetherFigures(from_s, to_s, **means))
+    return replace(found, together=TogetherMetrics(from_s, to_s, **means))

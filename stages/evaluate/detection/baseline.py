@@ -1,4 +1,4 @@
-"""Random baselines of an attacked cloud: the same budget spent by chance, and the best of several tries."""
+"""Random baselines of an attacked cloud: the same budget spent randomly, and the best of several tries."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Float64 = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Baseline:
-    """A way to spend a budget by chance.
+    """A way to spend a budget randomly.
 
     is_near: on points near objects first, else anywhere. is_full: every point moves as far as the attack was
     allowed to move any, however few it did move; and every one gets another intensity if any did.
@@ -30,7 +30,7 @@ class Baseline:
     is_full: bool = False
 
     def budget(self, budget: SpentBudget, clean: Cloud) -> SpentBudget | None:
-        """What this baseline spends; None where it would be another one over again."""
+        """What this baseline spends; None where it would repeat another baseline."""
         if not self.is_full:
             return budget
         if budget.removed or budget.added:
@@ -42,33 +42,33 @@ class Baseline:
 
 
 BASELINES = {
-    "baseline": Baseline("at random anywhere"),
-    "baseline_near": Baseline("at random near objects", is_near=True),
-    "baseline_full": Baseline("at random, every point", is_full=True),
+    "baseline": Baseline("randomly anywhere"),
+    "baseline_near": Baseline("randomly near objects", is_near=True),
+    "baseline_full": Baseline("randomly, every point", is_full=True),
 }
 
-USUAL_LOOKS = 24
-"""How often an attack looks that does not say: as often as any of ours."""
+DEFAULT_QUERY_BUDGET = 24
+"""The query budget assumed for an attack that records none: the largest of ours."""
 
 
 BEST = "_best"
-"""What the word of a baseline ends with that is the best of several tries."""
+"""The suffix of the names of baselines that are the best of several tries."""
 
 
-def baseline_title(word: str) -> str:
-    """Such as `at random near objects, best try`."""
-    title = BASELINES[word.removesuffix(BEST)].title
-    return f"{title}, best try" if word.endswith(BEST) else title
+def baseline_title(name: str) -> str:
+    """Such as `randomly near objects, best try`."""
+    title = BASELINES[name.removesuffix(BEST)].title
+    return f"{title}, best try" if name.endswith(BEST) else title
 
 
-def baseline_words() -> list[str]:
-    """All words of baselines, in the order of reports."""
-    return [word + end for word in BASELINES for end in ("", BEST)]
+def baseline_names() -> list[str]:
+    """All names of baselines, in the order of reports."""
+    return [name + end for name in BASELINES for end in ("", BEST)]
 
 
 def attack_query_budget(provenance: Provenance) -> int:
-    """To how many tries the attack looked to keep the best, by the record of its bag."""
-    return provenance.fields.looks or USUAL_LOOKS
+    """How many detector queries the attack used to keep the best try, by the record of its bag."""
+    return provenance.fields.looks or DEFAULT_QUERY_BUDGET
 
 
 def random_baselines(
@@ -81,23 +81,23 @@ def random_baselines(
     seed: int,
     index: int,
 ) -> Iterator[tuple[str, Cloud]]:
-    """The clouds of every baseline of frame `index`, by word; with more than one try, also the best ones.
+    """The clouds of every baseline of frame `index`, by name; with more than one try, also the best ones.
 
     boxes: (M, 7) of the objects to hide. worth: of each object (M,) in a cloud, what the detector sees of
     it; the best try is chosen for each object by the detector's own result, as attacks do, and put together;
     unless one try as a whole is better.
     """
-    for word, baseline in BASELINES.items():
+    for name, baseline in BASELINES.items():
         spent = baseline.budget(budget, clean)
         if spent is None:
             continue
-        rng = named_generator(seed, "evaluate", word, index)
+        rng = named_generator(seed, "evaluate", name, index)
         pool = points_near_boxes(clean, boxes) if baseline.is_near else np.ones(len(clean), dtype=bool)
         random = RandomChange(clean, boxes, spent, pool, rng)
         first = random.draw()
-        yield word, random.apply(first)
+        yield name, random.apply(first)
         if tries > 1:
-            yield word + BEST, _best(random, [first, *(random.draw() for _ in range(tries - 1))], worth)
+            yield name + BEST, _best(random, [first, *(random.draw() for _ in range(tries - 1))], worth)
 
 
 def _best(random: RandomChange, tries: list[DrawnChange], worth: Callable[[Cloud], Float64]) -> Cloud:

@@ -1,4 +1,4 @@
-"""A clean bag against one adversarial bag, frame by frame: what the detector made of each cloud."""
+"""A clean bag against one adversarial bag, frame by frame: the detector's results on each cloud."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Bool = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class CloudResult:
-    """What the detector made of one cloud, and how far the cloud is from the clean one.
+    """The detector's results on one cloud, and how far the cloud is from the clean one.
 
     box_points: (K,) points of the cloud in the box of each detection.
     emptied: (M,) objects that are evaluated, and have too few points in this cloud.
@@ -44,7 +44,7 @@ class CloudResult:
 class FrameResult:
     """One frame: its ground truth and the clouds of it. Indices count in their own bag.
 
-    baselines: by the words of `baseline_words`. defended: the clean and the adversarial cloud, by `under`.
+    baselines: by the names of `baseline_names`. defended: the clean and the adversarial cloud, by `under`.
     """
 
     index: int
@@ -57,7 +57,7 @@ class FrameResult:
     defended: Mapping[str, CloudResult] = field(default_factory=dict)
 
     def clouds(self) -> dict[str, CloudResult]:
-        """The clouds that the detector sees as they are, by the word that reports use."""
+        """The clouds that the detector sees as they are, by condition, as reports name it."""
         given = {"clean": self.clean}
         if self.adversarial is not None:
             given["adv"] = self.adversarial
@@ -68,9 +68,9 @@ class FrameResult:
         return self.clouds() | dict(self.defended)
 
 
-def under(word: str, defence: str) -> str:
-    """The word of a cloud under a defence: `adv under jitter:sigma_m=0.01`."""
-    return f"{word} under {defence}"
+def under(condition: str, defence: str) -> str:
+    """The name of a condition under a defence: `adv under jitter:sigma_m=0.01`."""
+    return f"{condition} under {defence}"
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Comparison:
     """The frames of one adversarial bag, or of the clean bag alone, as one detector sees them.
 
     detector: its name in reports. baseline_tries: of how many random tries the best is among the baselines; 0
-    without baselines. defences: their names; the clouds were also looked at under each.
+    without baselines. defences: their names; the clouds were also scored under each.
     """
 
     bag: Path | None
@@ -95,7 +95,7 @@ class Comparison:
 
     @property
     def is_white_box(self) -> bool | None:
-        """Whether the detector that looks is the one that was attacked; None where nobody can say.
+        """Whether the evaluated detector is the one that was attacked; None where that is unknown.
 
         One file may hold several detectors `module:Class`: they are told apart by name too.
         """

@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from advpipe.pipeline.metrics.bootstrap import percentile_interval
-from advpipe.pipeline.results.records import DefenceRecord, DefendedFigures
+from advpipe.pipeline.results.records import DefenceRecord, DefendedMetrics
 from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.comparison import under
-from advpipe.stages.evaluate.detection.condition import Arm
-from advpipe.stages.evaluate.detection.figures import precisions, ratio, ratio_draws
+from advpipe.stages.evaluate.detection.condition_matches import ConditionMatches
+from advpipe.stages.evaluate.detection.metrics import precisions, ratio, ratio_draws
 from advpipe.stages.evaluate.detection.scored import Scored
 
 
 def defence_records(scored: Scored, result: ResultRow) -> Iterator[DefenceRecord]:
     """One record a defence: clean and attacked under it, their ratio, and what it costs on clean clouds."""
-    clean, attack = scored.arms["clean"], result.attack
+    clean, attack = scored.by_condition["clean"], result.attack
     for defence in scored.comparison.defences:
-        before = scored.arm(under("clean", defence))
+        before = scored.matches_under(under("clean", defence))
         yield DefenceRecord(
             result.bag,
             result.detector,
@@ -32,13 +32,13 @@ def defence_records(scored: Scored, result: ResultRow) -> Iterator[DefenceRecord
             clean_map_kept_percent=100 * ratio(before.mean_ap(), clean.mean_ap()),
             clean_map_kept_ci95=percentile_interval(ratio_draws(before, clean)),
             clean_precisions=precisions(before),
-            attacked=_attacked(scored, defence, before) if "adv" in scored.arms else None,
+            attacked=_attacked(scored, defence, before) if "adv" in scored.by_condition else None,
         )
 
 
-def _attacked(scored: Scored, defence: str, before: Arm) -> DefendedFigures:
-    clean, after = scored.arms["clean"], scored.arm(under("adv", defence))
-    return DefendedFigures(
+def _attacked(scored: Scored, defence: str, before: ConditionMatches) -> DefendedMetrics:
+    clean, after = scored.by_condition["clean"], scored.matches_under(under("adv", defence))
+    return DefendedMetrics(
         map_adv=after.mean_ap(),
         map_adv_ci95=percentile_interval(after.map_draws()),
         map_ratio_percent=100 * ratio(after.mean_ap(), before.mean_ap()),

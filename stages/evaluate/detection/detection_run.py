@@ -158,7 +158,9 @@ class DetectionRun:
                 seed=self.seed,
                 index=before.index,
             )
-            random = {word: look(cloud, cloud_difference(before.cloud, cloud)) for word, cloud in clouds}
+            random = {
+                condition: look(cloud, cloud_difference(before.cloud, cloud)) for condition, cloud in clouds
+            }
         defended = self._defended(eye, truth, "adv", before.index, after.cloud)
         return FrameResult(
             before.index,
@@ -172,7 +174,7 @@ class DetectionRun:
         )
 
     def _defended(
-        self, eye: CachedDetector, truth: Truth, word: str, index: int, cloud: Cloud
+        self, eye: CachedDetector, truth: Truth, condition: str, index: int, cloud: Cloud
     ) -> dict[str, CloudResult]:
         """A cloud under every defence, which draws the same for each cloud of a frame."""
         results = {}
@@ -180,7 +182,7 @@ class DetectionRun:
             defended = defence(cloud, named_generator(self.seed, "evaluate", "defence", name, index))
             found = eye.detect(defended.cloud, defended.placement)
             box_points = count_points(xyz(cloud), found.boxes)
-            results[under(word, name)] = CloudResult(
+            results[under(condition, name)] = CloudResult(
                 found, match(truth, found, eye.classes), box_points, len(defended.cloud)
             )
         return results

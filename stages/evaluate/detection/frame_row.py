@@ -1,4 +1,4 @@
-"""One frame in counts: what the detector lost and made up in each of its clouds."""
+"""One frame in counts: objects lost and false positives in each of its clouds."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def frame_row(frame: FrameResult, min_score: float) -> FrameRow:
         frame=frame.index,
         stamp_ns=frame.stamp_ns,
         objects=int(frame.truth.is_evaluated.sum()),
-        clouds={word: _counts(frame, cloud, min_score) for word, cloud in frame.clouds().items()},
+        clouds={condition: _counts(frame, cloud, min_score) for condition, cloud in frame.clouds().items()},
     )
 
 

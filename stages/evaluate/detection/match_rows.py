@@ -26,9 +26,9 @@ from advpipe.stages.evaluate.detection.scoring import CRITERIA, labelled
 Column = npt.NDArray[np.generic]
 
 
-def match_rows(result: ResultRow, frame: FrameResult, word: str, min_score: float) -> Iterator[MatchRow]:
-    """Each detection on the cloud `word`, then each object; `min_score` is the working point."""
-    cloud, truth = frame.all_clouds()[word], frame.truth
+def match_rows(result: ResultRow, frame: FrameResult, condition: str, min_score: float) -> Iterator[MatchRow]:
+    """Each detection on the cloud `condition`, then each object; `min_score` is the working point."""
+    cloud, truth = frame.all_clouds()[condition], frame.truth
     lost = lost_objects(truth, frame.clean, cloud, min_score)
     new = new_false_positives(frame.clean, cloud, min_score)
     emptied = cloud.emptied if len(cloud.emptied) else np.zeros(len(truth.boxes), dtype=bool)
@@ -43,7 +43,7 @@ def match_rows(result: ResultRow, frame: FrameResult, word: str, min_score: floa
             yield MatchRow(
                 bag=result.bag,
                 detector=result.detector,
-                cloud=word,
+                cloud=condition,
                 frame=frame.index,
                 stamp_ns=frame.stamp_ns,
                 kind=kind,

@@ -1,4 +1,4 @@
-"""The row of a report that a scored comparison makes, and what the reader must know of it."""
+"""The row of a report that a scored comparison makes, and its notes."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from collections.abc import Mapping, Sequence
 
 from advpipe.pipeline.geometry.boxes import MIN_POINTS
 from advpipe.pipeline.metrics.bootstrap import MIN_BLOCK_S
-from advpipe.pipeline.results.figures import BaselineFigures, CloudFigures
+from advpipe.pipeline.results.metrics import BaselineMetrics, CloudMetrics
 from advpipe.pipeline.results.row import AttackRecord, FrameCounts, ResultRow
-from advpipe.stages.evaluate.detection.baseline import baseline_title, baseline_words
+from advpipe.stages.evaluate.detection.baseline import baseline_names, baseline_title
 from advpipe.stages.evaluate.detection.comparison import Comparison
-from advpipe.stages.evaluate.detection.figures import (
-    attack_figures,
-    clean_figures,
+from advpipe.stages.evaluate.detection.metrics import (
+    attack_metrics,
+    clean_metrics,
     difference,
     found_on_clean,
-    recounted_figures,
+    recounted_metrics,
 )
 from advpipe.stages.evaluate.detection.scored import Scored
 
@@ -23,21 +23,23 @@ FEW_BLOCKS = 10
 
 
 def result_row(
-    scored: Scored, boxes: Mapping[str, int], notes: Sequence[str], remarks: Sequence[str]
+    scored: Scored, boxes: Mapping[str, int], notes: Sequence[str], warnings: Sequence[str]
 ) -> ResultRow:
-    """The figures of a comparison; boxes: evaluated ones by class; notes and remarks: first and last ones."""
-    comparison, arms, rows = scored.comparison, scored.arms, scored.per_frame
+    """The metrics of a comparison; boxes: evaluated ones by class. notes, warnings: first and last notes."""
+    comparison, by_condition, rows = scored.comparison, scored.by_condition, scored.per_frame
     attack = attack_of(comparison)
-    attacked = _figures(scored, "adv") if "adv" in arms else None
-    baselines = {word: _baseline(scored, word) for word in baseline_words() if word in arms}
-    beaten = [each.is_significant for each in baselines.values()]
-    significant_vs_random = None if not beaten or None in beaten else all(beaten)
-    said = [*notes, *_on_blocks(scored.bootstrap.n_blocks)]
-    if attacked and arms["clean"].mean_ap() == 0:
-        said.append("The mAP on the clean clouds is 0: the mAP ratio is undefined.")
+    attacked = _metrics(scored, "adv") if "adv" in by_condition else None
+    baselines = {
+        condition: _baseline(scored, condition) for condition in baseline_names() if condition in by_condition
+    }
+    significant = [each.is_significant for each in baselines.values()]
+    significant_vs_random = None if not significant or None in significant else all(significant)
+    texts = [*notes, *_on_blocks(scored.bootstrap.n_blocks)]
+    if attacked and by_condition["clean"].mean_ap() == 0:
+        texts.append("The mAP on the clean clouds is 0: the mAP ratio is undefined.")
     if attacked and (hidden := attacked.objects_below_min_points):
-        said.append(f"{hidden} of the objects have fewer than {MIN_POINTS} points left; they still count.")
-    said += _on_baselines(attack, baselines, significant_vs_random)
+        texts.append(f"{hidden} of the objects have fewer than {MIN_POINTS} points left; they still count.")
+    texts += _on_baselines(attack, baselines, significant_vs_random)
     return ResultRow(
         bag=comparison.name,
         detector=comparison.detector,
@@ -53,16 +55,16 @@ def result_row(
             points_clean=sum(row.clouds["clean"].points for row in rows),
         ),
         boxes={name: boxes[name] for name in scored.classes},
-        clean=clean_figures(arms["clean"]),
+        clean=clean_metrics(by_condition["clean"]),
         attacked=attacked,
         recounted=(
-            recounted_figures(arms["adv"], arms["clean"], comparison.frames, rows, "adv")
+            recounted_metrics(by_condition["adv"], by_condition["clean"], comparison.frames, rows, "adv")
             if attacked
             else None
         ),
         baselines=baselines,
         significant_vs_random=significant_vs_random,
-        notes=(*said, *remarks),
+        notes=(*texts, *warnings),
     )
 
 
@@ -84,16 +86,16 @@ def attack_of(comparison: Comparison) -> AttackRecord:
     )
 
 
-def _figures(scored: Scored, word: str) -> CloudFigures:
-    arms, frames = scored.arms, scored.comparison.frames
-    return attack_figures(arms[word], arms["clean"], frames, scored.per_frame, word)
+def _metrics(scored: Scored, condition: str) -> CloudMetrics:
+    by_condition, frames = scored.by_condition, scored.comparison.frames
+    return attack_metrics(by_condition[condition], by_condition["clean"], frames, scored.per_frame, condition)
 
 
-def _baseline(scored: Scored, word: str) -> BaselineFigures:
-    """A random baseline; it is beaten if the 95 % interval of the paired difference to it is below 0."""
-    points, bounds = difference(scored.arms, word)
-    return BaselineFigures(
-        figures=_figures(scored, word),
+def _baseline(scored: Scored, condition: str) -> BaselineMetrics:
+    """A random baseline; the attack is significantly stronger if the 95 % interval of Δ is below 0."""
+    points, bounds = difference(scored.by_condition, condition)
+    return BaselineMetrics(
+        metrics=_metrics(scored, condition),
         map_ratio_delta_points=points,
         map_ratio_delta_points_ci95=bounds,
         is_significant=None if bounds is None else bounds[1] < 0,
@@ -109,14 +111,16 @@ def _on_blocks(n_blocks: int) -> list[str]:
 
 
 def _on_baselines(
-    attack: AttackRecord, baselines: Mapping[str, BaselineFigures], significant_vs_random: bool | None
+    attack: AttackRecord, baselines: Mapping[str, BaselineMetrics], significant_vs_random: bool | None
 ) -> list[str]:
-    """Whether the baselines had fewer tries than the attack, and which of them it does not beat."""
+    """Notes on baselines with fewer tries than the attack, and on those not significantly weaker."""
     tries, notes = attack.baseline_tries, []
     if attack.query_budget is not None and 0 < tries < attack.query_budget:
         best_of = f"the best of {tries}, the attack is the best of {attack.query_budget} tries"
         notes = [f"The random baselines are {best_of}."]
     if significant_vs_random is not False:
         return notes
-    unbeaten = [baseline_title(word) for word, each in baselines.items() if not each.is_significant]
-    return [*notes, f"Does not beat the same budget spent {'; '.join(unbeaten)}."]
+    not_significant = [
+        baseline_title(condition) for condition, each in baselines.items() if not each.is_significant
+    ]
+    return [*notes, f"Not significantly stronger than the same budget spent {'; '.join(not_significant)}."]

@@ -48,7 +48,7 @@ STRATA: tuple[Stratum, ...] = (
     Stratum("occlusion", "10-50 %", 0.1, 0.5),
     Stratum("occlusion", "over 50 %", 0.5, INFINITY),
 )
-"""range: of the centre from the LiDAR in the plane. points: of the clean cloud. occlusion: share hidden."""
+"""range: of the centre from the LiDAR in the plane. points: of the clean cloud. occlusion: in [0, 1]."""
 
 
 @dataclass(frozen=True)
@@ -64,12 +64,12 @@ class Measures:
     truths: dict[str, Float64]
 
     @classmethod
-    def of(cls, frames: Sequence[FrameResult], word: str, name: str) -> Measures:
-        """Those of all frames, one after the other, as in `MatchTable.of`; word: which cloud."""
+    def of(cls, frames: Sequence[FrameResult], condition: str, name: str) -> Measures:
+        """Those of all frames, one after the other, as in `MatchTable.of`; condition: which cloud."""
         detections: dict[str, list[Float64]] = {"range": [], "points": []}
         truths: dict[str, list[Float64]] = {"range": [], "points": [], "occlusion": []}
         for frame in frames:
-            cloud, truth = frame.clouds()[word], frame.truth
+            cloud, truth = frame.clouds()[condition], frame.truth
             mine = labelled(truth.boxes.labels, name)
             theirs = labelled(cloud.detections.labels, name)
             detections["range"].append(box_range_m(cloud.detections.boxes[theirs]))

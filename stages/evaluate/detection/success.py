@@ -1,4 +1,4 @@
-"""Which objects an attack hides and what it makes up, by class and range."""
+"""Objects that an attack hides and false positives that it causes, by class and range."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from advpipe.pipeline.metrics.bootstrap import BlockBootstrap, percentile_interv
 from advpipe.pipeline.results.records import SuccessRecord
 from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.comparison import FrameResult
-from advpipe.stages.evaluate.detection.condition import WHOLE
-from advpipe.stages.evaluate.detection.figures import above_0, ratio
+from advpipe.stages.evaluate.detection.condition_matches import WHOLE
 from advpipe.stages.evaluate.detection.frame_row import lost_objects, new_false_positives
+from advpipe.stages.evaluate.detection.metrics import above_0, ratio
 from advpipe.stages.evaluate.detection.scored import Scored
 from advpipe.stages.evaluate.detection.scoring import found_objects, labelled
 from advpipe.stages.evaluate.detection.strata import STRATA, Stratum, box_range_m
@@ -25,21 +25,21 @@ RANGES = (EVERYWHERE, *(stratum for stratum in STRATA if stratum.by == "range"))
 EVERY_CLASS = "all"
 
 
-def success_records(scored: Scored, result: ResultRow, words: Sequence[str]) -> Iterator[SuccessRecord]:
-    """A record for each cloud of `words`, class and range: objects found on clean clouds and lost on these.
+def success_records(scored: Scored, result: ResultRow, conditions: Sequence[str]) -> Iterator[SuccessRecord]:
+    """A record for each condition, class and range: objects found on clean clouds and lost on these.
 
-    lost of found in percent has its interval from the bootstrap. new_false_positives are told by their own
+    lost of found in percent has its interval from the bootstrap. new_false_positives count by their own
     class and range.
     """
-    for word in words:
+    for condition in conditions:
         for name in (EVERY_CLASS, *scored.classes):
             for stratum in RANGES:
-                yield _record(scored, result, word, name, stratum)
+                yield _record(scored, result, condition, name, stratum)
 
 
-def _record(scored: Scored, result: ResultRow, word: str, name: str, stratum: Stratum) -> SuccessRecord:
+def _record(scored: Scored, result: ResultRow, condition: str, name: str, stratum: Stratum) -> SuccessRecord:
     frames, bootstrap, attack = scored.comparison.frames, scored.bootstrap, result.attack
-    counts = np.array([_counts(frame, word, name, stratum, scored.min_score) for frame in frames])
+    counts = np.array([_counts(frame, condition, name, stratum, scored.min_score) for frame in frames])
     # (F, 5): found, lost and new at loose overlap, found and lost at strict overlap
     found, lost, new, strictly_found, strictly_lost = (int(count) for count in counts.sum(axis=0))
     return SuccessRecord(
@@ -49,7 +49,7 @@ def _record(scored: Scored, result: ResultRow, word: str, name: str, stratum: St
         attack.recipe,
         attack.parameter,
         attack.value,
-        condition=word,
+        condition=condition,
         class_name=name,
         range=stratum.name,
         min_score=scored.min_score,
@@ -65,8 +65,10 @@ def _record(scored: Scored, result: ResultRow, word: str, name: str, stratum: St
     )
 
 
-def _counts(frame: FrameResult, word: str, name: str, stratum: Stratum, min_score: float) -> tuple[int, ...]:
-    cloud, truth = frame.clouds()[word], frame.truth
+def _counts(
+    frame: FrameResult, condition: str, name: str, stratum: Stratum, min_score: float
+) -> tuple[int, ...]:
+    cloud, truth = frame.clouds()[condition], frame.truth
     objects = stratum.holds(box_range_m(truth.boxes.geometry))
     detections = stratum.holds(box_range_m(cloud.detections.boxes))
     if name != EVERY_CLASS:

@@ -1,4 +1,4 @@
-"""A comparison in figures: average precision, mAP ratio and its interval, distances, lost objects."""
+"""The metrics of a comparison: average precision, mAP ratio and its interval, distances, lost objects."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from advpipe.pipeline.results.frame_row import FrameRow
 from advpipe.pipeline.results.records import DefenceRecord, SuccessRecord
 from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.comparison import Comparison
-from advpipe.stages.evaluate.detection.condition import Arm, Precision
+from advpipe.stages.evaluate.detection.condition_matches import ConditionMatches, Precision
 from advpipe.stages.evaluate.detection.defended import defence_records
 from advpipe.stages.evaluate.detection.frame_row import frame_row
 from advpipe.stages.evaluate.detection.result import result_row
@@ -33,7 +33,7 @@ MIN_BOXES = 50
 
 @dataclass(frozen=True)
 class Summary:
-    """A comparison in figures.
+    """The metrics of a comparison.
 
     result: its row of a report. per_frame: its rows of `frames.parquet`.
     min_score: the working point for counts and pictures: the best F1 on the clean clouds.
@@ -53,11 +53,11 @@ class Summary:
 
 
 def summarise(
-    comparison: Comparison, classes: tuple[str, ...], draws: int, seed: int, remarks: Sequence[str] = ()
+    comparison: Comparison, classes: tuple[str, ...], draws: int, seed: int, warnings: Sequence[str] = ()
 ) -> Summary:
-    """The figures of a comparison for a detector of these classes.
+    """The metrics of a comparison for a detector of these classes.
 
-    remarks: what the reader must know besides. Raises AdvpipeError if not one object can be evaluated.
+    warnings: notes for the reader, the last ones. Raises AdvpipeError if not one object can be evaluated.
     """
     frames = comparison.frames
     # Evaluated boxes of each class.
@@ -70,30 +70,41 @@ def summarise(
     in_map, notes = classes_in_map(boxes)
     stamps_ns = [frame.stamp_ns for frame in frames]
     bootstrap = BlockBootstrap.of(stamps_ns, draws, named_generator(seed, "evaluate", "bootstrap"))
-    # A baseline that only some frames have, such as those with a moved point, is none of the whole.
-    words = [word for word in frames[0].clouds() if all(word in frame.clouds() for frame in frames)]
-    arms = {word: Arm.of(frames, word, classes, in_map, bootstrap) for word in words}
-    loose = [m for frame in frames for (word, _), m in frame.clean.matches.items() if word == "loose"]
+    # A baseline that only some frames have, such as those with a moved point, is left out.
+    conditions = [
+        condition for condition in frames[0].clouds() if all(condition in frame.clouds() for frame in frames)
+    ]
+    by_condition = {
+        condition: ConditionMatches.of(frames, condition, classes, in_map, bootstrap)
+        for condition in conditions
+    }
+    loose = [
+        m for frame in frames for (criterion, _), m in frame.clean.matches.items() if criterion == "loose"
+    ]
     min_score = RankedMatches.of(loose).best_f1_score()
     per_frame = tuple(frame_row(frame, min_score) for frame in frames)
-    scored = Scored(comparison, arms, classes, tuple(in_map), bootstrap, min_score, per_frame)
-    result = result_row(scored, boxes, notes, remarks)
+    scored = Scored(comparison, by_condition, classes, tuple(in_map), bootstrap, min_score, per_frame)
+    result = result_row(scored, boxes, notes, warnings)
     return Summary(
         comparison,
         result,
         per_frame,
         min_score,
         {  # in strata by every criterion on clean clouds, strictly on the others
-            word: tuple(arm.precisions(frames, word, tuple(CRITERIA) if word == "clean" else ("strict",)))
-            for word, arm in arms.items()
+            condition: tuple(
+                evaluated.precisions(
+                    frames, condition, tuple(CRITERIA) if condition == "clean" else ("strict",)
+                )
+            )
+            for condition, evaluated in by_condition.items()
         },
         {
-            (word, criterion, name): ranked.precision_recall()
-            for word, arm in arms.items()
-            for (criterion, name), ranked in arm.ranked.items()
+            (condition, criterion, name): ranked.precision_recall()
+            for condition, evaluated in by_condition.items()
+            for (criterion, name), ranked in evaluated.ranked.items()
         },
         tuple(defence_records(scored, result)),
-        tuple(success_records(scored, result, words[1:])),
+        tuple(success_records(scored, result, conditions[1:])),
     )
 
 

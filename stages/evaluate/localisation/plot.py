@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from advpipe.pipeline.core.figure import Figure
-from advpipe.stages.evaluate.localisation.figures import gate
+from advpipe.stages.evaluate.localisation.metrics import gate
 from advpipe.stages.evaluate.localisation.track import Bool, LocalisationTrack
 from advpipe.stages.evaluate.report.style import BASELINE, INK, LOST, PREDICTION, TRUTH, plain_axes
 

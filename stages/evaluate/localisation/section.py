@@ -15,7 +15,7 @@ from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.replay.recorded_filter import default_victim, vehicles_with_filter
 from advpipe.pipeline.results.localisation import LocalisationRecord
 from advpipe.stages.evaluate.detection.comparison import bag_name
-from advpipe.stages.evaluate.localisation.figures import (
+from advpipe.stages.evaluate.localisation.metrics import (
     GATE_PROBABILITY,
     LOST_M,
     gate,

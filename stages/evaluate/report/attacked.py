@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from advpipe.pipeline.results.figures import CloudFigures
+from advpipe.pipeline.results.metrics import CloudMetrics
 from advpipe.pipeline.results.records import BaselineRecord, SuccessRecord
 from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.baseline import baseline_title
-from advpipe.stages.evaluate.detection.condition import WHOLE
+from advpipe.stages.evaluate.detection.condition_matches import WHOLE
 from advpipe.stages.evaluate.detection.strata import STRATA
 from advpipe.stages.evaluate.detection.success import EVERY_CLASS
 from advpipe.stages.evaluate.detection.summary import Summary
@@ -29,7 +29,7 @@ ANSWER = {True: "yes", False: "no", None: NOTHING}
 
 
 def attacked_sections(summaries: Sequence[Summary]) -> Iterator[ReportSection]:
-    """Those that there is something to say in."""
+    """The sections that have content."""
     attacked = [summary for summary in summaries if summary.comparison.bag]
     if any(summary.result.baselines for summary in attacked):
         yield baselines_section(attacked)
@@ -43,7 +43,7 @@ def attacked_sections(summaries: Sequence[Summary]) -> Iterator[ReportSection]:
 
 
 def title_of(summary: Summary, summaries: Sequence[Summary]) -> str:
-    """The attack; with the detector, where several look; with the bag, where two attacks are alike."""
+    """The attack; with the detector if there are several, and with the bag if two attacks are alike."""
     own = attack_title(summary.result.attack)
     title = own if summary.comparison.bag else "clean"
     alike = [each for each in summaries if attack_title(each.result.attack) == own]
@@ -56,19 +56,19 @@ def title_of(summary: Summary, summaries: Sequence[Summary]) -> str:
 
 def baselines_section(summaries: Sequence[Summary]) -> ReportSection:
     heads = (
-        *("attack", f"{PLAIN_RANDOM} baseline", "its ratio %", "95 %"),
-        *("attack minus it", "95 %", "beats it"),
+        *("attack", f"{PLAIN_RANDOM} baseline", "baseline's ratio %", "95 %"),
+        *("Δ to baseline, points", "95 %", "significant"),
     )
     lines = []
     for summary in summaries:
         title = title_of(summary, summaries)
-        for word, baseline in summary.result.baselines.items():
+        for name, baseline in summary.result.baselines.items():
             lines.append(
                 (
                     title,
-                    baseline_title(word),
-                    formatted_number(baseline.figures.map_ratio_percent, 2),
-                    interval(baseline.figures.map_ratio_ci95),
+                    baseline_title(name),
+                    formatted_number(baseline.metrics.map_ratio_percent, 2),
+                    interval(baseline.metrics.map_ratio_ci95),
                     formatted_number(baseline.map_ratio_delta_points, 2),
                     interval(baseline.map_ratio_delta_points_ci95),
                     ANSWER[baseline.is_significant],
@@ -77,20 +77,20 @@ def baselines_section(summaries: Sequence[Summary]) -> ReportSection:
             title = ""
     return ReportSection(
         "baselines",
-        "Against the same budget spent plainly at random",
-        "Differences in points of mAP ratio, drawn together with the attack; an attack beats a baseline if "
-        f"the 95 % interval of the difference lies below 0. {RANDOM_BEST}",
+        "Against plain random baselines of equal budget",
+        "Δ: the attack's mAP ratio minus the baseline's, in percentage points, drawn together; the attack is "
+        f"significantly stronger if the 95 % interval of Δ lies below 0. {RANDOM_BEST}",
         (Table("", heads, tuple(lines)),),
         records=tuple(
-            _baseline_record(summary.result, word)
+            _baseline_record(summary.result, name)
             for summary in summaries
-            for word in summary.result.baselines
+            for name in summary.result.baselines
         ),
     )
 
 
-def _baseline_record(result: ResultRow, word: str) -> BaselineRecord:
-    attack, baseline = result.attack, result.baselines[word]
+def _baseline_record(result: ResultRow, name: str) -> BaselineRecord:
+    attack, baseline = result.attack, result.baselines[name]
     return BaselineRecord(
         result.bag,
         result.detector,
@@ -98,9 +98,9 @@ def _baseline_record(result: ResultRow, word: str) -> BaselineRecord:
         attack.recipe,
         attack.parameter,
         attack.value,
-        baseline=word,
-        map_ratio_percent=baseline.figures.map_ratio_percent,
-        map_ratio_ci95=baseline.figures.map_ratio_ci95,
+        baseline=name,
+        map_ratio_percent=baseline.metrics.map_ratio_percent,
+        map_ratio_ci95=baseline.metrics.map_ratio_ci95,
         delta_points=baseline.map_ratio_delta_points,
         delta_points_ci95=baseline.map_ratio_delta_points_ci95,
         significant=baseline.is_significant,
@@ -108,7 +108,7 @@ def _baseline_record(result: ResultRow, word: str) -> BaselineRecord:
 
 
 def success_section(summaries: Sequence[Summary]) -> ReportSection:
-    """Attack success by class and range; beside the attack one draw of the baseline at random anywhere."""
+    """Attack success by class and range; beside the attack one draw of the random baseline anywhere."""
     ranges = [WHOLE, *(stratum.name for stratum in STRATA if stratum.by == "range")]
     scores = {formatted_number(summary.min_score, 2) for summary in summaries}
     score = scores.pop() if len(scores) == 1 else "the working score of its bag"
@@ -148,39 +148,39 @@ def success_section(summaries: Sequence[Summary]) -> ReportSection:
 
 
 def change_section(summaries: Sequence[Summary]) -> ReportSection:
-    """What was done to the clouds, told from the bags as stored."""
+    """How the attacks changed the clouds, measured on the stored bags."""
     heads = (
-        "cloud", "CD m²", "removed", "added", "moved", "mean m", "RMS m", "median m", "95 % below m",
+        "condition", "CD m²", "removed", "added", "moved", "mean m", "RMS m", "median m", "95 % below m",
         "farthest m", "added, farthest m",
     )  # fmt: skip
     tables = []
     for summary in summaries:
         changed = {"attacked": summary.result.attacked}
-        changed |= {baseline_title(word): each.figures for word, each in summary.result.baselines.items()}
+        changed |= {baseline_title(name): each.metrics for name, each in summary.result.baselines.items()}
         lines = tuple(_change_line(name, each) for name, each in changed.items() if each)
         tables.append(Table(title_of(summary, summaries), heads, lines))
     return ReportSection(
         "changes",
-        "What was done to the clouds",
-        "Read from the stored bags. Lengths are of the moved points, between the coordinates as stored; of "
+        "Changes of the clouds",
+        "Measured on the stored bags. Lengths are of the moved points, between the coordinates as stored; of "
         "an added point, to the nearest point of the clean cloud.",
         tuple(tables),
     )
 
 
-def _change_line(name: str, figures: CloudFigures) -> tuple[str, ...]:
+def _change_line(name: str, metrics: CloudMetrics) -> tuple[str, ...]:
     lengths_m = (
-        figures.mean_displacement_m,
-        figures.rms_displacement_m,
-        figures.median_displacement_m,
-        figures.p95_displacement_m,
-        figures.max_displacement_m,
-        figures.max_added_m,
+        metrics.mean_displacement_m,
+        metrics.rms_displacement_m,
+        metrics.median_displacement_m,
+        metrics.p95_displacement_m,
+        metrics.max_displacement_m,
+        metrics.max_added_m,
     )
-    points = (figures.points_removed, figures.points_added, figures.points_moved)
+    points = (metrics.points_removed, metrics.points_added, metrics.points_moved)
     return (
         name,
-        formatted_number(figures.chamfer_distance_m2, 5),
+        formatted_number(metrics.chamfer_distance_m2, 5),
         *(formatted_number(count, 0) for count in points),
         *(formatted_number(length_m or None, 4) for length_m in lengths_m),
     )
@@ -254,16 +254,16 @@ def defences_section(summaries: Sequence[Summary]) -> ReportSection:
     return ReportSection(
         "defences",
         "Under defences",
-        "Each changes every cloud, clean and attacked, before the detector sees it; no attack knew of it. "
-        "Kept: mAP on clean clouds under the defence, in percent of that without. Ratio: attacked to clean, "
-        "both under the defence.",
+        "Each defence changes every cloud, clean and attacked, before the detector sees it; no attack "
+        "takes it into account. Kept: mAP on clean clouds under the defence, in percent of the mAP without "
+        "it. Ratio: attacked to clean, both under the defence.",
         (Table("", heads, tuple(lines)),),
         records=tuple(each for summary in summaries for each in summary.defended),
     )
 
 
 def _share(record: SuccessRecord | None) -> str:
-    """The objects lost at loose overlap, of those found."""
+    """The share of found objects that are lost at loose overlap."""
     if record is None or not record.found_clean:
         return NOTHING
     percent = with_interval(record.attack_success_percent, record.attack_success_ci95, 0)
@@ -271,7 +271,7 @@ def _share(record: SuccessRecord | None) -> str:
 
 
 def _strict_share(record: SuccessRecord) -> str:
-    """Those lost at strict overlap."""
+    """The share of found objects that are lost at strict overlap."""
     if not record.strict_found_clean:
         return NOTHING
     percent = with_interval(record.strict_attack_success_percent, record.strict_attack_success_ci95, 0)

@@ -168,14 +168,14 @@ def legend(scene: ReportScene) -> list[Line2D]:
             1, Line2D([], [], color=TRUTH, linewidth=1, linestyle="dotted", label="truth, ignored")
         )
     if scene.lost.any():
-        word = "lost object (loose overlap)" if scene.after else "missed object (loose overlap)"
-        entries.append(Line2D([], [], color=LOST, linewidth=2, linestyle="dashed", label=word))
+        label = "lost object (loose overlap)" if scene.after else "missed object (loose overlap)"
+        entries.append(Line2D([], [], color=LOST, linewidth=2, linestyle="dashed", label=label))
     if scene.change:
-        for count, colour, word in (
+        for count, colour, label in (
             (len(scene.change.removed), REMOVED, "removed"),
             (len(scene.change.added), ADDED, "added"),
             (len(scene.change.moved), MOVED, "moved"),
         ):
             if count:
-                entries.append(dot(colour, f"{count:,} points {word}"))
+                entries.append(dot(colour, f"{count:,} points {label}"))
     return entries

@@ -9,15 +9,15 @@ from collections.abc import Callable, Sequence
 from matplotlib.axes import Axes
 
 from advpipe.pipeline.core.figure import Figure
-from advpipe.pipeline.results.figures import CloudFigures, Interval
+from advpipe.pipeline.results.metrics import CloudMetrics, Interval
 from advpipe.pipeline.results.row import ResultRow
-from advpipe.stages.evaluate.detection.baseline import BASELINES, BEST, baseline_title, baseline_words
+from advpipe.stages.evaluate.detection.baseline import BASELINES, BEST, baseline_names, baseline_title
 from advpipe.stages.evaluate.report.style import BASELINE, INK, PREDICTION, SOFT, plain_axes
 
 Point = tuple[float, float, Interval]
 """Where on the axis, the mAP ratio, and its interval."""
 
-Where = Callable[[ResultRow, CloudFigures], float]
+Where = Callable[[ResultRow, CloudMetrics], float]
 
 FORMATS = dict(zip(BASELINES, ("o", "s", "^"), strict=True))
 
@@ -41,17 +41,17 @@ def draw_budget_curves(rows: Sequence[ResultRow]) -> Figure:
     figure = Figure(figsize=(11, 4.4), dpi=110, facecolor="white", layout="constrained")
     panels: tuple[tuple[str, Where, str], ...] = (
         (str(rows[0].attack.parameter), lambda row, _: float(row.attack.value), "linear"),
-        ("Chamfer distance in m²", lambda _, figures: figures.chamfer_distance_m2, "log"),
+        ("Chamfer distance in m²", lambda _, metrics: metrics.chamfer_distance_m2, "log"),
     )
-    words = [word for word in baseline_words() if all(word in row.baselines for row in rows)]
+    names = [name for name in baseline_names() if all(name in row.baselines for row in rows)]
     for place, (label, where, scale) in enumerate(panels):
         axes = figure.add_subplot(1, 2, place + 1)
         plain_axes(axes)
         axes.axhline(100, color="#c9d1da", linewidth=1, zorder=1)
-        for word in words:
-            line = "--" if word.endswith(BEST) else "-"
-            style = f"{FORMATS[word.removesuffix(BEST)]}{line}"
-            _draw_line(axes, _points(rows, where, word), style, BASELINE, baseline_title(word))
+        for name in names:
+            line = "--" if name.endswith(BEST) else "-"
+            style = f"{FORMATS[name.removesuffix(BEST)]}{line}"
+            _draw_line(axes, _points(rows, where, name), style, BASELINE, baseline_title(name))
         _draw_line(axes, _points(rows, where), "o-", PREDICTION, "attack")
         if all(row.attacked and where(row, row.attacked) for row in rows):
             axes.set_xscale(scale)
@@ -80,7 +80,7 @@ def _draw_line(axes: Axes, points: Sequence[Point], style: str, colour: str, lab
 
 def _points(rows: Sequence[ResultRow], where: Where, baseline: str = "") -> list[Point]:
     """Those with a mAP ratio, of the attack or of a baseline, in order."""
-    shown = [(row, figures) for row in rows if (figures := row.figures_of(baseline))]
+    shown = [(row, metrics) for row in rows if (metrics := row.metrics_of(baseline))]
     return sorted(
         (where(row, each), each.map_ratio_percent, each.map_ratio_ci95)
         for row, each in shown

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from advpipe.stages.evaluate.detection.condition import WHOLE, Precision
+from advpipe.stages.evaluate.detection.condition_matches import WHOLE, Precision
 from advpipe.stages.evaluate.detection.scoring import CRITERIA
 from advpipe.stages.evaluate.detection.strata import STRATA
 from advpipe.stages.evaluate.detection.summary import Summary
@@ -59,12 +59,12 @@ def lead(summary: Summary) -> str:
     """The mAP in a sentence, with the car alone beside it."""
     clean, counts = summary.result.clean, summary.result.counts
     mean, found = clean.means["strict"], clean.precisions
-    words = f"mAP {formatted_number(mean.map_r40, 3)}{_in_brackets(mean.map_r40_ci95)}"
-    words += f" over {', '.join(counts.classes_in_map)}"
+    text = f"mAP {formatted_number(mean.map_r40, 3)}{_in_brackets(mean.map_r40_ci95)}"
+    text += f" over {', '.join(counts.classes_in_map)}"
     if ("strict", "car") in found.ap:
-        words += f"; car alone {formatted_number(found.ap['strict', 'car'], 3)}"
-        words += _in_brackets(found.strict_ci95["car"])
-    return words + f". Strict 3D, R40, {counts.frames} frames."
+        text += f"; car alone {formatted_number(found.ap['strict', 'car'], 3)}"
+        text += _in_brackets(found.strict_ci95["car"])
+    return text + f". Strict 3D, R40, {counts.frames} frames."
 
 
 def distinct_clean(summaries: Sequence[Summary]) -> list[Summary]:

@@ -22,7 +22,7 @@ from advpipe.stages.evaluate.report.page import rendered
 from advpipe.stages.evaluate.report.report import Report
 from advpipe.stages.evaluate.report.scene import attack_title
 from advpipe.stages.evaluate.report.section import ATTACK, CLEAN, OVERVIEW, ReportPicture
-from advpipe.stages.evaluate.report.table import lines, lost_of, report_warnings
+from advpipe.stages.evaluate.report.table import lines, lost_of, table_notes
 
 TEMPLATE = Path(__file__).with_name("template.html")
 
@@ -37,8 +37,8 @@ def write_html(
         detectors=report.origin.detectors,
         is_attacked=any(summary.comparison.bag for summary in summaries) or bool(report.sections),
         lines=lines(report),
-        remarks=report_warnings(report),
-        banners=report.warnings,
+        notes=table_notes(report),
+        warnings=report.warnings,
         lost=lost_of(report),
         overview=_of(pictures, OVERVIEW, ""),
         clean_sections=[
@@ -75,7 +75,7 @@ def precision_rows(result: ResultRow) -> list[list[str]]:
     """Average precision by class: class, boxes, then strict, loose and bird's-eye on each kind of cloud."""
     attacked = result.attacked.precisions.ap if result.attacked else {}
     random = result.baselines.get(PLAIN_BASELINE)
-    on_each = (result.clean.precisions.ap, attacked, random.figures.precisions.ap if random else {})
+    on_each = (result.clean.precisions.ap, attacked, random.metrics.precisions.ap if random else {})
     return [
         [
             name,

@@ -84,10 +84,10 @@ def _bag_pictures(clean: Path, summary: Summary, lidar_topic: str | None) -> Ite
         yield ReportPicture(section, bag, f"{bag}-precision_recall.png", caption, to_png(figure))
     worst = worst_frames(summary, WORST if attacked else WORST_CLEAN)
     best = best_frames(summary, BEST if attacked else BEST_CLEAN, worst)
-    for word, frames in (("Worst", worst), ("Best", best)):
+    for which, frames in (("Worst", worst), ("Best", best)):
         for frame in frames:
             scene = load_scene(clean, summary, frame, lidar_topic)
-            caption = f"{word} frames: {scene.title}"
+            caption = f"{which} frames: {scene.title}"
             png = to_png(draw_scene(scene))
             yield ReportPicture(section, bag, f"{scene.name}.png", caption, png, is_wide=attacked)
 

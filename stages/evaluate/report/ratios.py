@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 
 from advpipe.pipeline.core.figure import Figure
-from advpipe.pipeline.results.figures import CloudFigures
+from advpipe.pipeline.results.metrics import CloudMetrics
 from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.report.numbers import short_name
 from advpipe.stages.evaluate.report.scene import attack_title
@@ -28,7 +28,7 @@ def draw_ratios(rows: Sequence[ResultRow]) -> Figure:
     axes.axvline(100, color="#c9d1da", linewidth=1, zorder=1)
     for line, row in enumerate(rows):
         if strongest := row.strongest_baseline:
-            _draw_ratio(axes, row.figures_of(strongest), line + 0.17, BASELINE)
+            _draw_ratio(axes, row.metrics_of(strongest), line + 0.17, BASELINE)
         _draw_ratio(axes, row.attacked, line - 0.17, PREDICTION)
     axes.set_yticks(range(len(rows)), titles, color=INK)
     axes.set_ylim(len(rows) - 0.45, -0.55)
@@ -40,18 +40,18 @@ def draw_ratios(rows: Sequence[ResultRow]) -> Figure:
     axes.tick_params(length=0)
     for side in ("top", "right", "left"):
         axes.spines[side].set_visible(False)
-    for colour, word in ((PREDICTION, "attack"), (BASELINE, f"strongest {PLAIN_RANDOM} baseline")):
-        axes.plot([], [], "o", color=colour, label=word)
+    for colour, label in ((PREDICTION, "attack"), (BASELINE, f"strongest {PLAIN_RANDOM} baseline")):
+        axes.plot([], [], "o", color=colour, label=label)
     axes.legend(
         loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, ncols=2, fontsize=9, labelcolor=INK
     )
     return figure
 
 
-def _draw_ratio(axes: Axes, figures: CloudFigures | None, height: float, colour: str) -> None:
-    if figures is None or math.isnan(figures.map_ratio_percent):
+def _draw_ratio(axes: Axes, metrics: CloudMetrics | None, height: float, colour: str) -> None:
+    if metrics is None or math.isnan(metrics.map_ratio_percent):
         return
-    ratio, interval = figures.map_ratio_percent, figures.map_ratio_ci95
+    ratio, interval = metrics.map_ratio_percent, metrics.map_ratio_ci95
     if interval is not None:
         axes.plot(interval, [height, height], color=colour, linewidth=2, solid_capstyle="round", zorder=2)
     axes.plot([ratio], [height], "o", color=colour, markersize=7, zorder=3)

@@ -26,8 +26,8 @@ FORMULAS: Mapping[str, str] = {
     "iou": "strict 3D IoU: car and truck 0.7, cyclist and pedestrian 0.5; loose: 0.5 and 0.25",
     "ignored": "no object counts with fewer than 5 points in the clean cloud or with its centre out of the "
     "detector's range in the plane, and no detection that finds one, nor one out of that range",
-    "strata": "by range (of the centre, in the plane), by LiDAR points in the clean cloud and by the share "
-    "hidden, as recorded: objects of other strata are ignored, and so is what finds them; a false positive "
+    "strata": "by range (of the centre, in the plane), by LiDAR points in the clean cloud and by the "
+    "recorded occlusion: objects of other strata and their detections are ignored; a false positive "
     "counts in the stratum of its own range and points, and in every stratum of occlusion",
     "kitti_difficulty": "KITTI's easy, moderate and hard are defined in a camera's image (height of the box "
     "in pixels, truncation), which there is none of here: AP by range, points and occlusion is given instead",
@@ -37,8 +37,9 @@ FORMULAS: Mapping[str, str] = {
     "clean, adversarial and baseline clouds",
     "baseline": "as many points removed, added or moved as far as by the attack, chosen at random: anywhere; "
     "near objects (within 0.5 m of a box) as far as there are such points; or, where points are moved, every "
-    "point by the attack's bound; best try: of as many tries as the attack looked at (or as stated) the one "
-    "that hides most, chosen for each object by the detector's own result, and put together. " + RANDOM_BEST,
+    "point by the attack's bound; best try: of as many tries as the attack's query budget (or as stated) the "
+    "one that hides most, chosen for each object by the detector's own result, and put together. "
+    + RANDOM_BEST,
     "significant_vs_random": "the 95 % interval of the paired difference of mAP ratios to every plain random "
     "baseline that is scored beside the attack lies below 0; recipe random-best, which is stronger, is not "
     "compared",
@@ -51,7 +52,7 @@ FORMULAS: Mapping[str, str] = {
     "lost": "lost objects are found on the clean cloud and missed on the other, at loose IoU and at least "
     "the working_score (the best F1 on the clean clouds)",
 }
-"""What the figures mean, in words that go into every report."""
+"""What the figures mean, as every report explains them."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -72,8 +73,8 @@ class Report(Evaluation):
             for row in self.results
             if row.attacked
         ]
-        told = ratios or [section.title for section in self.sections] or ["clean bag alone"]
-        return f"{self.folder}: {'; '.join(told)}"
+        summary = ratios or [section.title for section in self.sections] or ["clean bag alone"]
+        return f"{self.folder}: {'; '.join(summary)}"
 
     def _repr_html_(self) -> str:
         """The tables of report.html."""
@@ -91,7 +92,7 @@ def report_of(
     sections: Sequence[ReportSection],
     origin: ResultsOrigin,
     formulas: Mapping[str, str],
-    banners: Sequence[str],
+    warnings: Sequence[str],
 ) -> Report:
     """The report of scored comparisons; the formulas of sections join the others."""
     of_sections = {name: text for section in sections for name, text in section.formulas}
@@ -101,7 +102,7 @@ def report_of(
         formulas={**formulas, **of_sections},
         average_precision=precision_records(summaries),
         records={each.key: each.records for each in sections if each.records},
-        warnings=tuple(banners),
+        warnings=tuple(warnings),
         sections=tuple(sections),
     )
 
@@ -112,7 +113,7 @@ def precision_records(summaries: Sequence[Summary]) -> tuple[PrecisionRecord, ..
         PrecisionRecord(
             summary.result.bag,
             summary.result.detector,
-            cloud,
+            condition,
             each.name,
             each.criterion,
             each.by,
@@ -123,6 +124,6 @@ def precision_records(summaries: Sequence[Summary]) -> tuple[PrecisionRecord, ..
             each.ap_r11,
         )
         for summary in summaries
-        for cloud, precisions in summary.precisions.items()
+        for condition, precisions in summary.precisions.items()
         for each in precisions
     )

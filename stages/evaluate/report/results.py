@@ -8,7 +8,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 
 from advpipe.pipeline.results.tables import frame_table, match_schema, match_table
-from advpipe.stages.evaluate.detection.baseline import baseline_words
+from advpipe.stages.evaluate.detection.baseline import baseline_names
 from advpipe.stages.evaluate.detection.match_rows import match_rows
 from advpipe.stages.evaluate.detection.summary import Summary
 
@@ -24,8 +24,8 @@ def write_results(summaries: Sequence[Summary], path: Path) -> None:
                 rows = [
                     row
                     for frame in frames[start : start + _FRAMES_AT_ONCE]
-                    for word in frame.all_clouds()
-                    for row in match_rows(summary.result, frame, word, summary.min_score)
+                    for condition in frame.all_clouds()
+                    for row in match_rows(summary.result, frame, condition, summary.min_score)
                 ]
                 writer.write_table(match_table(rows))
 
@@ -33,4 +33,4 @@ def write_results(summaries: Sequence[Summary], path: Path) -> None:
 def write_frames(summaries: Sequence[Summary], path: Path) -> None:
     """`frames.parquet`: one row a frame and bag."""
     rows = [(summary.result, summary.per_frame) for summary in summaries]
-    pq.write_table(frame_table(rows, ("clean", "adv", *baseline_words())), str(path))
+    pq.write_table(frame_table(rows, ("clean", "adv", *baseline_names())), str(path))

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 
 from advpipe.pipeline.core.figure import Figure
-from advpipe.stages.evaluate.detection.condition import Precision
+from advpipe.stages.evaluate.detection.condition_matches import Precision
 from advpipe.stages.evaluate.detection.strata import STRATA
 from advpipe.stages.evaluate.report.style import CLASS_COLOURS, INK, SOFT, plain_axes
 
-TITLES = {"range": "by range", "points": "by LiDAR points", "occlusion": "by share hidden"}
+TITLES = {"range": "by range", "points": "by LiDAR points", "occlusion": "by occlusion"}
 
 
 def draw_strata(precisions: Sequence[Precision], criterion: str = "strict") -> Figure:

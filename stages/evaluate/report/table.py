@@ -11,7 +11,7 @@ from advpipe.pipeline.core.streams import plain_console
 from advpipe.pipeline.results.records import DefenceRecord, SuccessRecord
 from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.baseline import baseline_title
-from advpipe.stages.evaluate.detection.condition import WHOLE
+from advpipe.stages.evaluate.detection.condition_matches import WHOLE
 from advpipe.stages.evaluate.detection.success import EVERY_CLASS
 from advpipe.stages.evaluate.report.numbers import NOTHING, formatted_number, interval, short_name
 from advpipe.stages.evaluate.report.report import Report
@@ -33,29 +33,29 @@ ON_THE_TERMINAL = ("attack", "mAP", "ratio %", "95 %", "car AP", "CD m²", "poin
 def changed_percent(removed: int, added: int, moved: int, clean: int) -> str:
     """Points removed (−), added (+) and moved (~) in percent of all clean points."""
     changed = (("−", removed), ("+", added), ("~", moved))
-    words = [f"{sign}{100 * count / clean:.2f} %" for sign, count in changed if count and clean]
-    return " ".join(words) or NOTHING
+    parts = [f"{sign}{100 * count / clean:.2f} %" for sign, count in changed if count and clean]
+    return " ".join(parts) or NOTHING
 
 
 def cells(row: ResultRow, baseline: str = "") -> dict[str, str]:
-    """A line of the table by column: an attack, or a baseline of it by its word."""
-    made_by, figures = row.attack, row.figures_of(baseline)
-    if figures is None:
+    """A line of the table by column: an attack, or one of its baselines by name."""
+    made_by, metrics = row.attack, row.metrics_of(baseline)
+    if metrics is None:
         return dict.fromkeys(COLUMNS, NOTHING)
-    words = [str(each) for each in (made_by.attack, made_by.recipe, made_by.value) if each not in (None, "")]
+    parts = [str(each) for each in (made_by.attack, made_by.recipe, made_by.value) if each not in (None, "")]
     return {
-        "attack": f"  {baseline_title(baseline)}" if baseline else " ".join(words),
-        "mAP": formatted_number(figures.map_adv, 3),
-        "ratio %": formatted_number(figures.map_ratio_percent, 2),
-        "95 %": interval(figures.map_ratio_ci95),
-        "car AP": formatted_number(figures.precisions.ap.get(CAR), 3),
-        "CD m²": formatted_number(figures.chamfer_distance_m2, 5),
+        "attack": f"  {baseline_title(baseline)}" if baseline else " ".join(parts),
+        "mAP": formatted_number(metrics.map_adv, 3),
+        "ratio %": formatted_number(metrics.map_ratio_percent, 2),
+        "95 %": interval(metrics.map_ratio_ci95),
+        "car AP": formatted_number(metrics.precisions.ap.get(CAR), 3),
+        "CD m²": formatted_number(metrics.chamfer_distance_m2, 5),
         "points": changed_percent(
-            figures.points_removed, figures.points_added, figures.points_moved, row.counts.points_clean
+            metrics.points_removed, metrics.points_added, metrics.points_moved, row.counts.points_clean
         ),
-        "lost": formatted_number(figures.lost_objects, 0),
-        "new FP": formatted_number(figures.new_false_positives, 0),
-        "max shift m": formatted_number(figures.max_displacement_m, 3),
+        "lost": formatted_number(metrics.lost_objects, 0),
+        "new FP": formatted_number(metrics.new_false_positives, 0),
+        "max shift m": formatted_number(metrics.max_displacement_m, 3),
     }
 
 
@@ -96,9 +96,9 @@ def lines(report: Report, is_short: bool = False) -> list[dict[str, str]]:
             table.append(clean)
         if row.attacked is not None:
             table.append(cells(row))
-        words = list(row.baselines)
-        shown = [word for word in words if not is_short or word in (words[0], row.strongest_baseline)]
-        table += [cells(row, word) for word in shown]
+        names = list(row.baselines)
+        shown = [name for name in names if not is_short or name in (names[0], row.strongest_baseline)]
+        table += [cells(row, name) for name in shown]
         table += [
             defended_cells(each)
             for each in report.listed(DefenceRecord)
@@ -107,33 +107,33 @@ def lines(report: Report, is_short: bool = False) -> list[dict[str, str]]:
     return table
 
 
-def report_warnings(report: Report) -> list[str]:
-    """What must be known beside the table."""
-    words = []
+def table_notes(report: Report) -> list[str]:
+    """The notes below the table."""
+    notes = []
     several = len({row.detector for row in report.results}) > 1
     for row in report.results:
         bag = f"{row.bag}, seen by {short_name(row.detector)}" if several else row.bag
         size = f"{row.counts.frames} frames, {row.counts.objects} objects"
         classes = ", ".join(row.counts.classes_in_map)
-        words.append(" ".join([f"{bag}: {size}, mAP over {classes}.", *row.notes]))
+        notes.append(" ".join([f"{bag}: {size}, mAP over {classes}.", *row.notes]))
         strongest = row.strongest_baseline
         if strongest and (bounds := row.baselines[strongest].map_ratio_delta_points_ci95):
-            words.append(
-                f"{bag}: mAP ratio minus that {baseline_title(strongest)} (the strongest {PLAIN_RANDOM} "
-                f"baseline) {formatted_number(row.baselines[strongest].map_ratio_delta_points, 2)} points, "
-                f"95 % interval {interval(bounds)}. Beats {PLAIN_RANDOM}: "
-                f"{'yes' if row.significant_vs_random else 'no'}."
+            delta = formatted_number(row.baselines[strongest].map_ratio_delta_points, 2)
+            notes.append(
+                f"{bag}: Δ of the mAP ratio to {baseline_title(strongest)} "
+                f"(the strongest {PLAIN_RANDOM} baseline): {delta} points, 95 % interval {interval(bounds)}. "
+                f"Significant against {PLAIN_RANDOM}: {'yes' if row.significant_vs_random else 'no'}."
             )
-        words += _lost_remark(report, row, bag)
+        notes += _lost_note(report, row, bag)
     if any(row.baselines for row in report.results):
-        words.append(RANDOM_BEST)
+        notes.append(RANDOM_BEST)
     if any(row.attacked for row in report.results):
-        words.append(WHITE_BOX)
-    return words
+        notes.append(WHITE_BOX)
+    return notes
 
 
-def _lost_remark(report: Report, row: ResultRow, bag: str) -> list[str]:
-    """How many objects an attack makes the detector lose, at both overlaps."""
+def _lost_note(report: Report, row: ResultRow, bag: str) -> list[str]:
+    """How many objects the detector loses under an attack, at both overlaps."""
     about = (row.bag, row.detector, "adv", EVERY_CLASS, WHOLE)
     found = [
         each
@@ -155,7 +155,7 @@ def _share(lost: int, found: int, percent: float) -> str:
 
 
 def lost_of(report: Report) -> str:
-    """What `lost` means in the table of this report; rows on other frames may have another score."""
+    """What `lost` means in the table of this report; rows of other frames may have another score."""
     scores = {row.counts.working_score for row in report.results}
     return lost_means(scores.pop() if len(scores) == 1 else None)
 
@@ -193,8 +193,8 @@ def _short(stratum: str) -> str:
 def print_report(report: Report) -> None:
     """The tables on the terminal: the detector on the clean clouds, then attacks if there are any."""
     console = plain_console()
-    for banner in report.warnings:
-        console.print(banner, style="bold yellow", highlight=False, markup=False)
+    for warning in report.warnings:
+        console.print(warning, style="bold yellow", highlight=False, markup=False)
     if by_class := clean_lines(report):
         console.print(_by_class(by_class))
     if any(row.attacked for row in report.results):
@@ -204,8 +204,8 @@ def print_report(report: Report) -> None:
         found = clean.precisions.ap
         car = f"; car alone {formatted_number(found[CAR], 3)}" if CAR in found else ""
         console.print(f"mAP {formatted_number(clean.means['strict'].map_r40, 3)}{car}", highlight=False)
-    for remark in report_warnings(report):
-        console.print(remark, highlight=False, markup=False)
+    for note in table_notes(report):
+        console.print(note, highlight=False, markup=False)
     for section in report.sections:
         for note in section.notes:
             console.print(note, highlight=False, markup=False)
@@ -242,7 +242,7 @@ def _by_attack(report: Report, width_characters: int) -> Table:
     rest = sum(width + 2 for column, width in widths.items() if column != "attack")
     widths["attack"] = max(
         min(widths["attack"], width_characters - rest - 2), MIN_TITLE
-    )  # cut off if too long
+    )  # truncated if too long
     for column, width in widths.items():
         justify: Literal["left", "right"] = "left" if column == "attack" else "right"
         table.add_column(column, justify=justify, no_wrap=True, width=width)

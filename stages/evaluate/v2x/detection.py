@@ -1,4 +1,4 @@
-"""How well the misbehaviour detector and the baseline tell lies from honest messages, per attack."""
+"""How well the misbehaviour detector and the baseline tell false messages from honest ones, per attack."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from advpipe.stages.evaluate.v2x.receptions import ListenerReceptions
 
 @dataclass(frozen=True)
 class ScoredAttack:
-    """One attack of a bag, scored on its lies and all honest messages; other attacks' lies are left out.
+    """One attack of a bag, scored on its false messages and all honest ones, without those of other attacks.
 
     attack: with the part of a mix, where labels tell. published: F1 of CaTCH on other data, or NaN.
     """
 
     attack: str
-    lies: int
+    false_messages: int
     ours: Scores
     baseline: Scores
     published: float
@@ -41,16 +41,16 @@ class ScoredAttack:
 
 @dataclass(frozen=True)
 class Detection:
-    """What two detectors made of the messages that all listeners of a bag received.
+    """The results of two detectors on the messages that all listeners of a bag received.
 
-    attack: empty for a clean bag. messages, lies: received, where the bag tells what they truly were.
-    undecoded: messages that are no CAM and nobody's lie; decoders drop them, and they count neither for nor
-    against a detector. parts: by attack. objections: flagged lies by the check that objects, most first.
+    attack: empty for a clean bag. messages, false_messages: received, where the bag records their senders.
+    undecoded: messages that are no CAM and that no attack sent; decoders drop them, and they count neither
+    for nor against a detector. parts: by attack. objections: flagged false messages by check, most first.
     """
 
     attack: str
     messages: int
-    lies: int
+    false_messages: int
     undecoded: int
     ours: Scores
     baseline: Scores
@@ -88,8 +88,8 @@ def detect(
     """Runs both detectors, as tuned if left out, over what each listener received; compares with the labels.
 
     published: of each attack in the bag, as `published_f1` reads it. window: what arrives in it counts;
-    detectors remember what was before. Without labels nobody lies; with them, a message counts where the bag
-    tells which one it truly was.
+    detectors remember what was before. Without labels there are no false messages; with them, a message
+    counts where the bag records which one it truly was.
     """
     config, parameters = config or DetectorConfig(), parameters or TUNED_CATCH
     ours, theirs, liars, times_s, numbers, decoded = [], [], [], [], [], []

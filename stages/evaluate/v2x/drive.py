@@ -19,14 +19,14 @@ from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.misbehaviour.catch import CatchParameters
 from advpipe.pipeline.misbehaviour.config import DetectorConfig
 from advpipe.pipeline.misbehaviour.roads import RoadMap
-from advpipe.pipeline.results.v2x import RadioFigures, Warnings
+from advpipe.pipeline.results.v2x import RadioMetrics, Warnings
 from advpipe.stages.evaluate.v2x.collision import known_of_radio, warnings
 from advpipe.stages.evaluate.v2x.detection import Detection, detect, published_f1
 from advpipe.stages.evaluate.v2x.ldm_error import Known, LdmError, Moment, ldm_error, moments
-from advpipe.stages.evaluate.v2x.radio import MessageNumbers, radio_figures
+from advpipe.stages.evaluate.v2x.missing_data import missing_data
+from advpipe.stages.evaluate.v2x.radio import MessageNumbers, radio_metrics
 from advpipe.stages.evaluate.v2x.receptions import read_receptions, roads_of_bag
 from advpipe.stages.evaluate.v2x.recording import read_recording
-from advpipe.stages.evaluate.v2x.untold import untold
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class EvaluatedDrive:
 
     moments, errors, warned, heard: by listener. radio: None for a part of a drive, and for a bag that does
     not tell. roads: None where the bag does not tell them, so that the checks that need them are off.
-    untold: what else the bag does not tell, a sentence each.
+    missing_data: what else the bag lacks, a sentence each.
     """
 
     name: str
@@ -44,10 +44,10 @@ class EvaluatedDrive:
     errors: dict[str, LdmError]
     warned: dict[str, Warnings]
     heard: dict[str, MessageNumbers]
-    radio: RadioFigures | None
+    radio: RadioMetrics | None
     labels: list[MessageLabel]
     roads: RoadMap | None
-    untold: tuple[str, ...] = ()
+    missing_data: tuple[str, ...] = ()
 
     def honest(self, listener: str) -> frozenset[int]:
         """Numbers of the messages that others sent near a listener, and no attack touched."""
@@ -104,10 +104,10 @@ def read_drive(
         {one: ldm_error(found[one]) for one in listeners},
         {one: warnings(found[one], _believed(reader, one, found[one], window.last_ns)) for one in listeners},
         {each.listener: MessageNumbers.of(each) for each in receptions},
-        radio_figures(read_statistics(reader)) if window == WHOLE_DRIVE else None,
+        radio_metrics(read_statistics(reader)) if window == WHOLE_DRIVE else None,
         [label for label in labels if window.is_before_end(label.time_ns)],
         roads_of_bag(reader),
-        tuple(untold(reader, receptions, bool(labels))),
+        tuple(missing_data(reader, receptions, bool(labels))),
     )
 
 

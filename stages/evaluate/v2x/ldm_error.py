@@ -17,7 +17,7 @@ from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import V2X_STATIONS, VehicleTopics
 from advpipe.pipeline.messages.v2x import RadioPlace, stations_of_message
-from advpipe.pipeline.results.v2x import LdmFigures
+from advpipe.pipeline.results.v2x import LdmMetrics
 
 DISPLACED_M = 3.0
 """An entry farther from its station's true place is displaced; one carried on for a second is within."""
@@ -64,9 +64,9 @@ class LdmError:
     displaced: Float64
     error_m: Float64
 
-    def figures(self) -> LdmFigures:
+    def metrics(self) -> LdmMetrics:
         """Means over the maps, the most false entries at once, and the mean error."""
-        return LdmFigures(
+        return LdmMetrics(
             known=_mean(self.known),
             stations=_mean(self.stations),
             false_entries=_mean(self.false_entries),

@@ -6,19 +6,19 @@ import math
 from collections.abc import Collection
 from typing import NamedTuple
 
-from advpipe.pipeline.results.v2x import RadioFigures
+from advpipe.pipeline.results.v2x import RadioMetrics
 from advpipe.pipeline.v2x.statistics import BIN_M, Statistics
 from advpipe.stages.evaluate.v2x.receptions import NEAR_M, ListenerReceptions
 
 
-def radio_figures(statistics: Statistics | None) -> RadioFigures | None:
+def radio_metrics(statistics: Statistics | None) -> RadioMetrics | None:
     """The line of one bag; None for one that holds no statistics."""
     if statistics is None:
         return None
     bins = round(NEAR_M / BIN_M)
     pairs, received = sum(statistics.pairs[:bins]), sum(statistics.received[:bins])
     busy = statistics.busy_mean
-    return RadioFigures(
+    return RadioMetrics(
         statistics.cams,
         statistics.dropped,
         received / pairs if pairs else math.nan,

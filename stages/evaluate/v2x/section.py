@@ -1,4 +1,4 @@
-"""The report's part on V2X: lies found out, what the victim's map and warning make of them, the radio."""
+"""The report's part on V2X: false messages detected, their effect on maps and warnings, the radio."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from advpipe.pipeline.misbehaviour import tuned
 from advpipe.pipeline.misbehaviour.catch import TUNED_CATCH, CatchParameters
 from advpipe.pipeline.misbehaviour.config import NEED_ROADS, DetectorConfig
 from advpipe.pipeline.misbehaviour.scores import Scores
-from advpipe.pipeline.results.v2x import AttackScores, ScoreFigures, V2xRecord
+from advpipe.pipeline.results.v2x import AttackScores, ScoreMetrics, V2xRecord
 from advpipe.stages.evaluate.detection.comparison import bag_name
 from advpipe.stages.evaluate.report.numbers import formatted_number
 from advpipe.stages.evaluate.report.pictures import to_png
@@ -35,18 +35,19 @@ from advpipe.stages.evaluate.v2x.tables import (
 
 FORMULAS = (
     (
-        "lie",
+        "false message",
         "a received message that an attack changed, added or delayed so that it mattered, or an attacker's "
-        "that is no CAM; others are honest. One that is no CAM and nobody's lie is dropped by the decoder "
-        "and counts for nothing. Figures of one attack leave out the lies of others in its bag",
+        "that is no CAM; others are honest. Another message that is no CAM is dropped by the decoder and "
+        "not counted. Metrics of one attack leave out the false messages of others in its bag",
     ),
     ("F1, MCC", "2 TP / (2 TP + FP + FN); Matthews' correlation; a message is one reception of one listener"),
     (
         "latency",
-        "from the first lie of a liar that a listener hears to its first lie that is flagged, the mean",
+        "from the first false message of an attacker that a listener hears to the first one that is flagged, "
+        "the mean",
     ),
     (
-        "ghost, missing, displaced",
+        "false, missing, displaced",
         "entries of stations that are not there; stations within 150 m without an entry; entries, carried "
         "on with their speed, more than 3 m from their station",
     ),
@@ -102,10 +103,12 @@ def v2x_sections(
     found = section(first, others, config, parameters)
     idle = [bag_name(bag) for bag in labelled if bag not in lied]
     notes = (
-        [f"{', '.join(idle)}: the attacks touched no message, so there is nothing to say."] if idle else []
+        [f"{', '.join(idle)}: the attacks touched no message, so there is nothing to evaluate."]
+        if idle
+        else []
     )
     if window != WHOLE_DRIVE:
-        notes.append("The channel's figures are left out: bags tell them of whole drives alone.")
+        notes.append("The channel's metrics are left out: bags hold them for whole drives only.")
     return (replace(found, notes=(*found.notes, *notes)),)
 
 
@@ -116,11 +119,11 @@ def section(
     parameters: CatchParameters = TUNED_CATCH,
 ) -> ReportSection:
     """Tables, pictures and records of drives that have been read."""
-    told = [drive.detection for drive in attacked if drive.detection.lies]
-    ours, theirs = [each.ours.f1 for each in told], [each.baseline.f1 for each in told]
+    with_attacks = [drive.detection for drive in attacked if drive.detection.false_messages]
+    ours, theirs = [each.ours.f1 for each in with_attacks], [each.baseline.f1 for each in with_attacks]
     rate = clean.detection.ours.false_positive_rate
     lead = (
-        f"Mean F1 over {len(told)} {'bag' if len(told) == 1 else 'bags'} with lies "
+        f"Mean F1 over {len(with_attacks)} {'bag' if len(with_attacks) == 1 else 'bags'} with false messages "
         f"{formatted_number(_mean(ours), 3)}, of the baseline built from CaTCH's checks "
         f"{formatted_number(_mean(theirs), 3)}; of {clean.detection.messages:,} honest messages of the "
         f"clean drive {formatted_number(100 * rate, 2)} % are flagged, by the baseline "
@@ -130,7 +133,7 @@ def section(
     drives = (clean, *attacked)
     return ReportSection(
         key="v2x",
-        title="V2X: lies told, believed and found out",
+        title="V2X: lies with_attacks, believed and found out",
         lead=lead,
         tables=(
             detection_table(attacked),
@@ -151,29 +154,31 @@ def _notes(drives: Sequence[EvaluatedDrive]) -> list[str]:
     off = [drive.name for drive in drives if drive.roads is None]
     if off:
         notes.append(
-            f"{', '.join(off)}: the bag does not tell its roads ({LANES.name}), so the checks "
+            f"{', '.join(off)}: the bag does not hold its roads ({LANES.name}), so the checks "
             f"{' and '.join(NEED_ROADS)} are off there, as is the baseline's position check."
         )
-    notes += [f"{drive.name}: {sentence}" for drive in drives for sentence in drive.untold]
+    notes += [f"{drive.name}: {sentence}" for drive in drives for sentence in drive.missing_data]
     undecoded = sum(drive.detection.undecoded for drive in drives)
     if undecoded:
-        notes.append(f"{undecoded:,} messages received are no CAM, and nobody's lie: they are not scored.")
+        notes.append(
+            f"{undecoded:,} messages received are no CAM, and no attack sent them: they are not scored."
+        )
     return notes
 
 
 def _pictures(clean: EvaluatedDrive, attacked: Sequence[EvaluatedDrive]) -> list[ReportPicture]:
-    caption = "F1 of each attack; the published figures are of other data"
+    caption = "F1 of each attack; the published values are of other data"
     figures = [("", "v2x-detection.png", caption, draw_detection([d.detection for d in attacked]))]
     for drive in attacked:
         listener = drive.most_fooled
         if listener is None or not drive.moments[listener]:
             continue
         before, during = drive.telling(listener)
-        words = f"{drive.name}: the map of {listener}"
-        figures.append((drive.name, f"{drive.name}-ldm.png", words, draw_maps(before, during, drive.roads)))
+        title = f"{drive.name}: the map of {listener}"
+        figures.append((drive.name, f"{drive.name}-ldm.png", title, draw_maps(before, during, drive.roads)))
         if listener in clean.errors:
-            errors = draw_errors(clean.errors[listener], drive.errors[listener], words)
-            figures.append((drive.name, f"{drive.name}-ldm-error.png", f"{words} over time", errors))
+            errors = draw_errors(clean.errors[listener], drive.errors[listener], title)
+            figures.append((drive.name, f"{drive.name}-ldm-error.png", f"{title} over time", errors))
     return [
         ReportPicture(SECTION, bag, name, caption, to_png(figure)) for bag, name, caption, figure in figures
     ]
@@ -185,26 +190,28 @@ def _record(clean: EvaluatedDrive, drive: EvaluatedDrive, listener: str) -> V2xR
         bag=drive.name,
         vehicle=listener,
         attack=each.attack,
-        false_messages=each.lies,
+        false_messages=each.false_messages,
         messages=each.messages,
         undecoded=each.undecoded,
         has_roads=drive.roads is not None,
         attacks=tuple(
-            AttackScores(one.attack, one.lies, _figures(one.ours), _figures(one.baseline))
+            AttackScores(
+                one.attack, one.false_messages, _score_metrics(one.ours), _score_metrics(one.baseline)
+            )
             for one in each.parts
         ),
         honest_delivered=drive.delivered(listener, honest),
         honest_delivered_clean=clean.delivered(listener, honest),
-        ours=_figures(each.ours),
-        baseline=_figures(each.baseline),
-        ldm=drive.errors[listener].figures(),
+        ours=_score_metrics(each.ours),
+        baseline=_score_metrics(each.baseline),
+        ldm=drive.errors[listener].metrics(),
         warning=drive.warned[listener],
         radio=drive.radio,
     )
 
 
-def _figures(found: Scores) -> ScoreFigures:
-    return ScoreFigures(
+def _score_metrics(found: Scores) -> ScoreMetrics:
+    return ScoreMetrics(
         precision=found.precision,
         recall=found.recall,
         f1=found.f1,

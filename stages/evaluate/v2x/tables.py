@@ -18,22 +18,22 @@ from advpipe.stages.evaluate.v2x.drive import EvaluatedDrive
 def detection_table(attacked: Sequence[EvaluatedDrive]) -> Table:
     """A line for each attack; one for a whole bag before them where no attack is all of it.
 
-    Where nobody lies, as where messages are dropped, there is nothing to find and no figure.
+    Without false messages, as where messages are dropped, there is nothing to find and no metric.
     """
     heads = (
-        *("bag", "attack", "messages", "lies", "precision", "recall", "F1", "MCC", "latency s", "caught %"),
+        *("bag", "attack", "messages", "false", "precision", "recall", "F1", "MCC", "latency s", "caught %"),
         *("baseline precision", "recall", "F1", "MCC", "latency s", "CaTCH published F1"),
     )
     lines = []
     for drive in attacked:
         each = drive.detection
-        whole = ScoredAttack("all", each.lies, each.ours, each.baseline, math.nan)
-        is_one = any(part.lies == each.lies for part in each.parts)
+        whole = ScoredAttack("all", each.false_messages, each.ours, each.baseline, math.nan)
+        is_one = any(part.false_messages == each.false_messages for part in each.parts)
         for part in each.parts if is_one else (whole, *each.parts):
-            figures = (
-                *_figures(part.ours),
+            cells = (
+                *_score_cells(part.ours),
                 formatted_number(100 * part.ours.caught, 0),
-                *_figures(part.baseline),
+                *_score_cells(part.baseline),
             )
             lines.append(
                 (
@@ -41,17 +41,17 @@ def detection_table(attacked: Sequence[EvaluatedDrive]) -> Table:
                         drive.name,
                         part.attack,
                         formatted_number(each.messages, 0),
-                        formatted_number(part.lies, 0),
+                        formatted_number(part.false_messages, 0),
                     ),
-                    *(figures if part.lies else ("–",) * len(figures)),
+                    *(cells if part.false_messages else ("–",) * len(cells)),
                     formatted_number(part.published, 3),
                 )
             )
-    return Table("Detection of lies", heads, tuple(lines))
+    return Table("Detection of false messages", heads, tuple(lines))
 
 
 def victim_table(drives: Sequence[EvaluatedDrive]) -> Table:
-    """What each listener knows, what it is warned of, and what it hears of the honest; the clean drive first.
+    """The map, the warnings and the honest messages received of each listener; the clean drive first.
 
     What is heard compares the same messages, clean → attacked: those that the attack left alone.
     """
@@ -62,7 +62,7 @@ def victim_table(drives: Sequence[EvaluatedDrive]) -> Table:
     lines = []
     for drive in drives:
         for listener, error in drive.errors.items():
-            row, warned = error.figures(), drive.warned[listener]
+            row, warned = error.metrics(), drive.warned[listener]
             lines.append(
                 (
                     *(
@@ -105,7 +105,7 @@ def radio_table(drives: Sequence[EvaluatedDrive]) -> Table:
 
 
 def check_table(config: DetectorConfig, attacked: Sequence[EvaluatedDrive], has_roads: bool) -> Table:
-    """Our checks with their thresholds, and how many lies each objects to."""
+    """Our checks with their thresholds, and how many false messages each flags."""
     lines = []
     for name, check in CHECKS.items():
         is_on = name in config.thresholds and (has_roads or name not in NEED_ROADS)
@@ -115,7 +115,7 @@ def check_table(config: DetectorConfig, attacked: Sequence[EvaluatedDrive], has_
         lines.append(
             (name, check.meaning, above, how, formatted_number(hits, 0) if is_on else "–", check.source)
         )
-    heads = ("check", "measures", "objects above", "threshold", "lies it objects to", "after")
+    heads = ("check", "measures", "objects above", "threshold", "false messages flagged", "after")
     return Table("Our checks", heads, tuple(lines))
 
 
@@ -141,6 +141,6 @@ def _delivered(clean: EvaluatedDrive, drive: EvaluatedDrive, listener: str) -> I
     return (one.delivered(listener, honest) for one in both)
 
 
-def _figures(found: Scores) -> Iterable[str]:
+def _score_cells(found: Scores) -> Iterable[str]:
     shares = (found.precision, found.recall, found.f1, found.mcc)
     return (*(formatted_number(value, 3) for value in shares), formatted_number(found.latency_s, 2))

@@ -11,14 +11,14 @@ from advpipe.pipeline.bag.provenance_record import MOST_LOOKS, Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.stages.evaluate.detection.baseline import USUAL_LOOKS, attack_query_budget
+from advpipe.stages.evaluate.detection.baseline import DEFAULT_QUERY_BUDGET, attack_query_budget
 
 
 def test_nothing_is_said() -> None:
     nothing = Provenance({})
     assert not nothing
     assert (nothing.parameters, nothing.fields.attacks, nothing.is_attack) == ({}, (), False)
-    assert attack_query_budget(nothing) == USUAL_LOOKS
+    assert attack_query_budget(nothing) == DEFAULT_QUERY_BUDGET
 
 
 def test_what_is_said() -> None:

@@ -10,10 +10,10 @@ from jsonschema import Draft202012Validator
 
 from advpipe.pipeline.results.deprecated import new_key
 from advpipe.pipeline.results.evaluation import SCHEMA
-from advpipe.pipeline.results.figures import CRITERIA
+from advpipe.pipeline.results.metrics import CRITERIA
 from advpipe.pipeline.results.schema import report_schema, report_schema_json
 from advpipe.stages.evaluate.detection import scoring
-from advpipe.stages.evaluate.detection.baseline import baseline_words
+from advpipe.stages.evaluate.detection.baseline import baseline_names
 
 SCHEMAS = Path(__file__).parents[3] / "docs" / "schemas"
 PUBLISHED, EARLIER = SCHEMAS / "report-2.json", SCHEMAS / "report-1.json"
@@ -29,7 +29,7 @@ def test_the_published_schema_is_that_of_the_code():
 def test_it_knows_every_criterion_and_baseline():
     assert tuple(scoring.CRITERIA) == CRITERIA
     words = Draft202012Validator(report_schema()["properties"]["rows"]["items"]["properties"]["baselines"])
-    words.validate(baseline_words())
+    words.validate(baseline_names())
     assert not words.is_valid(["baseline_far"])
 
 

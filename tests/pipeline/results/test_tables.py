@@ -7,9 +7,9 @@ from dataclasses import replace
 import pyarrow as pa
 
 from advpipe.pipeline.geometry.boxes import BOX_COLUMNS
-from advpipe.pipeline.results.figures import CRITERIA, CleanFigures, Precisions
 from advpipe.pipeline.results.frame_row import CloudCounts, FrameRow
 from advpipe.pipeline.results.match_row import DETECTION, FOUND, IGNORED, MISSED, TRUTH, MatchRow
+from advpipe.pipeline.results.metrics import CRITERIA, CleanMetrics, Precisions
 from advpipe.pipeline.results.row import AttackRecord, FrameCounts, ResultRow
 from advpipe.pipeline.results.tables import frame_table, match_schema, match_table
 
@@ -19,7 +19,7 @@ RESULT = ResultRow(
     attack=AttackRecord("detach", None, "ratio", 0.01, {"ratio": 0.01}, "small", True, 24, 5),
     counts=FrameCounts(1, 1, ("car",), 0.25, 3, 2, 0, 1000),
     boxes={"car": 3},
-    clean=CleanFigures({}, Precisions({}, {})),
+    clean=CleanMetrics({}, Precisions({}, {})),
     attacked=None,
     recounted=None,
     baselines={},

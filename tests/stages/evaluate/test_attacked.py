@@ -64,7 +64,7 @@ def test_an_attack_that_beats_every_baseline(clean, attacked, tmp_path, capsys):
     assert [record["baseline"] for record in records] == row["baselines"]
     assert document(tmp_path / "report")["provenance"]["baseline_tries"] == 3
     print_report(report)
-    assert "Beats plain random: yes." in unwrapped(capsys)
+    assert "Significant against plain random: yes." in unwrapped(capsys)
 
 
 def test_an_attack_that_does_nothing_is_reported_as_such(clean, attacked, tmp_path, capsys):
@@ -72,9 +72,11 @@ def test_an_attack_that_does_nothing_is_reported_as_such(clean, attacked, tmp_pa
     (row,) = rows(tmp_path / "report")
     assert row["map_ratio_percent"] == 100.0
     assert row["significant_vs_random"] is False
-    assert any("Does not beat the same budget spent at random" in note for note in row["notes"])
+    assert any(
+        "Not significantly stronger than the same budget spent randomly" in note for note in row["notes"]
+    )
     print_report(report)
-    assert "Beats plain random: no." in unwrapped(capsys)
+    assert "Significant against plain random: no." in unwrapped(capsys)
 
 
 def test_moved_points(clean, attacked, tmp_path):

@@ -47,7 +47,7 @@ def test_figures_by_hand(clean, attacked, tmp_path, capsys):
     print_report(report)
     printed = capsys.readouterr().out
     assert "65.00" in printed
-    assert "at random" in printed
+    assert "  randomly any" in printed
 
 
 @pytest.mark.oracle

@@ -76,7 +76,7 @@ def test_the_baselines_are_called_what_they_are(clean, attacked, tmp_path, capsy
         assert RANDOM_BEST in text
         assert WHITE_BOX in text
         assert "(the strongest plain random baseline)" in text
-        assert "Beats plain random: yes." in text
+        assert "Significant against plain random: yes." in text
     document = json.loads((tmp_path / "report" / "report.json").read_text())
     assert "random-best, which is stronger" in document["formulas"]["significant_vs_random"]
     assert "true boxes" in document["formulas"]["white_box"]

@@ -50,6 +50,7 @@ def test_the_table_has_a_line_for_each_cell_that_was_run(tmp_path: Path) -> None
     today = write_sweep_report(tmp_path / "town06-budgets", "0" * 64)
     (before,), (after,) = effect_tables([COMMITTED]), effect_tables([today])
     assert len(after.lines) == len(Store(COMMITTED).cells())
-    assert before == after
+    assert (before.title, before.heads) == (after.title, after.heads)
+    assert sorted(before.lines) == sorted(after.lines)
     assert report_warnings([today]) == ["Training map"]
     assert read_report(today / "report.json").bags == {}

@@ -3,13 +3,13 @@
 from dataclasses import replace
 
 from advpipe.pipeline.campaigns.sweep.cell import Cell, Settings
-from advpipe.pipeline.results.figures import (
-    BaselineFigures,
-    CleanFigures,
+from advpipe.pipeline.results.metrics import (
+    BaselineMetrics,
     CleanMeans,
-    CloudFigures,
+    CleanMetrics,
+    CloudMetrics,
     Precisions,
-    RecountedFigures,
+    RecountedMetrics,
 )
 from advpipe.pipeline.results.row import AttackRecord, FrameCounts, ResultRow
 
@@ -19,7 +19,7 @@ NO_PRECISIONS = Precisions({}, {})
 
 
 def figures(ratio, distance=0.001):
-    return CloudFigures(
+    return CloudMetrics(
         map_adv=ratio / 100,
         map_adv_ci95=None,
         map_ratio_percent=ratio,
@@ -50,7 +50,7 @@ def figures(ratio, distance=0.001):
 
 def baseline(ratio, of, distance):
     drawn = replace(figures(ratio, distance), map_ratio_ci95=None, map_loose_ratio_percent=97.0)
-    return BaselineFigures(drawn, of - ratio, (-60.0, -40.0), True)
+    return BaselineMetrics(drawn, of - ratio, (-60.0, -40.0), True)
 
 
 def cell(
@@ -64,9 +64,9 @@ def cell(
         attack=AttackRecord(budget.partition("-")[0], recipe, None, None, {}, "small", True, 24, 5),
         counts=FrameCounts(3, 3, ("car",), 0.25, 9, 9, 0, 1000),
         boxes={"car": 9},
-        clean=CleanFigures({each: CleanMeans(0.9, None, 0.9) for each in criteria}, NO_PRECISIONS),
+        clean=CleanMetrics({each: CleanMeans(0.9, None, 0.9) for each in criteria}, NO_PRECISIONS),
         attacked=figures(ratio, distance),
-        recounted=RecountedFigures(9, ratio / 100, ratio, None, 0, 0.0),
+        recounted=RecountedMetrics(9, ratio / 100, ratio, None, 0, 0.0),
         baselines=baselines,
         significant_vs_random=True if baselines else None,
         notes=(),

@@ -88,8 +88,8 @@ def test_a_report_of_some_frames_is_of_these_and_of_their_time(clean: Path, scen
         assert set(sections) == {"localisation", "cooperative"}
         assert {record["frames"] for record in rows_of(sections["cooperative"])} == frames
         assert "attacks are of the window from the first of these" in report.formulas["frames"]
-        assert sections["localisation"].notes[-1].startswith("All figures of this part are of the window of")
-        assert "All figures of this part are of the window of" in (out / "report.html").read_text()
+        assert sections["localisation"].notes[-1].startswith("All values of this part are of the window of")
+        assert "All values of this part are of the window of" in (out / "report.html").read_text()
         localisation += rows_of(sections["localisation"])
     before, during = localisation
     assert (before["attacked"], before["ate_m"]) == (0, before["ate_clean_m"])

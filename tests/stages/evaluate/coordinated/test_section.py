@@ -62,7 +62,7 @@ def test_all_that_strikes_one_vehicle_is_in_one_table(found: ReportSection, stru
     ghosts = [row for row in sent if row["attack"] == "cam-sybil-congestion"]
     assert [line[3] for line in when.lines] == ["10 fixes", f"{len(ghosts)} messages", "2 clouds"]
     assert [line[4:] for line in when.lines][::2] == [("1.0", "1.9"), ("1.0", "1.5")]
-    assert found.lead.startswith("three: gnss-relocate, cam-sybil-congestion and detach strike ego together")
+    assert found.lead.startswith("three: gnss-relocate, cam-sybil-congestion and detach attack ego together")
     for table in found.tables:
         assert all(len(line) == len(table.heads) for line in table.lines)
     assert [line[2].split(":")[0] for line in means.lines] == [
@@ -112,7 +112,7 @@ def test_one_after_the_other_is_said(smoke: Path, tmp_path: Path) -> None:
     spec = AttackSpec(type="cam-heading-reversed", schedule=Schedule(to_s=0.9))
     attack(smoke, tmp_path / "both", AttackRequest((GPS, spec), 7))
     (found,) = coordinated_sections(smoke, [tmp_path / "both"])
-    expected = "both: gnss-relocate and cam-heading-reversed strike ego, but never at the same time."
+    expected = "both: gnss-relocate and cam-heading-reversed attack ego, but never at the same time."
     assert found.lead == expected
     assert len(found.tables) == 1
     (record,) = rows_of(found)
@@ -143,7 +143,7 @@ def test_a_window_counts_the_strikes_and_effects_in_it(
 def test_a_window_before_it_names_the_bag_alone(smoke: Path, struck: Path) -> None:
     begin_ns = int(BagReader(smoke).log_times_ns("/ego/odometry")[0])
     (early,) = coordinated_sections(smoke, [struck], window=Window(begin_ns, begin_ns + 900_000_000))
-    assert early.lead == "three: no vehicle is struck by attacks of two kinds in this window."
+    assert early.lead == "three: no vehicle is attacked in two ways in this window."
     assert (early.tables, early.records, early.pictures) == ((), (), ())
 
 

@@ -183,8 +183,8 @@ def test_more_tries_leave_the_first_as_it_is():
 
 
 def test_titles():
-    assert baseline_title("baseline") == "at random anywhere"
-    assert baseline_title("baseline_near_best") == "at random near objects, best try"
+    assert baseline_title("baseline") == "randomly anywhere"
+    assert baseline_title("baseline_near_best") == "randomly near objects, best try"
 
 
 def test_as_many_intensities_as_the_attack_changed():

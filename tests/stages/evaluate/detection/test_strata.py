@@ -7,7 +7,7 @@ from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
 from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult
-from advpipe.stages.evaluate.detection.condition import Arm
+from advpipe.stages.evaluate.detection.condition_matches import ConditionMatches
 from advpipe.stages.evaluate.detection.scoring import Truth, match
 from advpipe.stages.evaluate.detection.strata import STRATA, Stratum
 
@@ -40,8 +40,8 @@ FRAMES = [
 @pytest.fixture(scope="module")
 def precisions():
     bootstrap = BlockBootstrap.of([f.stamp_ns for f in FRAMES], 10, np.random.default_rng(0))
-    arm = Arm.of(FRAMES, "clean", CLASSES, ["car"], bootstrap)
-    found = arm.precisions(FRAMES, "clean")
+    evaluated = ConditionMatches.of(FRAMES, "clean", CLASSES, ["car"], bootstrap)
+    found = evaluated.precisions(FRAMES, "clean")
     return {(each.name, each.criterion, each.by, each.stratum): each for each in found}
 
 
@@ -94,5 +94,7 @@ def test_an_unknown_measure_lies_nowhere():
 def test_without_occlusion_there_are_no_strata_of_it():
     frames = [frame(0, [(10, 0)], [300], [np.nan], [(10, 0)], [0.9], [290])]
     bootstrap = BlockBootstrap.of([0], 10, np.random.default_rng(0))
-    found = list(Arm.of(frames, "clean", CLASSES, ["car"], bootstrap).precisions(frames, "clean"))
+    found = list(
+        ConditionMatches.of(frames, "clean", CLASSES, ["car"], bootstrap).precisions(frames, "clean")
+    )
     assert {each.by for each in found} == {"", "range", "points"}

@@ -16,7 +16,7 @@ from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.stages.evaluate.families import added_sections
-from advpipe.stages.evaluate.localisation.figures import gate
+from advpipe.stages.evaluate.localisation.metrics import gate
 from advpipe.stages.evaluate.localisation.section import localisation_sections
 from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns, read_track
 from advpipe.stages.evaluate.options import Options

@@ -26,7 +26,7 @@ def test_fewer_than_one_honest_message_in_a_hundred_is_flagged(boulevard: Path) 
     receptions = read_receptions(BagReader(boulevard))
     found = detect(receptions)
     assert found.messages > 1000
-    assert found.lies == 0
+    assert found.false_messages == 0
     assert found.ours.false_positive_rate < 0.01
 
 
@@ -53,11 +53,15 @@ def test_offsets_are_found_out(smoke: Path, offset: Path) -> None:
     reader = BagReader(offset)
     found = detect(read_receptions(reader), labels, published=published_f1(reader.provenance))
     assert found.attack == "cam-position-offset"
-    assert 0 < found.lies < found.messages
+    assert 0 < found.false_messages < found.messages
     assert found.ours.recall > 0.7
     assert found.ours.precision > 0.7
     (part,) = found.parts
-    assert (part.attack, part.lies, part.ours) == ("cam-position-offset", found.lies, found.ours)
+    assert (part.attack, part.false_messages, part.ours) == (
+        "cam-position-offset",
+        found.false_messages,
+        found.ours,
+    )
     assert part.published == 0.846
     assert found.ours.latency_s < 1.0
     assert sum(found.objections.values()) >= found.ours.true_positives
@@ -81,7 +85,7 @@ def test_what_is_no_cam_is_found_by_the_decoder(smoke: Path) -> None:
         claims[place] = Claim(-1, claims[place].arrival_ns, claims[place].arrival_ns)
     label = MessageLabel(ego.numbers[5], "cam-speed-offset", "car", "corrupt", False, 0, 7)
     found = detect([replace(ego, claims=tuple(claims))], [label])
-    assert (found.lies, found.undecoded) == (1, 1)
+    assert (found.false_messages, found.undecoded) == (1, 1)
     assert found.objections == {"decoding": 1}
     for each in (found.ours, found.baseline):
         assert each.true_positives == 1
@@ -95,10 +99,14 @@ def test_each_attack_is_scored_without_the_lies_of_others(offset: Path) -> None:
     shared = [replace(label, attack="gnss-bias") if label.station_id == one else label for label in labels]
     whole, found = detect(receptions, labels), detect(receptions, shared)
     assert found.attack == "cam-position-offset + gnss-bias"
-    assert (found.ours, found.baseline, found.lies) == (whole.ours, whole.baseline, whole.lies)
+    assert (found.ours, found.baseline, found.false_messages) == (
+        whole.ours,
+        whole.baseline,
+        whole.false_messages,
+    )
     cam, gnss = found.parts
     assert (cam.attack, gnss.attack) == ("cam-position-offset", "gnss-bias")
-    assert cam.lies + gnss.lies == whole.lies
+    assert cam.false_messages + gnss.false_messages == whole.false_messages
     assert cam.ours.true_positives + gnss.ours.true_positives == whole.ours.true_positives
     assert cam.ours.false_positives == gnss.ours.false_positives == whole.ours.false_positives
     assert np.isnan(gnss.published)
@@ -120,7 +128,7 @@ def test_parts_of_a_mix_have_lines_of_their_own(offset: Path, tmp_path: Path) ->
     assert [part.attack for part in found.parts] == parts
     assert [np.isnan(part.published) for part in found.parts] == [True, False, False]
     assert found.parts[0].ours == found.ours
-    assert sum(part.lies for part in found.parts[1:]) == found.lies
+    assert sum(part.false_messages for part in found.parts[1:]) == found.false_messages
 
 
 @pytest.mark.parametrize(

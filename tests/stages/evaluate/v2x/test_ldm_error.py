@@ -40,7 +40,7 @@ def test_counts() -> None:
         (radio(2, 10.0), radio(3, 20.0), radio(4, 30.0), radio(5, 400.0)),
         frozenset({1, 2, 3, 4, 5, 7}),
     )
-    row = vars(ldm_error([moment]).figures())
+    row = vars(ldm_error([moment]).metrics())
     assert row == {
         "known": 5.0,
         "stations": 3.0,
@@ -54,9 +54,9 @@ def test_counts() -> None:
 
 def test_an_empty_map_has_no_error() -> None:
     error = ldm_error([Moment(0, radio(1, 0.0), (), (radio(2, 10.0),), frozenset({1, 2}))])
-    assert math.isnan(error.figures().error_m)
+    assert math.isnan(error.metrics().error_m)
     assert error.missing.tolist() == [1.0]
-    assert math.isnan(ldm_error([]).figures().false_entries)
+    assert math.isnan(ldm_error([]).metrics().false_entries)
 
 
 def test_out_of_range_is_displaced() -> None:

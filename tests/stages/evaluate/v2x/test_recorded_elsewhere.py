@@ -82,8 +82,8 @@ def test_a_real_cars_drive(smoke: Path, tmp_path: Path) -> None:
     assert found.detection.messages > 50
     assert found.radio is None
     assert np.isnan(found.delivered("ego", found.honest("ego")))
-    assert len(found.untold) == 3
-    for topic, sentence in zip(("/ego/ldm", "/v2x/stations", "/v2x/sent"), found.untold, strict=True):
+    assert len(found.missing_data) == 3
+    for topic, sentence in zip(("/ego/ldm", "/v2x/stations", "/v2x/sent"), found.missing_data, strict=True):
         assert f"({topic})" in sentence
 
 
@@ -94,7 +94,7 @@ def test_bags_recorded_before_receptions_were(smoke: Path, offset: Path, tmp_pat
     (found,) = v2x_sections(old[0], old[1:])
     (note,) = found.notes
     assert note.startswith(f"{offset.name}: which sent messages ")
-    assert "recorded again" in note
+    assert "record the drive again" in note
     clean, attacked = rows_of(found)
     np.testing.assert_equal(clean["false_positive_rate"], rows_of(whole)[0]["false_positive_rate"])
     assert clean["messages"] == rows_of(whole)[0]["messages"]
@@ -119,8 +119,8 @@ def test_messages_whose_truth_is_lost_are_not_scored(offset: Path, tmp_path: Pat
     lost = read_receptions(BagReader(bag))[0].numbers.count(None)
     assert lost > 0
     assert whole.detection.messages - found.detection.messages == lost
-    assert 0 < found.detection.lies < whole.detection.lies
-    assert found.untold[0].startswith(f"which sent messages {lost} of the {whole.detection.messages} ")
+    assert 0 < found.detection.false_messages < whole.detection.false_messages
+    assert found.missing_data[0].startswith(f"which sent messages {lost} of the {whole.detection.messages} ")
 
 
 @pytest.mark.parametrize(

@@ -79,18 +79,20 @@ def test_nothing_to_say_without_attacks_on_messages(smoke: Path) -> None:
 def test_bags_without_lies_do_not_count_in_the_mean(smoke: Path, offset: Path) -> None:
     """Messages left out are no lies to find: 3 honest ones flagged would make F1 0."""
     clean, lied = read_drive(smoke, "clean"), read_drive(offset, "offset")
-    none = replace(lied.detection, lies=0, ours=Scores(0, 3, 10, 0), baseline=Scores(0, 3, 10, 0))
+    none = replace(lied.detection, false_messages=0, ours=Scores(0, 3, 10, 0), baseline=Scores(0, 3, 10, 0))
     lead = section(clean, [lied, replace(lied, name="drop", detection=none)], DetectorConfig()).lead
     assert lead == section(clean, [lied], DetectorConfig()).lead
-    assert lead.startswith("Mean F1 over 1 bag with lies ")
+    assert lead.startswith("Mean F1 over 1 bag with false messages ")
 
 
 def test_lines_where_one_attack_is_all_or_nobody_lies(offset: Path) -> None:
     """A mix has a line for itself and for each part, two attacks have one for both; without lies, dashes."""
     lied = read_drive(offset, "offset")
     (own,) = lied.detection.parts
-    half = replace(own, attack="cam-mix / cam-delay", lies=own.lies - 1)
-    none = replace(own, attack="cam-drop", lies=0, ours=Scores(0, 3, 10, 0), baseline=Scores(0, 3, 10, 0))
+    half = replace(own, attack="cam-mix / cam-delay", false_messages=own.false_messages - 1)
+    none = replace(
+        own, attack="cam-drop", false_messages=0, ours=Scores(0, 3, 10, 0), baseline=Scores(0, 3, 10, 0)
+    )
 
     def lines(*parts: ScoredAttack) -> list[tuple[str, ...]]:
         return list(detection_table([replace(lied, detection=replace(lied.detection, parts=parts))]).lines)
@@ -109,7 +111,7 @@ def test_attacks_that_met_nothing_are_named(smoke: Path, offset: Path, tmp_path:
     attack(smoke, idle, AttackRequest((spec,)))
     (found,) = v2x_sections(smoke, [idle, offset])
     assert {line[0] for line in found.tables[0].lines} == {offset.name}
-    assert found.notes == ("idle: the attacks touched no message, so there is nothing to say.",)
+    assert found.notes == ("idle: the attacks touched no message, so there is nothing to evaluate.",)
     assert v2x_sections(smoke, [idle]) == ()
 
 
@@ -123,7 +125,7 @@ def test_without_its_roads_a_bag_has_those_checks_off_and_the_report_says_so(
     (off,) = v2x_sections(roadless[0], roadless[1:])
     assert [line[0] for line in off.tables[3].lines if line[2] == "off"] == ["position", "wrong_way"]
     (note,) = off.notes
-    assert f"{roadless[0].name}, {roadless[1].name}: the bag does not tell its roads (/map/lanes)" in note
+    assert f"{roadless[0].name}, {roadless[1].name}: the bag does not hold its roads (/map/lanes)" in note
 
 
 def without_lanes(bag: Path, copy: Path) -> Path:

@@ -50,12 +50,12 @@ def test_detection_is_of_the_messages_that_arrive_in_it(
     is_lie = are_false(ego.numbers, read_labels(offset))
     assert 0 < inside.sum() < len(inside) / 2
     found = drive.detection
-    assert (found.messages, found.lies) == (inside.sum(), (inside & is_lie).sum())
-    assert found.lies > 0
+    assert (found.messages, found.false_messages) == (inside.sum(), (inside & is_lie).sum())
+    assert found.false_messages > 0
     assert found.ours.true_positives == (inside & is_lie & flagged).sum()
     assert found.ours.false_positives == (inside & ~is_lie & flagged).sum()
     whole = read_drive(offset, "offset").detection
-    assert whole.lies > found.lies
+    assert whole.false_messages > found.false_messages
 
 
 def test_the_map_and_the_warning_are_of_the_maps_in_it(
@@ -95,7 +95,7 @@ def test_the_channel_is_told_of_whole_drives_alone(smoke: Path, offset: Path) ->
         np.testing.assert_equal(after, {k: v for k, v in before.items() if k not in radio})
     assert [len(found.tables[2].lines) for found in (whole, same)] == [2, 0]
     assert whole.notes == ()
-    assert "The channel's figures are left out" in same.notes[-1]
+    assert "The channel's metrics are left out" in same.notes[-1]
 
 
 def test_before_the_attack_begins_nobody_lies(smoke: Path, offset: Path) -> None:

@@ -1,4 +1,4 @@
-"""Figures of one kind of cloud: the clean, the adversarial, or those of a random baseline."""
+"""Metrics of one condition: the clean clouds, the adversarial ones, or those of a random baseline."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Interval = tuple[float, float] | None
 """A 95 % interval, low and high; None where there are too few blocks for one."""
 
 Record = dict[str, object]
-"""A result as `report.json` and tables have it: one key a figure."""
+"""A result as `report.json` and tables have it: one key per metric."""
 
 CRITERIA = ("strict", "loose", "bev", "bev_loose")
 """How a detection has to overlap an object to find it: in 3D or in the bird's eye, strictly or loosely."""
@@ -22,20 +22,24 @@ class Precisions:
     ap: Mapping[tuple[str, str], float]
     strict_ci95: Mapping[str, Interval]
 
-    def record(self, word: str) -> Record:
+    def record(self, condition: str) -> Record:
         """Keys such as `ap_car_adv`, strict and with its interval, and `ap_loose_car_adv`."""
         row: Record = {}
         for (criterion, name), value in self.ap.items():
-            key = precision_key(criterion, name, word)
+            key = precision_key(criterion, name, condition)
             row[key] = value
             if criterion == "strict":
                 row[f"{key}_ci95"] = self.strict_ci95[name]
         return row
 
 
-def precision_key(criterion: str, class_name: str, word: str) -> str:
-    """Where a record has an average precision; word: `clean` or `adv`."""
-    return f"ap_{class_name}_{word}" if criterion == "strict" else f"ap_{criterion}_{class_name}_{word}"
+def precision_key(criterion: str, class_name: str, condition: str) -> str:
+    """The key of an average precision in a record; condition: `clean` or `adv`."""
+    return (
+        f"ap_{class_name}_{condition}"
+        if criterion == "strict"
+        else f"ap_{criterion}_{class_name}_{condition}"
+    )
 
 
 @dataclass(frozen=True)
@@ -48,8 +52,8 @@ class CleanMeans:
 
 
 @dataclass(frozen=True)
-class CleanFigures:
-    """What the detector made of the clean clouds; means: by criterion."""
+class CleanMetrics:
+    """The detector's results on the clean clouds; means: by criterion."""
 
     means: Mapping[str, CleanMeans]
     precisions: Precisions
@@ -58,15 +62,15 @@ class CleanFigures:
         """Keys such as `map_clean`, of the strict criterion, and `map_loose_clean`."""
         row: Record = {}
         for criterion, mean in self.means.items():
-            word = "" if criterion == "strict" else f"{criterion}_"
-            row |= {f"map_{word}clean": mean.map_r40, f"map_{word}clean_ci95": mean.map_r40_ci95}
-            row[f"map_{word}r11_clean"] = mean.map_r11
+            prefix = "" if criterion == "strict" else f"{criterion}_"
+            row |= {f"map_{prefix}clean": mean.map_r40, f"map_{prefix}clean_ci95": mean.map_r40_ci95}
+            row[f"map_{prefix}r11_clean"] = mean.map_r11
         return row | self.precisions.record("clean")
 
 
 @dataclass(frozen=True)
-class CloudFigures:
-    """What changed clouds lead to: an attack's, or those of a random baseline of equal budget.
+class CloudMetrics:
+    """The detector's results on changed clouds: an attack's, or those of a random baseline of equal budget.
 
     The ratios are of the clean clouds of the same frames, in percent. Displacements are over all moved
     points of all frames.
@@ -99,15 +103,15 @@ class CloudFigures:
     precisions: Precisions
 
     def record(self) -> Record:
-        """One key a figure, and one an average precision."""
-        return {name: getattr(self, name) for name in figure_names(CloudFigures)} | self.precisions.record(
+        """One key per metric and per average precision."""
+        return {name: getattr(self, name) for name in metric_names(CloudMetrics)} | self.precisions.record(
             "adv"
         )
 
 
 @dataclass(frozen=True)
-class RecountedFigures:
-    """What would be if the objects were counted on the attacked clouds: not what counts elsewhere."""
+class RecountedMetrics:
+    """The results if the objects were counted on the attacked clouds, unlike in all other metrics."""
 
     objects_recounted: int
     map_adv_recounted: float
@@ -118,26 +122,26 @@ class RecountedFigures:
 
 
 @dataclass(frozen=True)
-class BaselineFigures:
+class BaselineMetrics:
     """A random baseline, and how many points of mAP ratio the attack costs beyond it, drawn together.
 
     is_significant: whether the interval of that difference lies below 0; None where there is no interval.
     """
 
-    figures: CloudFigures
+    metrics: CloudMetrics
     map_ratio_delta_points: float
     map_ratio_delta_points_ci95: Interval
     is_significant: bool | None
 
 
-def figure_names(figures: type) -> list[str]:
-    """The fields that are figures: all but the average precisions."""
-    return [field.name for field in fields(figures) if field.name != "precisions"]
+def metric_names(record: type) -> list[str]:
+    """The fields that are single metrics: all but the average precisions."""
+    return [field.name for field in fields(record) if field.name != "precisions"]
 
 
-def nothing(figures: type, precisions: Iterable[tuple[str, str]] = ()) -> Record:
-    """The record of figures where there are none: the same keys, of these criteria and classes, with None."""
-    keys = figure_names(figures)
+def undefined_record(record: type, precisions: Iterable[tuple[str, str]] = ()) -> Record:
+    """The record of undefined metrics: the same keys, of these criteria and classes, with None."""
+    keys = metric_names(record)
     for criterion, name in precisions:
         key = precision_key(criterion, name, "adv")
         keys += [key, f"{key}_ci95"] if criterion == "strict" else [key]

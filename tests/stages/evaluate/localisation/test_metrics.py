@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from advpipe.stages.evaluate.localisation.figures import errors, gate, localisation_record, was_attacked
+from advpipe.stages.evaluate.localisation.metrics import errors, gate, localisation_record, was_attacked
 from advpipe.stages.evaluate.localisation.track import LocalisationTrack
 
 TIMES_NS = 7_000_000_000 + 100_000_000 * np.arange(10)

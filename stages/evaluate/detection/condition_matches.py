@@ -1,4 +1,4 @@
-"""The average precision on one kind of cloud: the clean, the adversarial or the baseline ones."""
+"""The average precision under one condition: the clean, the adversarial or a baseline's clouds."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from advpipe.pipeline.metrics.average_precision import (
 )
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap, percentile_interval
 from advpipe.pipeline.metrics.matching import MatchTable
-from advpipe.pipeline.results.figures import Interval
+from advpipe.pipeline.results.metrics import Interval
 from advpipe.stages.evaluate.detection.comparison import FrameResult
 from advpipe.stages.evaluate.detection.scoring import CRITERIA
 from advpipe.stages.evaluate.detection.strata import STRATA, Measures
@@ -48,8 +48,8 @@ class Precision:
 
 
 @dataclass(frozen=True)
-class Arm:
-    """The matches on one kind of cloud, and average precisions from them.
+class ConditionMatches:
+    """The matches under one condition, and average precisions from them.
 
     tables, ranked: by criterion and class. in_map: the classes of the mAP. draws: by criterion and class,
     the R40 average precision (draws,) in each draw of `bootstrap`.
@@ -65,15 +65,15 @@ class Arm:
     def of(
         cls,
         frames: Sequence[FrameResult],
-        word: str,
+        condition: str,
         classes: Sequence[str],
         in_map: Sequence[str],
         bootstrap: BlockBootstrap,
-    ) -> Arm:
-        """The clouds `word` of these frames."""
+    ) -> ConditionMatches:
+        """The matches of these frames under a condition."""
         tables = {
             (criterion, name): MatchTable.of(
-                [frame.all_clouds()[word].matches[criterion, name] for frame in frames]
+                [frame.all_clouds()[condition].matches[criterion, name] for frame in frames]
             )
             for criterion in CRITERIA
             for name in classes
@@ -92,12 +92,12 @@ class Arm:
         return mean_average_precision([self.draws[criterion, name] for name in self.in_map])
 
     def precisions(
-        self, frames: Sequence[FrameResult], word: str, criteria: Sequence[str] = tuple(CRITERIA)
+        self, frames: Sequence[FrameResult], condition: str, criteria: Sequence[str] = tuple(CRITERIA)
     ) -> Iterator[Precision]:
         """Every class by every criterion; by each of `criteria`, in every stratum too."""
         for (criterion, name), ranked in self.ranked.items():
             yield _precision(name, criterion, "", WHOLE, ranked, self.draws[criterion, name])
-        of_class = {name: Measures.of(frames, word, name) for _, name in self.ranked}
+        of_class = {name: Measures.of(frames, condition, name) for _, name in self.ranked}
         known = {  # of any class: one without objects has strata too, all empty
             by
             for measures in of_class.values()

@@ -1,4 +1,4 @@
-"""What the attacked clouds lead to, in figures; and each random baseline, by the same words."""
+"""What the attacked clouds lead to, in figures; and each random baseline, by the same metrics."""
 
 from __future__ import annotations
 
@@ -9,40 +9,44 @@ import numpy.typing as npt
 
 from advpipe.pipeline.metrics.average_precision import R11, RankedMatches, mean_average_precision
 from advpipe.pipeline.metrics.bootstrap import percentile_interval
-from advpipe.pipeline.results.figures import (
-    CleanFigures,
+from advpipe.pipeline.results.frame_row import FrameRow
+from advpipe.pipeline.results.metrics import (
     CleanMeans,
-    CloudFigures,
+    CleanMetrics,
+    CloudMetrics,
     Interval,
     Precisions,
-    RecountedFigures,
+    RecountedMetrics,
 )
-from advpipe.pipeline.results.frame_row import FrameRow
 from advpipe.stages.evaluate.detection.comparison import FrameResult
-from advpipe.stages.evaluate.detection.condition import Arm, ap_draws
+from advpipe.stages.evaluate.detection.condition_matches import ConditionMatches, ap_draws
 from advpipe.stages.evaluate.detection.displacement import Displacement
 from advpipe.stages.evaluate.detection.scoring import CRITERIA
 
 Float64 = npt.NDArray[np.float64]
 
 
-def attack_figures(
-    arm: Arm, clean: Arm, frames: Sequence[FrameResult], rows: Sequence[FrameRow], word: str
-) -> CloudFigures:
-    """What the clouds `word` lead to; rows: of the same frames, as `frame_row` makes them."""
-    counts = [row.clouds[word] for row in rows]
+def attack_metrics(
+    evaluated: ConditionMatches,
+    clean: ConditionMatches,
+    frames: Sequence[FrameResult],
+    rows: Sequence[FrameRow],
+    condition: str,
+) -> CloudMetrics:
+    """The metrics of a condition; rows: of the same frames, as `frame_row` makes them."""
+    counts = [row.clouds[condition] for row in rows]
     found, lost = found_on_clean(rows), sum(each.lost_objects for each in counts)
-    way = Displacement.over([frame.clouds()[word].displacement for frame in frames])
-    return CloudFigures(
-        map_adv=arm.mean_ap(),
-        map_adv_ci95=percentile_interval(arm.map_draws()),
-        map_ratio_percent=100 * ratio(arm.mean_ap(), clean.mean_ap()),
-        map_ratio_ci95=percentile_interval(ratio_draws(arm, clean)),
-        map_loose_adv=arm.mean_ap("loose"),
-        map_loose_ratio_percent=100 * ratio(arm.mean_ap("loose"), clean.mean_ap("loose")),
-        map_bev_adv=arm.mean_ap("bev"),
-        map_bev_loose_adv=arm.mean_ap("bev_loose"),
-        precisions=precisions(arm),
+    way = Displacement.over([frame.clouds()[condition].displacement for frame in frames])
+    return CloudMetrics(
+        map_adv=evaluated.mean_ap(),
+        map_adv_ci95=percentile_interval(evaluated.map_draws()),
+        map_ratio_percent=100 * ratio(evaluated.mean_ap(), clean.mean_ap()),
+        map_ratio_ci95=percentile_interval(ratio_draws(evaluated, clean)),
+        map_loose_adv=evaluated.mean_ap("loose"),
+        map_loose_ratio_percent=100 * ratio(evaluated.mean_ap("loose"), clean.mean_ap("loose")),
+        map_bev_adv=evaluated.mean_ap("bev"),
+        map_bev_loose_adv=evaluated.mean_ap("bev_loose"),
+        precisions=precisions(evaluated),
         chamfer_distance_m2=sum(each.chamfer_distance_m2 for each in counts) / len(rows),
         attack_success_percent=100 * ratio(lost, found),
         mean_displacement_m=way.mean_m,
@@ -62,26 +66,30 @@ def attack_figures(
     )
 
 
-def recounted_figures(
-    arm: Arm, clean: Arm, frames: Sequence[FrameResult], rows: Sequence[FrameRow], word: str
-) -> RecountedFigures:
+def recounted_metrics(
+    evaluated: ConditionMatches,
+    clean: ConditionMatches,
+    frames: Sequence[FrameResult],
+    rows: Sequence[FrameRow],
+    condition: str,
+) -> RecountedMetrics:
     """The same if the objects were counted on the attacked clouds: shown beside, for it is not what counts.
 
     Removing points pushes objects under the minimum of points, and with them what the attack hid; adding
     some lifts others over it.
     """
-    clouds = [frame.clouds()[word] for frame in frames]
+    clouds = [frame.clouds()[condition] for frame in frames]
     recounted = [cloud.matches if cloud.recounted is None else cloud.recounted for cloud in clouds]
     ranked = {
         name: RankedMatches.of([matches["strict", name] for matches in recounted])
-        for criterion, name in arm.ranked
+        for criterion, name in evaluated.ranked
         if criterion == "strict"
     }
-    draws = {name: ap_draws(each, arm.bootstrap) for name, each in ranked.items()}
-    mean_ap = float(mean_average_precision([ranked[name].average_precision() for name in arm.in_map]))
-    map_draws: Float64 = mean_average_precision([draws[name] for name in arm.in_map])
-    lost = sum(row.clouds[word].lost_objects_recounted for row in rows)
-    return RecountedFigures(
+    draws = {name: ap_draws(each, evaluated.bootstrap) for name, each in ranked.items()}
+    mean_ap = float(mean_average_precision([ranked[name].average_precision() for name in evaluated.in_map]))
+    map_draws: Float64 = mean_average_precision([draws[name] for name in evaluated.in_map])
+    lost = sum(row.clouds[condition].lost_objects_recounted for row in rows)
+    return RecountedMetrics(
         objects_recounted=sum(int(each.n_truth.sum()) for each in ranked.values()),
         map_adv_recounted=mean_ap,
         map_ratio_percent_recounted=100 * ratio(mean_ap, clean.mean_ap()),
@@ -91,15 +99,15 @@ def recounted_figures(
     )
 
 
-def difference(arms: Mapping[str, Arm], word: str) -> tuple[float, Interval]:
-    """How many points of mAP ratio the attack costs beyond the baseline `word`, drawn together."""
-    clean, adversarial, baseline = arms["clean"], arms["adv"], arms[word]
+def difference(by_condition: Mapping[str, ConditionMatches], condition: str) -> tuple[float, Interval]:
+    """How many points of mAP ratio the attack costs beyond a baseline, drawn together."""
+    clean, adversarial, baseline = by_condition["clean"], by_condition["adv"], by_condition[condition]
     draws = ratio_draws(adversarial, clean) - ratio_draws(baseline, clean)
     points = 100 * ratio(adversarial.mean_ap() - baseline.mean_ap(), clean.mean_ap())
     return points, percentile_interval(draws)
 
 
-def clean_figures(clean: Arm) -> CleanFigures:
+def clean_metrics(clean: ConditionMatches) -> CleanMetrics:
     """mAP on the clean clouds by every criterion, and average precisions."""
     means = {
         criterion: CleanMeans(
@@ -109,16 +117,16 @@ def clean_figures(clean: Arm) -> CleanFigures:
         )
         for criterion in CRITERIA
     }
-    return CleanFigures(means, precisions(clean))
+    return CleanMetrics(means, precisions(clean))
 
 
-def precisions(arm: Arm) -> Precisions:
+def precisions(evaluated: ConditionMatches) -> Precisions:
     """Average precision of each class by every criterion."""
     return Precisions(
-        {key: ranked.average_precision() for key, ranked in arm.ranked.items()},
+        {key: ranked.average_precision() for key, ranked in evaluated.ranked.items()},
         {
-            name: percentile_interval(arm.draws[criterion, name])
-            for criterion, name in arm.ranked
+            name: percentile_interval(evaluated.draws[criterion, name])
+            for criterion, name in evaluated.ranked
             if criterion == "strict"
         },
     )
@@ -128,9 +136,9 @@ def ratio(part: float, whole: float) -> float:
     return part / whole if whole else float("nan")
 
 
-def ratio_draws(arm: Arm, whole: Arm) -> Float64:
+def ratio_draws(evaluated: ConditionMatches, whole: ConditionMatches) -> Float64:
     """The mAP ratio in percent (draws,); NaN where the whole is 0."""
-    return 100 * arm.map_draws() / above_0(whole.map_draws())
+    return 100 * evaluated.map_draws() / above_0(whole.map_draws())
 
 
 def above_0(values: Float64) -> Float64:
