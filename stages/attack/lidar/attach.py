@@ -80,6 +80,8 @@ class Attach(LidarAttack):
         those near objects, "random-best" likewise with the selection of "best": the strongest baseline,
         which reports do not score by themselves. New points copy the intensity of the point that they start
         from.
+    points: how many points to add.
+    eps_m: how far from the clean cloud's points they may lie.
     rounds: how often "best" ranks the places anew.
     weight: lambda of the paper's dual loss (loss units a square metre); only for "paper".
     decay_m: "best" and "robust" count what a point d away from the clean ones brings exp(-(d / decay_m)**2)

@@ -66,6 +66,7 @@ class Perturb(LidarAttack):
         the paper (section III-A, Eq. 1 and 2) on all points. By chance: "random" moves all points by eps in
         a random direction, "random-near" those near objects, and "random-best" tries `steps` times there,
         with the selection of "best": the strongest baseline, which reports do not score by themselves.
+    eps_cm: how far each point may move.
     steps: gradients or tries; 0 for the recipe's own number (the paper: 40).
     weight: lambda of the paper's dual loss, in loss units a square metre; only for "paper". At 0.01 it holds
         points to 2 mm (RMS, of 10 cm allowed), as steps are of equal length for each point; at 0 they go to

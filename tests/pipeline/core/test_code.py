@@ -69,6 +69,7 @@ NO_FIGURE = {
     "stages/attack/family_registry.py",
     "stages/attack/job.py",
     "stages/attack/own.py",
+    "stages/attack/parameter_docs.py",
     "stages/attack/parameters.py",
 }
 """What clouds and messages come through, but which decides nothing about them: other code of it reads the
