@@ -50,7 +50,7 @@ def write_drive(path: Path, seed: int = 11) -> Path:
             cloud = np.zeros(POINTS, POINT_DTYPE)
             cloud["x"], cloud["y"], cloud["z"] = points.T.astype(np.float32)
             cloud["ring"] = np.arange(POINTS) % 64
-            bag.write(ego.objects, build.detections(stamp_ns, "map", boxes), stamp_ns)
+            bag.write(ego.objects, build.detections_message(stamp_ns, "map", boxes), stamp_ns)
             odometry = build.odometry(stamp_ns, map_SE3_base, [1.0, 0.0, 0.0], [0.0, 0.0, 0.0])
             bag.write(ego.true_odometry, odometry, stamp_ns)
             bag.write_cdr(ego.lidar_points, cloud_to_cdr(cloud, stamp_ns, ego.lidar_frame), stamp_ns)
