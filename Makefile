@@ -13,7 +13,7 @@ TORCH := $(shell sed -n '/^torch==/p' constraints.txt)
 # Without --no-compile, pip makes bytecode of all modules, 0.5 GB; Python makes it of those that are used.
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile
 
-.PHONY: install demo test wheel-test nightly fuzz lint format checkpoint clean
+.PHONY: install demo test wheel-test nightly fuzz lint format checkpoint docs clean
 .DEFAULT_GOAL := install
 
 install: $(INSTALLED)
@@ -66,6 +66,10 @@ format: $(INSTALLED)
 
 checkpoint: $(INSTALLED)
 	benchmarks/train_small.sh
+
+# The site of docs/, in build/site; `$(BIN)/mkdocs serve` shows it and follows changes.
+docs: $(INSTALLED)
+	$(BIN)/mkdocs build --strict
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info

@@ -68,11 +68,11 @@ if TYPE_CHECKING:
     from advpipe.stages.attack.v2x.cams import field_of as field_of
     from advpipe.stages.attack.v2x.cams import with_fields as with_fields
     from advpipe.stages.attack.v2x.falsification import Falsification as Falsification
-    from advpipe.stages.attack.v2x.falsification import Misplacement as Misplacement
     from advpipe.stages.attack.v2x.falsification import OwnMessage as OwnMessage
+    from advpipe.stages.attack.v2x.falsification import PositionFalsification as PositionFalsification
     from advpipe.stages.evaluate.report.report import Report as Report
-    from advpipe.stages.simulate.network.protocol import Exchange as Exchange
     from advpipe.stages.simulate.network.protocol import Network as Network
+    from advpipe.stages.simulate.network.protocol import NetworkStep as NetworkStep
     from advpipe.stages.simulate.run import SimulationSummary as SimulationSummary
     from advpipe.stages.simulate.traffic.protocol import TrafficSource as TrafficSource
     from advpipe.stages.simulate.traffic.road_users import RoadUser as RoadUser
@@ -114,9 +114,9 @@ _NAMES_OF = {
     "stages.attack.summary": ("AttackSummary",),
     "stages.attack.v2x.base": ("AttackContext", "V2xAttack", "V2xTraits"),
     "stages.attack.v2x.cams": ("field_of", "with_fields"),
-    "stages.attack.v2x.falsification": ("Falsification", "Misplacement", "OwnMessage"),
+    "stages.attack.v2x.falsification": ("Falsification", "PositionFalsification", "OwnMessage"),
     "stages.evaluate.report.report": ("Report",),
-    "stages.simulate.network.protocol": ("Exchange", "Network"),
+    "stages.simulate.network.protocol": ("NetworkStep", "Network"),
     "stages.simulate.run": ("SimulationSummary",),
     "stages.simulate.traffic.protocol": ("TrafficSource",),
     "stages.simulate.traffic.road_users": ("RoadUser",),

@@ -15,18 +15,18 @@ def main() -> None:
     signals.install()
     streams.open_closed()
     try:
-        from advpipe.pipeline.process.folder import leave_deleted
+        from advpipe.pipeline.process.folder import leave_deleted_folder
 
-        leave_deleted()
+        leave_deleted_folder()
         from advpipe.pipeline.cli import app
 
         app(prog_name="advpipe")
     except SystemExit:
         raise
     except BaseException as error:  # the command line itself cannot be loaded
-        from advpipe.pipeline.process.endings import ended
+        from advpipe.pipeline.process.failures import report_failure
 
-        sys.exit(ended(error))
+        sys.exit(report_failure(error))
     finally:
         signals.uninstall()
 

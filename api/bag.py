@@ -14,7 +14,7 @@ from advpipe.pipeline.bag.frames import Frame, FrameSlice, read_frames
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.receptions import receiving_vehicles, recorded_receptions
-from advpipe.pipeline.core.errors import UsageError, wrong_use
+from advpipe.pipeline.core.errors import UsageError, as_usage_error
 from advpipe.pipeline.mcap.channel import TopicInfo
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import V2X_SENT, VehicleTopics
@@ -49,7 +49,7 @@ def open_bag(path: PathLike) -> Bag:
     >>> frame = bag.frame(0)
     >>> frame.cloud["z"].mean(), frame.boxes.geometry.shape
     """
-    with wrong_use():
+    with as_usage_error():
         return Bag(resolve_bag(Path(path)))
 
 
@@ -88,7 +88,7 @@ class Bag:
 
         Raises UsageError for a bag without clouds and for frames that it does not have.
         """
-        with wrong_use():
+        with as_usage_error():
             chosen = FrameSlice.parse(frames)
         return read_frames(self.path, chosen, lidar_topic=lidar)
 
@@ -105,7 +105,7 @@ class Bag:
         known = receiving_vehicles(self._reader)
         if vehicle not in known:
             raise UsageError(
-                f"{self.path}: {vehicle} receives no CAMs; who does: {', '.join(known) or 'nobody'}"
+                f"{self.path}: {vehicle} receives no CAMs; vehicles that do: {', '.join(known) or 'none'}"
             )
         rows = [
             (*said, each.power_dbm, each.sinr_db)

@@ -26,7 +26,7 @@ from common import compare, finish, machine
 
 from advpipe.pipeline.bag.frames import Frame, FrameSlice, read_frames
 from advpipe.pipeline.bag.locate import resolve_bag
-from advpipe.pipeline.detector.batching import run_together
+from advpipe.pipeline.detector.batching import run_batched
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.protocol import BatchDetector, ObjectDetector
 from advpipe.pipeline.detector.registry import load_detector
@@ -88,12 +88,12 @@ def report_batches(frames: list[Frame], device: str, batches: list[int]) -> None
         return lambda seen: attack(frame.cloud, frame.boxes, seen, np.random.default_rng(number))
 
     for word, attack in ATTACKS.items():
-        run_together(detector, [work(attack, 0)])  # warms up, and does not count
+        run_batched(detector, [work(attack, 0)])  # warms up, and does not count
         for size in batches:
             count = max(batches)
             start_s = time.perf_counter()
             for first in range(0, count, size):
-                run_together(detector, [work(attack, n) for n in range(first, min(first + size, count))])
+                run_batched(detector, [work(attack, n) for n in range(first, min(first + size, count))])
             rate_hz = count / (time.perf_counter() - start_s)
             print(f"{word}: {size:>3} at once {rate_hz:9.3f} frames/s", flush=True)
 

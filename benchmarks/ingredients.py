@@ -46,10 +46,10 @@ from advpipe.pipeline.metrics.chamfer import chamfer_distance
 from advpipe.pipeline.metrics.matching import FrameMatches, match_overlaps
 from advpipe.stages.attack.lidar import (
     attach,
-    attach_game,
+    attach_problem,
     attack_objective,
     detach,
-    detach_game,
+    detach_problem,
     greedy_allocation,
 )
 from advpipe.stages.attack.lidar.attach import Attach
@@ -66,15 +66,15 @@ TREATMENTS = {"plain": "", "jitter": "jitter:0.01", "rounding": "quantise:0.01"}
 
 @dataclass(frozen=True)
 class Line:
-    """Parameters of the attack, tactics of `perturb`, and constants of ours that are others in this line."""
+    """Parameters of the attack, settings of `perturb`, and constants of ours that are others in this line."""
 
     parameters: Mapping[str, Any] = field(default_factory=dict)
-    tactics: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
     constant: tuple[ModuleType, str, float] | None = None
 
 
-def tactics(**changed: float) -> Line:
-    return Line(tactics=changed)
+def settings(**changed: float) -> Line:
+    return Line(settings=changed)
 
 
 def constant(module: ModuleType, name: str, value: float) -> Line:
@@ -89,25 +89,25 @@ CLIMBING: Mapping[str, Line] = {
     **OTHER_RECIPES,
     "half the rounds": Line({"rounds": 5}),
     "twice the rounds": Line({"rounds": 20}),
-    "rounds of equal size": constant(greedy_allocation, "CURVE", 1.0),
-    "lower scores do not count": constant(attack_objective, "FAINT", 0.0),
-    "no second look at the choice": constant(greedy_allocation, "REPAIRS", 1),
+    "rounds of equal size": constant(greedy_allocation, "GROWTH_POWER", 1.0),
+    "lower scores do not count": constant(attack_objective, "SCORE_LOSS_SHARE", 0.0),
+    "no second look at the choice": constant(greedy_allocation, "MAX_REVISIONS", 1),
 }
 LINES: Mapping[str, Mapping[str, Line]] = {
     "perturb": {
         **OTHER_RECIPES,
-        "the last try, not the best": tactics(keep=False),
-        "points cross singly": tactics(groups=False),
-        "no false boxes made surer": tactics(decoys=False),
-        "no gradient of a false truth": tactics(lie=False),
-        "false boxes play no part": tactics(decoys=False, lie=False),
-        "no momentum": tactics(momentum=0.0),
-        "momentum .8": tactics(momentum=0.8),
-        "half of the crossings, always": tactics(eager=0.5, calm=0.5),
-        "no new start from the best": tactics(rounds_a_cycle=1000),
-        "points in boxes only": tactics(margin_m=0.0),
-        "points within 3 m of boxes": tactics(margin_m=3.0),
-        "2 cm past a face": tactics(landing_m=0.02),
+        "the last try, not the best": settings(keep_best=False),
+        "points cross singly": settings(groups=False),
+        "no false boxes made surer": settings(decoys=False),
+        "no gradient of a false truth": settings(decoy_gradients=False),
+        "false boxes play no part": settings(decoys=False, decoy_gradients=False),
+        "no momentum": settings(momentum=0.0),
+        "momentum .8": settings(momentum=0.8),
+        "half of the crossings, always": settings(first_probability=0.5, last_probability=0.5),
+        "no new start from the best": settings(rounds_per_cycle=1000),
+        "points in boxes only": settings(margin_m=0.0),
+        "points within 3 m of boxes": settings(margin_m=3.0),
+        "2 cm past a face": settings(landing_m=0.02),
         "half the steps": Line({"steps": RECIPES["best"] // 2}),
         "twice the steps": Line({"steps": 2 * RECIPES["best"]}),
     },
@@ -115,15 +115,15 @@ LINES: Mapping[str, Mapping[str, Line]] = {
         **CLIMBING,
         "points in boxes only": constant(detach, "MARGIN_M", 0.0),
         "points within 1 m of boxes": constant(detach, "MARGIN_M", 1.0),
-        "at most half of an object": constant(detach_game, "MOST", 0.5),
+        "at most half of an object": constant(detach_problem, "MAX_SHARE_PER_OBJECT", 0.5),
     },
     "attach": {
         **CLIMBING,
         "places in boxes only": constant(attach, "MARGIN_M", 0.0),
         "places within 1 m of boxes": constant(attach, "MARGIN_M", 1.0),
-        "30 points an object": constant(attach_game, "MOST", 30),
-        "120 points an object": constant(attach_game, "MOST", 120),
-        "200 fresh places a round": constant(attach_game, "FRESH", 200),
+        "30 points an object": constant(attach_problem, "MAX_POINTS_PER_OBJECT", 30),
+        "120 points an object": constant(attach_problem, "MAX_POINTS_PER_OBJECT", 120),
+        "200 fresh places a round": constant(attach_problem, "NEW_CANDIDATES", 200),
         "far places as dear as near ones": Line({"decay_m": 100.0}),
         "points along rays": Line({"along_ray": True}),
         "occlusion order kept": Line({"keep_occlusion_order": True}),
@@ -135,7 +135,7 @@ BUDGETS = {"perturb": [5.0], "detach": [0.3], "attach": [0.3]}
 def attack_of(name: str, line: Line, budget: float) -> Perturb | Detach | Attach:
     if name == "perturb":
         attack = Perturb(eps_cm=budget, **line.parameters)
-        attack.tactics = replace(attack.tactics, **line.tactics)
+        attack.settings = replace(attack.settings, **line.settings)
         return attack
     if name == "detach":
         return Detach(ratio=budget / 100, **line.parameters)

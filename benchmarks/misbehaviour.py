@@ -1,10 +1,11 @@
-"""How well lies in V2X messages are found out: every `cam-` and `gnss-` attack, ours and the baseline.
+"""How well false V2X messages are detected: every `cam-` and `gnss-` attack, our detector and the baseline.
 
 Simulates drives without LiDAR, carries out every attack on each, with the same share of attackers and the
 same labels, tunes the thresholds of both detectors on those of `TUNING` (generated road networks), and tests
-on the boulevard, whose traffic and map no threshold comes from. Prints a table: per attack, lies, precision,
-recall, F1, MCC and latency of ours and of the baseline built from CaTCH's checks, and what is published of
-CaTCH on other data; and what is flagged of honest drives, a motorway and Town06 (with its file) among them.
+on the boulevard, which no threshold was tuned on. Prints a table: per attack, false messages, precision,
+recall, F1, MCC and latency of our detector and of the baseline built from CaTCH's checks, and CaTCH's
+published F1 on other data; and the share flagged on honest drives, a motorway and Town06 (given its file)
+too.
 
 Reaches: a mean F1 above the baseline's, under 1 % of the clean messages flagged on every drive, and a minute
 of messages of one receiver judged within ten seconds.
@@ -34,7 +35,7 @@ from common import finish, machine, scratch
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.jobs import map_jobs
-from advpipe.pipeline.labels.messages import lies, read_labels
+from advpipe.pipeline.labels.messages import are_false, read_labels
 from advpipe.pipeline.misbehaviour.catch import TUNED_CATCH, CatchParameters
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
 from advpipe.pipeline.misbehaviour.detector import judge_all
@@ -59,11 +60,11 @@ NO_LIDAR = (
     "environment.buildings=0",
 )
 LISTENERS = "vehicles={ego: {}, other: {}}"
-"""Two who listen; the second one's GPS is spoofed with its own filter behind it."""
+"""Two receivers; the GNSS of the second one, which runs its own filter, is spoofed."""
 FROM_S = 3.0
-"""Attacks begin when the first honest messages have been heard."""
+"""Attacks begin when the first honest messages have been received."""
 LIKE_NEXTGEN: dict[str, dict[str, float]] = {"cam-speed-constant": {"speed_mps": 0.0}}
-"""Parameters that make an attack the one that the published figure is of."""
+"""Parameters with which an attack equals the one of the published figure."""
 MOST_FALSE_POSITIVES, MOST_SECONDS = 0.01, 10.0
 T = TypeVar("T")
 
@@ -94,19 +95,21 @@ TUNING = (
     _generated("random", 23, size=6, block_m=150, lanes=1),
     _generated("grid", 24, size=3, block_m=700, lanes=3, speed_mps=36.11),
 )
-"""Streets of a town, and a grid of fast roads, lest our thresholds take a motorway for a lie. The baseline is
-tuned on the towns alone: its published leniency shrinks above 11 m/s and is gone by 37, so that no parameters
-hold on the fast roads, and those that come nearest would make it weaker everywhere else."""
+"""Streets of a town, and a grid of fast roads, so that our thresholds do not flag honest motorway traffic.
+The baseline is
+tuned on the towns alone: its published tolerance shrinks above 11 m/s and is zero at 37 m/s, so that no
+parameters meet the bound on the fast roads, and those that come closest would make it weaker everywhere
+else."""
 TESTING = Site("boulevard", 1)
 HONEST = (Site("highway", 3, "highway"),)
 
 
 def main() -> None:
     given = _parser().parse_args()
-    words = given.only or [*GNSS_ATTACKS, *V2X_ATTACKS]
+    attack_names = given.only or [*GNSS_ATTACKS, *V2X_ATTACKS]
     print(machine())
     with scratch() as temporary:
-        bench = Bench(given.keep or Path(temporary), given.seconds, words, given.workers)
+        bench = Bench(given.keep or Path(temporary), given.seconds, attack_names, given.workers)
         config, parameters = (DetectorConfig(), TUNED_CATCH) if given.shipped else bench.tune(given.ship)
         found = bench.test(TESTING, config, parameters)
         honest = [*HONEST, *([_town06(given.town06)] if given.town06 else [])]
@@ -124,10 +127,17 @@ def main() -> None:
 
 
 class Bench:
-    """The drives and their bags, below one folder; what is there already is not made again."""
+    """The drives and their bags, below one folder; existing ones are not made again."""
 
-    def __init__(self, folder: Path, seconds: float, words: Sequence[str], workers: int | None) -> None:
-        self._folder, self._seconds, self._words, self._workers = folder, seconds, words, workers
+    def __init__(
+        self, folder: Path, seconds: float, attack_names: Sequence[str], workers: int | None
+    ) -> None:
+        self._folder, self._seconds, self._attack_names, self._workers = (
+            folder,
+            seconds,
+            attack_names,
+            workers,
+        )
         folder.mkdir(parents=True, exist_ok=True)
 
     def tune(self, ship: bool) -> tuple[DetectorConfig, CatchParameters]:
@@ -146,25 +156,32 @@ class Bench:
         return ours.config, baseline.parameters
 
     def _heard(self, *, is_fast: bool) -> list[Stream]:
-        """What was heard on the drives of `TUNING`, on the fast ones or on the others."""
-        words = ["", *self._words]
+        """The received messages of the drives of `TUNING`, either the fast ones or the others."""
+        attack_names = ["", *self._attack_names]
         sites = [site for site in TUNING if site.is_fast == is_fast]
         return [
-            stream for site in sites for each in self._each(site, words, _streams) for stream in each or ()
+            stream
+            for site in sites
+            for each in self._each(site, attack_names, _streams)
+            for stream in each or ()
         ]
 
     def test(self, site: Site, config: DetectorConfig, parameters: CatchParameters) -> dict[str, Detection]:
-        """By attack; the clean drive under the empty word."""
-        words = ["", *self._words]
-        made = self._each(site, words, partial(_detection, config, parameters))
-        return {word: found for word, found in zip(words, made, strict=True) if found is not None}
+        """Results by attack name; those of the clean drive are under the empty name."""
+        attack_names = ["", *self._attack_names]
+        made = self._each(site, attack_names, partial(_detection, config, parameters))
+        return {
+            attack_name: found
+            for attack_name, found in zip(attack_names, made, strict=True)
+            if found is not None
+        }
 
     def honest(self, site: Site, config: DetectorConfig, parameters: CatchParameters) -> Detection:
-        """A drive that nobody attacks."""
+        """The result on a drive without an attack."""
         return _detection(config, parameters, self._clean(site), "")
 
     def seconds_a_minute(self, site: Site, config: DetectorConfig) -> float:
-        """How long the messages of one receiver and one minute take."""
+        """Seconds needed to check one minute of one receiver's messages."""
         one = read_receptions(BagReader(self._clean(site)))[0]
         start_s = time.perf_counter()
         judge_all(one.claims, one.receivers, config)
@@ -178,77 +195,87 @@ class Bench:
             simulate(load_scenario(site.scenario, settings), folder)
         return folder / "clean"
 
-    def _each(self, site: Site, words: Sequence[str], look: Callable[[Path, str], T]) -> list[T | None]:
+    def _each(
+        self, site: Site, attack_names: Sequence[str], look: Callable[[Path, str], T]
+    ) -> list[T | None]:
         clean = self._clean(site)
-        work = partial(partial, _attacked, clean, site.seed, words, look)
-        return map_jobs(work, range(len(words)), site.name, self._workers)
+        work = partial(partial, _attacked, clean, site.seed, attack_names, look)
+        return map_jobs(work, range(len(attack_names)), site.name, self._workers)
 
 
 def _attacked(
-    clean: Path, seed: int, words: Sequence[str], look: Callable[[Path, str], T], place: int
+    clean: Path, seed: int, attack_names: Sequence[str], look: Callable[[Path, str], T], place: int
 ) -> T | None:
-    """What is made of one attack on a drive, the empty word for none; None where it has no chance."""
-    word = words[place]
-    bag = clean.parent / word if word else clean
+    """The result of one attack on a drive, "" for the clean drive; None where the attack is not possible."""
+    attack_name = attack_names[place]
+    bag = clean.parent / attack_name if attack_name else clean
     try:
         if not bag.exists():
-            attack(clean, bag, AttackRequest(_specs(word, clean, seed), seed=seed))
+            attack(clean, bag, AttackRequest(_specs(attack_name, clean, seed), seed=seed))
     except AdvpipeError as error:
-        print(f"{clean.parent.name}: {word} left out: {error}", file=sys.stderr)
+        print(f"{clean.parent.name}: {attack_name} left out: {error}", file=sys.stderr)
         return None
-    return look(bag, word)
+    return look(bag, attack_name)
 
 
-def _specs(word: str, clean: Path, seed: int) -> tuple[AttackSpec, ...]:
-    """An attack with its defaults by a fifth of the fleet: false messages, or as many false GPS.
+def _specs(attack_name: str, clean: Path, seed: int) -> tuple[AttackSpec, ...]:
+    """An attack with its defaults by a fifth of the fleet: false messages, or as many vehicles with false
+    GNSS.
 
     Messages are aimed at the ego where they need a victim. Beside the instrumented listener, the vehicles
-    whose GPS is spoofed are those that lie in messages otherwise; an attack that has to know a filter
-    strikes the listener alone.
+    whose GNSS is spoofed are those that otherwise send false messages; an attack that needs a filter is
+    aimed at the instrumented listener alone.
     """
     schedule = Schedule(from_s=FROM_S)
-    if word in V2X_ATTACKS:
-        parameters = LIKE_NEXTGEN.get(word, {})
-        return (AttackSpec(type=word, parameters=parameters, schedule=schedule, victim="ego"),)
+    if attack_name in V2X_ATTACKS:
+        parameters = LIKE_NEXTGEN.get(attack_name, {})
+        return (AttackSpec(type=attack_name, parameters=parameters, schedule=schedule, victim="ego"),)
     victims = ["other"]
-    if not gnss_traits(GNSS_ATTACKS[word]).needs_filter:
+    if not gnss_traits(GNSS_ATTACKS[attack_name]).needs_filter:
         selection = AttackerSelection(V2xDrive(BagReader(clean)), str(clean), seed)
         victims += [selection.names[number] for number in selection.attackers(AttackSpec(type="cam-drop"))]
-    return tuple(AttackSpec(type=word, schedule=schedule, victim=victim) for victim in victims)
+    return tuple(AttackSpec(type=attack_name, schedule=schedule, victim=victim) for victim in victims)
 
 
 def _parted(streams: Sequence[Stream]) -> tuple[list[Stream], list[Stream]]:
-    """Those of clean drives, and those of attacked ones."""
+    """Split streams into those of clean drives and those of attacked ones."""
     return [each for each in streams if not each.attack], [each for each in streams if each.attack]
 
 
-def _streams(bag: Path, word: str) -> list[Stream]:
+def _streams(bag: Path, attack_name: str) -> list[Stream]:
     labels = read_labels(bag)
     return [
-        Stream(one.claims, one.receivers, lies(one.numbers, labels), word)
+        Stream(one.claims, one.receivers, are_false(one.numbers, labels), attack_name)
         for one in read_receptions(BagReader(bag))
     ]
 
 
-def _detection(config: DetectorConfig, parameters: CatchParameters, bag: Path, word: str) -> Detection:
+def _detection(config: DetectorConfig, parameters: CatchParameters, bag: Path, attack_name: str) -> Detection:
     reader = BagReader(bag)
     published = published_f1(reader.provenance)
     return detect(read_receptions(reader), read_labels(bag), config, parameters, published)
 
 
 def _print_attacks(found: dict[str, Detection]) -> tuple[float, float]:
-    """The table; returns the mean F1 of ours and of the baseline over the attacks that tell lies."""
+    """Print the table; return the mean F1 of our detector and of the baseline over attacks with false
+    messages."""
     names = ("precision", "recall", "F1", "MCC", "latency s")
-    heads = ("attack", "lies", *names, *(f"baseline {name}" for name in names), "CaTCH published F1")
+    heads = (
+        "attack",
+        "false messages",
+        *names,
+        *(f"baseline {name}" for name in names),
+        "CaTCH published F1",
+    )
     print("\n| " + " | ".join(heads) + " |\n" + "|---" * len(heads) + "|")
     ours, base = [], []
-    for word, each in found.items():
+    for attack_name, each in found.items():
         if each.lies:
             ours.append(each.ours.f1)
             base.append(each.baseline.f1)
-        published = next((part.published for part in each.parts if part.attack == word), math.nan)
+        published = next((part.published for part in each.parts if part.attack == attack_name), math.nan)
         cells = (*_cells(each.ours), *_cells(each.baseline), _cell(published))
-        print(f"| `{word}` | {each.lies} | " + " | ".join(cells) + " |")
+        print(f"| `{attack_name}` | {each.lies} | " + " | ".join(cells) + " |")
     means = sum(ours) / max(len(ours), 1), sum(base) / max(len(base), 1)
     better = sum(a > b for a, b in zip(ours, base, strict=True))
     print(
@@ -270,17 +297,17 @@ def _tuned_text(drives: Sequence[str], config: DetectorConfig, parameters: Catch
     """The file `tuned.py`; to four digits."""
     thresholds = {name: config.thresholds[name] for name, check in CHECKS.items() if check.is_tuned}
     infinite = "from math import inf\n\n" if math.isinf(config.pardon_s) else ""
-    return f'''"""What tuning found for both detectors, written by `benchmarks/misbehaviour.py --ship`."""
+    return f'''"""Tuned parameters of both detectors, written by `benchmarks/misbehaviour.py --ship`."""
 
 from __future__ import annotations
 
 {infinite}DRIVES = (
 {"".join(f'    "{drive}",' + chr(10) for drive in drives)})
-"""That both were tuned on, networks drawn from these seeds: the benchmark tests on none of them."""
+"""Drives used for tuning, on networks drawn from these seeds; the benchmark tests on none of them."""
 
 THRESHOLDS: dict[str, float] = {{
 {_items(thresholds)}}}
-"""Of our checks, by name; units as in `config.CHECKS`."""
+"""Thresholds of our checks, by name; units as in `config.CHECKS`."""
 
 PARDON_S: float = {config.pardon_s:g}
 

@@ -63,7 +63,7 @@ def main() -> None:
         medium = Medium(Radio(), seed=1)
         outcomes.clear()
         for where, transmissions, until_ns in steps:
-            outcomes.append(medium.advance(until_ns, where, transmissions).fates.outcome.ravel())
+            outcomes.append(medium.advance(until_ns, where, transmissions).outcomes.outcome.ravel())
 
     def bare() -> None:
         for where, transmissions, _ in steps:

@@ -67,7 +67,7 @@ V2X = (
     (EmbeddedNetwork, "simulate_until"),
     (EmbeddedNetwork, "update"),
     (EmbeddedNetwork, "local_dynamic_maps"),
-    (Recorder, "_record_exchange"),
+    (Recorder, "_record_network_step"),
     (Recorder, "_record_radios"),
     (Recorder, "_record_maps"),
 )

@@ -9,12 +9,12 @@ from typing import Any
 from advpipe.commands.attackers import attackers_section
 from advpipe.commands.paths import PathLike, bag_or_newest
 from advpipe.pipeline.core.attack_options import AttackOptions
-from advpipe.pipeline.core.errors import UsageError, writing, wrong_use
-from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.core.errors import UsageError, as_usage_error, writing
+from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.process.folder import refuse_undecodable
 from advpipe.pipeline.scenario.attacks import attack_spec
-from advpipe.stages.attack.registry import usual_budget
+from advpipe.stages.attack.registry import default_budget
 from advpipe.stages.attack.run import AttackRequest, AttackSummary, attack_id
 from advpipe.stages.attack.run import attack as run
 
@@ -65,13 +65,13 @@ def attack(
     >>> detached = advpipe.attack(drive, type="detach", ratio=0.01)
     >>> stopped = advpipe.attack(drive, type="cam-speed-constant", attacker="20%", speed_mps=0.0)
     """
-    with wrong_use():
+    with as_usage_error():
         clean = bag_or_newest(bag)
         spec = attack_spec(
             {
                 "type": type,
                 "recipe": recipe,
-                "parameters": {**usual_budget(type), **_together(parameters or {}, more_parameters)},
+                "parameters": {**default_budget(type), **_merged(parameters or {}, more_parameters)},
                 "schedule": {"from_s": from_s, "to_s": to_s},
                 "attackers": attackers_section([attacker] if isinstance(attacker, str) else attacker),
                 "victim": victim,
@@ -90,7 +90,7 @@ def attack(
         return run(clean, target, request, overwrite=overwrite, workers=workers)
 
 
-def _together(parameters: Mapping[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:
+def _merged(parameters: Mapping[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:
     if twice := sorted(parameters.keys() & more.keys()):
-        raise UsageError(f"the parameter {shown(twice[0])} is given twice; leave one of them out")
+        raise UsageError(f"the parameter {short_repr(twice[0])} is given twice; give it once")
     return {**parameters, **more}

@@ -17,9 +17,7 @@ def attackers_section(words: Sequence[str]) -> dict[str, Any] | None:
     if not special:
         return {"vehicles": list(words)}
     if len(words) > 1:
-        raise UsageError(
-            f"--attacker {special[0]}: a share or a roadside unit stands alone; leave out the rest"
-        )
+        raise UsageError(f"--attacker {special[0]}: a share or a roadside unit must be the only attacker")
     (word,) = words
     try:
         if word.endswith("%"):

@@ -8,7 +8,7 @@ from pathlib import Path
 from advpipe.commands.paths import PathLike, bag_or_newest
 from advpipe.pipeline.bag.frames import FrameSlice
 from advpipe.pipeline.bag.locate import CLEAN_NAME, adversarial_bags, resolve_bag
-from advpipe.pipeline.core.errors import wrong_use
+from advpipe.pipeline.core.errors import as_usage_error
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.detector.registry import detector_slug
 from advpipe.pipeline.process.folder import refuse_undecodable
@@ -55,7 +55,7 @@ def evaluate(
     >>> report = advpipe.evaluate(drive, detached)
     >>> report.to_dicts()[0]["map_ratio_percent"]
     """
-    with wrong_use():
+    with as_usage_error():
         scored, others = bag_or_newest(clean), [resolve_bag(Path(bag)) for bag in adversarial]
         chosen = FrameSlice.parse(frames)
     if not others and scored.name == CLEAN_NAME:

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from advpipe.pipeline.bag.locate import newest_dataset, resolve_bag
-from advpipe.pipeline.process.folder import here
+from advpipe.pipeline.process.folder import working_path
 
 PathLike = str | os.PathLike[str]
 """A path as text or `Path`, or the result of an earlier command, which stands for the bag that it made."""
@@ -20,4 +20,4 @@ def bag_or_newest(bag: PathLike | None) -> Path:
 
     Raises AdvpipeError where there is none.
     """
-    return resolve_bag(newest_dataset(here(DATA_SETS)) if bag is None else Path(bag))
+    return resolve_bag(newest_dataset(working_path(DATA_SETS)) if bag is None else Path(bag))

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from advpipe.commands.paths import DATA_SETS, PathLike
-from advpipe.pipeline.core.errors import UsageError, wrong_use
+from advpipe.pipeline.core.errors import UsageError, as_usage_error
 from advpipe.pipeline.core.verbosity import detail
-from advpipe.pipeline.process.folder import here
+from advpipe.pipeline.process.folder import working_path
 from advpipe.pipeline.scenario import Scenario, load_scenario
 from advpipe.stages.simulate.run import SimulationSummary
 from advpipe.stages.simulate.run import simulate as run
@@ -37,12 +37,12 @@ def simulate(
     """
     if isinstance(scenario, Scenario):
         if settings:
-            raise UsageError("settings: the scenario is loaded already; give them to load_scenario")
+            raise UsageError("settings: the scenario is already loaded; pass them to load_scenario")
         loaded, named = scenario, scenario.name
     else:
         named = str(Path(scenario))
-        with wrong_use():
+        with as_usage_error():
             loaded = load_scenario(named, settings)
     detail(f"scenario {loaded.name} of {named}, seed {loaded.simulation.seed}")
-    folder = here(DATA_SETS) / loaded.name if out is None else Path(out)
+    folder = working_path(DATA_SETS) / loaded.name if out is None else Path(out)
     return run(loaded, folder, overwrite=overwrite)

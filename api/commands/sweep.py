@@ -8,7 +8,7 @@ from pathlib import Path
 from advpipe.commands.paths import PathLike, bag_or_newest
 from advpipe.pipeline.campaigns.sweep.options import SweepOptions
 from advpipe.pipeline.campaigns.sweep.run import Sweep, SweepReport
-from advpipe.pipeline.core.errors import wrong_use
+from advpipe.pipeline.core.errors import as_usage_error
 from advpipe.pipeline.detector.registry import detector_slug
 from advpipe.pipeline.process.folder import refuse_undecodable
 
@@ -44,7 +44,7 @@ def sweep(
 
     >>> advpipe.sweep(drive, cells="detach-1", frames="::10").to_dicts()
     """
-    with wrong_use():
+    with as_usage_error():
         clean = bag_or_newest(bag)
     asked = prepared(
         clean,

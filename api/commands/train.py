@@ -6,7 +6,7 @@ from pathlib import Path
 
 from advpipe.commands.paths import PathLike
 from advpipe.pipeline.bag.locate import resolve_bag
-from advpipe.pipeline.core.errors import UsageError, writing, wrong_use
+from advpipe.pipeline.core.errors import UsageError, as_usage_error, writing
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.process.folder import refuse_undecodable
 from advpipe.stages.train.config import TrainConfig
@@ -42,13 +42,13 @@ def train(
     >>> trained = advpipe.train("datasets/a", "datasets/b", out="runs/mine", validate="datasets/c")
     >>> advpipe.evaluate(drive, detector=str(trained.checkpoint))
     """
-    with wrong_use():
+    with as_usage_error():
         learned = tuple(resolve_bag(Path(bag)) for bag in bags)
         held_out = None if validate is None else resolve_bag(Path(validate))
     if held_out and held_out.resolve() in {bag.resolve() for bag in learned}:
-        raise UsageError(f"--validate {validate} is a bag to learn from; name one that is held out")
+        raise UsageError(f"--validate {validate} is also a training bag; name a held-out one")
     refuse_undecodable(*learned, held_out, Path(out))
-    with wrong_use():
+    with as_usage_error():
         config = TrainConfig(
             bags=learned,
             out=Path(out),

@@ -55,10 +55,10 @@ def sensors_by_topic(reader: BagReader) -> Mapping[str, CarriedSensor] | None:
     if reader.topics[SCENARIO_INFO.name].type != SCENARIO_INFO.type:
         return None
     text = latched_text(reader, SCENARIO_INFO.name)
-    return sensors_in(text, f"{reader.path}: {SCENARIO_INFO.name} holds no scenario")
+    return sensors_of_scenario(text, f"{reader.path}: {SCENARIO_INFO.name} holds no scenario")
 
 
-def sensors_in(text: str, where: str) -> Mapping[str, CarriedSensor] | None:
+def sensors_of_scenario(text: str, where: str) -> Mapping[str, CarriedSensor] | None:
     """The same of the scenario in JSON; where: the bag and topic that errors name."""
     info: ScenarioSensors = read_json(text, ScenarioSensors, where, "record it again")
     if info.sensors is None:

@@ -45,17 +45,20 @@ def _files_of_directory(directory: Path) -> list[Path]:
             "pass the .mcap file itself, or restore it with `ros2 bag reindex`"
         )
     information: _Information = validated(
-        read_information(metadata_path), _Information, str(metadata_path), "write it anew: `ros2 bag reindex`"
+        read_information(metadata_path),
+        _Information,
+        str(metadata_path),
+        "rebuild it with `ros2 bag reindex`",
     )
     storage = information.storage_identifier
     if storage != "mcap":
         raise UsageError(
-            f"{directory} is stored as {storage!r}, advpipe reads mcap; convert it with "
+            f"{directory} is stored as {storage!r}, but advpipe reads mcap; convert it with "
             f"`rosbags-convert --src {directory} --dst NEW --dst-storage mcap`"
         )
     if (information.compression_mode or "none").lower() != "none":
         raise UsageError(
-            f"{directory} is compressed per file or message, which rosbag2 itself plays badly; convert it "
+            f"{directory} is compressed per file or message, which advpipe does not read; convert it "
             f"with `rosbags-convert --src {directory} --dst NEW --dst-storage mcap`"
         )
     if not information.relative_file_paths:
@@ -82,5 +85,5 @@ def read_information(metadata_path: Path) -> dict[str, Any]:
         raise AdvpipeError(f"{metadata_path} is not valid YAML") from None
     information = document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None
     if not isinstance(information, dict):
-        raise AdvpipeError(f"{metadata_path} is no rosbag2 metadata: rosbag2_bagfile_information is missing")
+        raise AdvpipeError(f"{metadata_path} is not rosbag2 metadata: rosbag2_bagfile_information is missing")
     return information

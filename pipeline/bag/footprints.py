@@ -48,5 +48,5 @@ def footprints_of_text(text: str, where: str) -> list[shapely.Polygon]:
     (bad,) = np.nonzero(~shapely.is_valid(np.array(footprints, dtype=object)))
     if len(bad):
         reason = shapely.is_valid_reason(footprints[bad[0]])
-        raise AdvpipeError(f"{where}: polygon {bad[0]} is none ({reason}); record it again")
+        raise AdvpipeError(f"{where}: polygon {bad[0]} is invalid ({reason}); record it again")
     return footprints

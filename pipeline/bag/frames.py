@@ -54,7 +54,7 @@ def find_lidar_topic(reader: BagReader, lidar_topic: str | None = None) -> str:
     candidates = lidar_topics(reader)
     if not candidates:
         others = ", ".join(reader.topics_of_type(CLOUD_TYPE))
-        why = f"the point clouds of {others} are no LiDAR's" if others else f"no {CLOUD_TYPE} topic"
+        why = f"the point clouds of {others} are not from a LiDAR" if others else f"no {CLOUD_TYPE} topic"
         raise UsageError(f"{reader.path} holds no LiDAR clouds ({why})")
     default = VehicleTopics().lidar_points.name
     if len(candidates) > 1 and default not in candidates:
@@ -72,7 +72,7 @@ def _named(reader: BagReader, topic: str) -> str:
         raise UsageError(f"{reader.path} has no clouds on {topic}; it has {', '.join(lidars or clouds)}")
     if topic not in lidars and topic in (known := sensors_by_topic(reader) or {}):
         raise UsageError(
-            f"{reader.path}: the clouds of {topic} are those of sensors.{known[topic].key}, not of a LiDAR; "
+            f"{reader.path}: the clouds of {topic} come from sensors.{known[topic].key}, not from a LiDAR; "
             f"it has {', '.join(lidars) or 'none'}"
         )
     return topic

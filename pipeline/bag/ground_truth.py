@@ -73,7 +73,7 @@ class GroundTruth:
         if stamp_ns not in self._boxes:
             raise AdvpipeError(
                 f"{self._reader.path}: no message of {self._objects} has the stamp {stamp_ns} ns of a cloud; "
-                "choose frames that have their truth, with --frames start:stop:step"
+                "choose frames with ground truth, with --frames start:stop:step"
             )
         frame_id, boxes = self._boxes[stamp_ns]
         known = self._velocities.get(stamp_ns, {})
@@ -118,9 +118,9 @@ class GroundTruth:
         frame_root, root_SE3_frame = _to_root(parents, frame_id)
         if lidar_root != frame_root:
             raise AdvpipeError(
-                f"{self._reader.path}: nothing ties the frame {frame_id!r} of {self._objects} to "
+                f"{self._reader.path}: no transform connects the frame {frame_id!r} of {self._objects} to "
                 f"{lidar_frame!r} at {stamp_ns} ns; {TF_STATIC.name} and {TF.name} or "
-                f"{self._topics.true_odometry.name} must, at the stamp of each cloud"
+                f"{self._topics.true_odometry.name} must, at each cloud's time stamp"
             )
         return invert(root_SE3_lidar) @ root_SE3_frame
 
@@ -130,7 +130,9 @@ class GroundTruth:
         for name, class_name, centre, size_m in _objects(message) if of_objects else _detections(message):
             position = (centre.position.x, centre.position.y, centre.position.z)
             if len(size_m) != 3:
-                raise AdvpipeError(f"{self._reader.path}: {self._objects} has {name!r}, which is no box")
+                raise AdvpipeError(
+                    f"{self._reader.path}: {self._objects} has {name!r}, whose shape is not a box"
+                )
             rows.append((*position, *size_m, _yaw(centre.orientation)))
             labels.append(self._label_of(class_name))
             ids.append(name)

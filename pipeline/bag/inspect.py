@@ -161,7 +161,7 @@ def describe(path: Path) -> BagDescription:
         messages=sum(info.count for info in reader.topics.values()),
         topics=tuple(
             TopicDescription(
-                name, info.type, info.count, tally.rate_hz(name, info.count), _in_words(info.qos)
+                name, info.type, info.count, tally.rate_hz(name, info.count), _qos_text(info.qos)
             )
             for name, info in sorted(reader.topics.items())
         ),
@@ -185,7 +185,7 @@ def _truth(reader: BagReader) -> frozenset[str]:
     return frozenset(own or names)
 
 
-def _in_words(profiles: tuple[Qos, ...]) -> str:
+def _qos_text(profiles: tuple[Qos, ...]) -> str:
     """Such as `reliable 10`, or `reliable latched 1` for transient local durability."""
     words = []
     for qos in profiles:

@@ -21,7 +21,7 @@ class _Map(Document):
     origin: GeoOrigin
 
 
-class _Chance(Document):
+class _Seed(Document):
     seed: Count
 
 
@@ -38,7 +38,7 @@ class V2xInfo(Document):
 
     v2x: V2x
     map: _Map
-    simulation: _Chance
+    simulation: _Seed
     vehicles: dict[Name, object]
 
 
@@ -55,7 +55,7 @@ def read_scenario_info(reader: BagReader, part: Any) -> Any:
 
     Raises AdvpipeError for a bag whose scenario is none of this version.
     """
-    where = f"{reader.path}: {SCENARIO_INFO.name} holds no scenario of this version"
+    where = f"{reader.path}: {SCENARIO_INFO.name} does not hold a scenario of this version"
     return read_latched(reader, SCENARIO_INFO.name, part, where)
 
 

@@ -113,7 +113,9 @@ def read_measurements(
     estimates, for two at one time, and for one after `LATEST_NS`.
     """
     if topics.odometry.name not in reader.topics:
-        raise UsageError(f"{reader.path} has no topic {topics.odometry.name}: no filter to run again")
+        raise UsageError(
+            f"{reader.path} has no topic {topics.odometry.name}, so there is no filter to run again"
+        )
     stamps_ns = reader.log_times_ns(topics.odometry.name)
     if last_ns is not None:
         stamps_ns = stamps_ns[stamps_ns <= last_ns]

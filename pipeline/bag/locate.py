@@ -25,8 +25,9 @@ def resolve_bag(path: Path) -> Path:
     if not path.exists():
         raise UsageError(f"{path} does not exist; give a data set, a rosbag2 directory or an .mcap file")
     raise UsageError(
-        f"{path} is no bag: no data set (with {CLEAN_NAME}/), no rosbag2 directory (with {METADATA_NAME}) "
-        "and no .mcap file"
+        f"{path} is not a bag: neither a data set (with {CLEAN_NAME}/), nor a rosbag2 directory (with "
+        f"{METADATA_NAME}), "
+        "nor an .mcap file"
     )
 
 

@@ -78,12 +78,12 @@ def _versions_json(packages: tuple[str, ...]) -> str:
     return json.dumps({package: number for package, number in versions.items() if number}, sort_keys=True)
 
 
-def seal(provenance: Mapping[str, str]) -> dict[str, str]:
+def with_checksum(provenance: Mapping[str, str]) -> dict[str, str]:
     """The record to write: the provenance and its checksum."""
     return {**provenance, _CHECKSUM: _checksum(provenance)}
 
 
-def unseal(record: Mapping[str, str], path: Path) -> Provenance:
+def checked_provenance(record: Mapping[str, str], path: Path) -> Provenance:
     """The provenance in a record; a record that was changed, or is none, is refused."""
     provenance = {key: value for key, value in record.items() if key != _CHECKSUM}
     if record.get(_CHECKSUM) != _checksum(provenance):

@@ -54,7 +54,7 @@ class RecordedAttack(Document):
         return self.model_dump(exclude_unset=True)
 
 
-class _Said(Document):
+class ProvenanceFields(Document):
     """The record by its keys; what is not there has its default."""
 
     kind: Word = ""
@@ -82,7 +82,7 @@ class _Said(Document):
 class Provenance(Mapping[str, str]):
     """The record as it is written, a mapping of strings, and what it says.
 
-    said: the same as typed values, with bounds. parameters: of the attack; none of a coordinated one.
+    fields: the same as typed values, with bounds. parameters: of the attack; none of a coordinated one.
     """
 
     def __init__(self, record: Mapping[str, str], place: str = "the provenance record") -> None:
@@ -96,15 +96,15 @@ class Provenance(Mapping[str, str]):
         values: dict[str, Any] = dict(self._record)
         for key in values.keys() & set(_JSON):
             values[key] = read_json(self._record[key], Any, f"{place}: {key}", _HINT)
-        self.said: _Said = validated(values, _Said, place, _HINT)
+        self.fields: ProvenanceFields = validated(values, ProvenanceFields, place, _HINT)
 
     @property
     def is_attack(self) -> bool:
-        return self.said.kind == "attack"
+        return self.fields.kind == "attack"
 
     @property
     def parameters(self) -> dict[str, Any]:
-        found = self.said.parameters
+        found = self.fields.parameters
         return found if isinstance(found, dict) else {}
 
     def __getitem__(self, key: str) -> str:

@@ -12,14 +12,14 @@ import numpy.typing as npt
 from rosbags.typesys.store import Typestore
 
 from advpipe.pipeline.bag.files import mcap_files
-from advpipe.pipeline.bag.provenance import RECORD_NAME, unseal
+from advpipe.pipeline.bag.provenance import RECORD_NAME, checked_provenance
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError, one_line
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.mcap.channel import RawMessage, TopicInfo
 from advpipe.pipeline.mcap.reader import McapFile, in_time_order
 from advpipe.pipeline.messages.cloud import StampedCloud, cloud_from_cdr
-from advpipe.pipeline.messages.message_bounds import absurdity
+from advpipe.pipeline.messages.message_bounds import implausibility
 from advpipe.pipeline.messages.object_count import has_more_objects
 from advpipe.pipeline.messages.types import missing_field, schema_text, types_from, typestore
 
@@ -47,7 +47,7 @@ class BagReader:
         """The `advpipe` record (see `provenance.py`); empty for another tool's bag."""
         for file in self._files:
             if RECORD_NAME in file.metadata:
-                return unseal(file.metadata[RECORD_NAME], file.path)
+                return checked_provenance(file.metadata[RECORD_NAME], file.path)
         return Provenance({})
 
     @cached_property
@@ -97,7 +97,7 @@ class BagReader:
         (`message_bounds`).
         """
         message = self.decode_as_it_is(raw)
-        if problem := absurdity(raw.topic.name, raw.topic.type, message):
+        if problem := implausibility(raw.topic.name, raw.topic.type, message):
             raise AdvpipeError(
                 one_line(f"{self.path}: a message of {raw.topic.name} at {raw.log_time_ns} ns {problem}")
             )
@@ -112,14 +112,15 @@ class BagReader:
             ):
                 raise AdvpipeError(
                     f"{self.path}: a message of {raw.topic.name} at {raw.log_time_ns} ns has {len(raw.cdr)} "
-                    f"bytes, too many to read as a {raw.topic.type}"
+                    f"bytes and would decode to too many objects as a {raw.topic.type}"
                 )
             return store.deserialize_cdr(raw.cdr, raw.topic.type)
         except AdvpipeError:
             raise
         except Exception:  # rosbags makes code of the bag's definitions: they can fail in any way
             raise AdvpipeError(
-                f"{self.path}: a message of {raw.topic.name} at {raw.log_time_ns} ns is no {raw.topic.type}"
+                f"{self.path}: a message of {raw.topic.name} at {raw.log_time_ns} ns is not a valid "
+                f"{raw.topic.type}"
             ) from None
 
     def type_hash(self, raw: RawMessage) -> str:
@@ -161,7 +162,7 @@ class BagReader:
         store.register(types_from(raw.schema, raw.schema_encoding, name))
         if name in typestore().types and (field := missing_field(store, name)):
             raise AdvpipeError(
-                f"{self.path}: {raw.topic.name} has another release's {name}, without our {field}; "
-                "advpipe reads those of Humble and later"
+                f"{self.path}: {raw.topic.name} has {name} of another release, without the field {field}; "
+                "advpipe reads types of Humble and later"
             )
         return store

@@ -59,7 +59,7 @@ def recorded_receptions(
     for topic, beside in ((topics.reception_info, infos), (topics.true_receptions, truths)):
         if strays := beside.keys() - packets.keys():
             raise AdvpipeError(
-                f"{reader.path}: {topic.name} at {min(strays)[0]} ns belongs to no message of "
+                f"{reader.path}: {topic.name} at {min(strays)[0]} ns matches no message of "
                 f"{topics.received_raw.name}; record it again"
             )
     return [

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from advpipe.pipeline.bag.carried import CLOUD_TYPE, CarriedSensor, is_lidar, sensors_in
+from advpipe.pipeline.bag.carried import CLOUD_TYPE, CarriedSensor, is_lidar, sensors_of_scenario
 from advpipe.pipeline.bag.frames import vehicle_topics
 from advpipe.pipeline.bag.locate import CLEAN_NAME
-from advpipe.pipeline.bag.provenance import RECORD_NAME, unseal
+from advpipe.pipeline.bag.partial_recording import SCENARIO_NAME, PartialRecording, find_partial_recording
+from advpipe.pipeline.bag.provenance import RECORD_NAME, checked_provenance
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.remains import SCENARIO_NAME, Remains, find_remains
 from advpipe.pipeline.bag.writer import FILES_RECORD, BagWriter
 from advpipe.pipeline.core.document import read_text, read_yaml
 from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError
@@ -36,7 +36,7 @@ _TRUTH_TYPES = (VehicleTopics().objects.type, VehicleTopics().true_odometry.type
 class Recovery:
     """What was saved to `out` (None: nothing needs saving), and what was lost; `str` is one line."""
 
-    remains: Remains
+    source: PartialRecording
     out: Path | None = None
     messages: int = 0
     clouds: int = 0
@@ -47,19 +47,22 @@ class Recovery:
 
     def __str__(self) -> str:
         if self.out is None:
-            return f"{self.remains.bag}: whole, with {self.messages:,} messages; nothing to recover"
+            return f"{self.source.bag}: intact, with {self.messages:,} messages; nothing to recover"
         lost = [
             f"{what} {count:,}"
             for what, count in {
-                "bytes outside of whole chunks": self.lost_bytes,
+                "bytes outside complete chunks": self.lost_bytes,
                 "damaged chunks": self.lost_chunks,
-                "messages known to be in them": self.lost_messages,
+                "messages in damaged chunks": self.lost_messages,
                 "clouds without their ground truth": self.clouds_without_truth,
             }.items()
             if count
         ]
-        saved = f"{self.messages:,} messages ({self.clouds:,} clouds) saved from {self.remains.found}"
-        return f"{self.out}: {saved}; lost besides the index: {', '.join(lost) or 'what was not written yet'}"
+        saved = f"{self.messages:,} messages ({self.clouds:,} clouds) recovered from {self.source.found}"
+        return (
+            f"{self.out}: {saved}; lost, besides the index: "
+            f"{', '.join(lost) or 'what had not been written yet'}"
+        )
 
     def to_json(self) -> str:
         """The counts."""
@@ -94,33 +97,33 @@ class _Survey:
 def recover(path: Path, out: Path | None = None, *, overwrite: bool = False) -> Recovery:
     """Write a whole bag of what is whole in a cut-off one, as `out` or `<name>-recovered` beside it.
 
-    path: see `find_remains`. The source stays as it is, and an intact bag is left alone. A data set
+    path: see `find_partial_recording`. The source stays as it is, and an intact bag is left alone. A data set
     becomes a data set. Attachments are not kept. Raises AdvpipeError where nothing can be saved, an output
     exists, or a living run is still writing.
     """
-    with find_remains(Path(path)) as remains:
-        if not remains.is_leftover and _is_whole(remains):
-            topics = BagReader(remains.bag).topics.values()
-            return Recovery(remains, messages=sum(topic.count for topic in topics))
-        target = Path(out) if out else remains.name.with_name(f"{remains.name.name}-recovered")
+    with find_partial_recording(Path(path)) as source:
+        if not source.is_leftover and _is_whole(source):
+            topics = BagReader(source.bag).topics.values()
+            return Recovery(source, messages=sum(topic.count for topic in topics))
+        target = Path(out) if out else source.name.with_name(f"{source.name.name}-recovered")
         if target.exists() and not overwrite:
             raise OutputExistsError(target)
-        recovery = Recovery(remains, target)
+        recovery = Recovery(source, target)
         survey = _survey(recovery)
-        if not remains.is_data_set:
+        if not source.is_data_set:
             _write(recovery, survey, target, overwrite)
             return recovery
         with staged_folder(target, overwrite, DATA_SET) as folder:
-            if scenario := _scenario(remains, survey):
+            if scenario := _scenario(source, survey):
                 (folder / SCENARIO_NAME).write_text(scenario, encoding="utf-8")
             _write(recovery, survey, folder / CLEAN_NAME, overwrite=False)
     return recovery
 
 
-def _is_whole(remains: Remains) -> bool:
+def _is_whole(source: PartialRecording) -> bool:
     try:
-        BagReader(remains.bag)
-        for file in remains.files:
+        BagReader(source.bag)
+        for file in source.files:
             validate_checksums(file)
     except AdvpipeError:
         return False
@@ -130,7 +133,7 @@ def _is_whole(remains: Remains) -> bool:
 def _survey(recovery: Recovery) -> _Survey:
     """Reads all once, and counts in `recovery`."""
     survey = _Survey()
-    for salvage in map(Salvage, recovery.remains.filled_files):
+    for salvage in map(Salvage, recovery.source.filled_files):
         for raw in salvage.messages():
             recovery.messages += 1
             if raw.topic.type == CLOUD_TYPE:
@@ -148,30 +151,30 @@ def _survey(recovery: Recovery) -> _Survey:
     recovery.messages -= recovery.clouds_without_truth
     recovery.clouds -= recovery.clouds_without_truth
     if not recovery.messages:
-        files = ", ".join(map(str, recovery.remains.files))
-        raise AdvpipeError(f"{files}: holds no whole chunk of messages; nothing can be saved")
+        files = ", ".join(map(str, recovery.source.files))
+        raise AdvpipeError(f"{files}: holds no complete chunk of messages; nothing can be recovered")
     return survey
 
 
 def _sensors(raw: RawMessage) -> Mapping[str, CarriedSensor] | None:
     try:
         message = typestore().deserialize_cdr(raw.cdr, SCENARIO_INFO.type)
-        return sensors_in(message.data, SCENARIO_INFO.name)  # type: ignore[attr-defined]
+        return sensors_of_scenario(message.data, SCENARIO_INFO.name)  # type: ignore[attr-defined]
     except Exception:  # damaged, or another tool's: every cloud may be a LiDAR's
         return None
 
 
 def _provenance(salvage: Salvage) -> Provenance:
     try:
-        return unseal(salvage.metadata.get(RECORD_NAME, {}), salvage.path)
+        return checked_provenance(salvage.metadata.get(RECORD_NAME, {}), salvage.path)
     except AdvpipeError:  # missing or damaged: the bag is of unknown origin, like another tool's
         return Provenance({})
 
 
-def _scenario(remains: Remains, survey: _Survey) -> str | None:
-    file = remains.found / SCENARIO_NAME
+def _scenario(source: PartialRecording, survey: _Survey) -> str | None:
+    file = source.found / SCENARIO_NAME
     if not file.is_file():
-        return survey.provenance.said.scenario
+        return survey.provenance.fields.scenario
     text = read_text(file)
     read_yaml(text, dict[str, Any], str(file), "put the right scenario there, or remove it")
     return text
@@ -181,7 +184,7 @@ def _write(recovery: Recovery, survey: _Survey, bag: Path, overwrite: bool) -> N
     provenance = {**survey.provenance, RECOVERED_KEY: recovery.to_json()}
     lone_clouds = survey.lone_clouds()
     with BagWriter(bag, provenance=provenance, overwrite=overwrite) as writer:
-        for salvage in map(Salvage, recovery.remains.filled_files):
+        for salvage in map(Salvage, recovery.source.filled_files):
             for raw in salvage.messages():
                 if (raw.topic.name, raw.log_time_ns) not in lone_clouds:
                     writer.copy(raw)

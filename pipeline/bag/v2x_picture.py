@@ -7,8 +7,8 @@ from pathlib import Path
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.v2x_statistics import read_statistics
+from advpipe.pipeline.core.atomic_file import atomic_file
 from advpipe.pipeline.core.errors import OutputExistsError, UsageError, writing
-from advpipe.pipeline.core.whole_file import whole_file
 from advpipe.pipeline.v2x.plot import draw_statistics
 
 FORMATS = (".png", ".pdf", ".svg")
@@ -21,16 +21,16 @@ def draw_bag(bag: Path, out: Path, overwrite: bool = False) -> None:
     Raises AdvpipeError for a bag without V2X, a file that exists, and a kind of file that is none.
     """
     if out.suffix.lower() not in FORMATS:
-        raise UsageError(f"{out} is no picture; end its name in one of {', '.join(FORMATS)}")
+        raise UsageError(f"{out} is not a picture; use one of the extensions {', '.join(FORMATS)}")
     if out.exists() and not overwrite:
         raise OutputExistsError(out)
     reader = BagReader(resolve_bag(bag))
     statistics = read_statistics(reader)
     if statistics is None:
-        raise UsageError(f"{reader.path} has no statistics of V2X; simulate a drive with v2x.enabled")
+        raise UsageError(f"{reader.path} has no V2X statistics; simulate a drive with v2x.enabled")
     figure = draw_statistics(statistics, reader.provenance.get("scenario_name", ""))
     form = out.suffix.lower()
-    with writing(out), whole_file(out) as beside:
+    with writing(out), atomic_file(out) as beside:
         figure.savefig(beside, format=form[1:], dpi=DOTS_PER_INCH, metadata=_NO_DATE.get(form))
 
 

@@ -26,6 +26,6 @@ def read_statistics(reader: BagReader) -> Statistics | None:
         return None
     if not reader.topics[V2X_STATISTICS.name].count:
         return None
-    where = f"{reader.path}: {V2X_STATISTICS.name} holds no statistics of this version"
+    where = f"{reader.path}: {V2X_STATISTICS.name} does not hold V2X statistics of this version"
     statistics: Statistics = read_latched(reader, V2X_STATISTICS.name, Statistics, where)
     return statistics

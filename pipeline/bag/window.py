@@ -54,7 +54,8 @@ def window_of(reader: BagReader, frames: FrameSlice, lidar_topic: str | None = N
         return WHOLE_DRIVE
     if not lidar_topics(reader):
         raise UsageError(
-            f"{reader.path} holds no LiDAR clouds, so frames {frames} choose no time; leave out the frames"
+            f"{reader.path} holds no LiDAR clouds, so the frames {frames} select no time span; leave "
+            "--frames out"
         )
     times_ns = reader.log_times_ns(find_lidar_topic(reader, lidar_topic))
     chosen = frames.indices(len(times_ns))

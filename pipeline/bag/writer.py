@@ -18,7 +18,7 @@ from typing import IO
 import yaml
 
 from advpipe.pipeline.bag.files import METADATA_NAME
-from advpipe.pipeline.bag.provenance import RECORD_NAME, seal
+from advpipe.pipeline.bag.provenance import RECORD_NAME, with_checksum
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError, UsageError, os_error_line
 from advpipe.pipeline.core.hashing import sha256_of
@@ -81,7 +81,7 @@ class BagWriter:
             try:
                 self._file: IO[bytes] = (self._folder.path / self._file_name).open("wb")
                 self._mcap = McapWriter(self._file, self._compression)
-                self._mcap.add_metadata(RECORD_NAME, seal(self._provenance))
+                self._mcap.add_metadata(RECORD_NAME, with_checksum(self._provenance))
             except BaseException:
                 self._folder.discard()
                 raise
@@ -130,7 +130,9 @@ class BagWriter:
 
     def _append(self, channel: _Channel, cdr: bytes, log_ns: int, publish_ns: int, sequence: int) -> None:
         if not 0 <= log_ns < 2**63:
-            raise AdvpipeError(f"{channel.topic.name}: the stamp {log_ns} ns is outside of a bag's time")
+            raise AdvpipeError(
+                f"{channel.topic.name}: the time stamp {log_ns} ns is outside the range that a bag can hold"
+            )
         with self._disk_errors():
             self._mcap.add_message(channel.id, log_ns, cdr, publish_ns, sequence)
         channel.count += 1
@@ -148,7 +150,7 @@ class BagWriter:
             channel = self._channels[topic.name] = _Channel(channel_id, topic, type_hash)
         elif channel.topic.type != topic.type:
             raise AdvpipeError(
-                f"{topic.name} holds {channel.topic.type} already, no {topic.type} can join it"
+                f"{topic.name} already holds {channel.topic.type}; {topic.type} needs another topic"
             )
         return channel
 
@@ -187,7 +189,9 @@ class BagWriter:
         if not self._overwrite:
             raise OutputExistsError(self.path)
         if not _is_bag(self.path):
-            raise UsageError(f"{self.path} is no rosbag2 directory, not replacing it; choose another name")
+            raise UsageError(
+                f"{self.path} is not a rosbag2 directory and is not replaced; choose another name"
+            )
 
     @property
     def _file_name(self) -> str:

@@ -14,7 +14,7 @@ from advpipe.pipeline.core.code import code_sha256
 from advpipe.pipeline.core.document import Word, read_text, read_yaml
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError, writing
 from advpipe.pipeline.core.verbosity import detail
-from advpipe.pipeline.dataset.reports import read_report
+from advpipe.pipeline.dataset.reports import SweepReportDocument, read_report
 from advpipe.pipeline.detector.registry import detector_sha256, detector_slug
 from advpipe.pipeline.scenario import Scenario, dump_scenario
 from advpipe.stages.attack.provenance import job_provenance, resolved_text
@@ -150,11 +150,14 @@ def _differing_keys(made: Path, wanted: str) -> list[str]:
 
 
 def is_report_of(report: Path, bags: Sequence[Path], detector: str, device: str) -> bool:
-    """Whether a report tells of just these bags, by their checksums, of this detector, device and code."""
+    """Whether an evaluation's report compares just these bags, with this detector, device and code."""
     try:
-        about = read_report(report / "report.json").provenance
+        found = read_report(report / "report.json")
     except AdvpipeError:
         return False
+    if isinstance(found, SweepReportDocument):
+        return False
+    about = found.provenance
     scored = [about.clean.sha256, *(bag.sha256 for bag in about.compared if bag.sha256)]
     detectors = [one.sha256 for one in about.detectors]
     was_here = about.device == device.partition(":")[0]

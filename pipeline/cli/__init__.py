@@ -76,6 +76,6 @@ def options(
     ] = False,
 ) -> None:
     if traceback:
-        from advpipe.pipeline.process.last_resort import SHOW
+        from advpipe.pipeline.process.unexpected_error import SHOW
 
         os.environ[SHOW] = "1"

@@ -98,19 +98,20 @@ def attacked(summary: AttackSummary) -> Answer:
 def _parameters(options: dict[str, Any], settings: list[str]) -> dict[str, Any]:
     """Those given as options, and the values of `name=value`, each read as YAML."""
     from advpipe.pipeline.core.errors import UsageError
-    from advpipe.pipeline.core.shown import cut, shown
+    from advpipe.pipeline.core.short_repr import short_repr, shorten
 
     found = dict(options)
     for setting in settings:
         word, equals, text = setting.partition("=")
         name = word.strip().replace("-", "_")
         if not equals or not name:
-            raise UsageError(f"--set {shown(setting)}: write name=value, such as rounds=20")
+            raise UsageError(f"--set {short_repr(setting)}: write name=value, such as rounds=20")
         if name in found:
             raise UsageError(
-                f"--set {shown(setting)}: {cut(name)} is {shown(found[name])} already; leave one of them out"
+                f"--set {short_repr(setting)}: {shorten(name)} is already {short_repr(found[name])}; "
+                "give it once"
             )
-        found[name] = read_value(text, f"--set {shown(setting)}")
+        found[name] = read_value(text, f"--set {short_repr(setting)}")
     return found
 
 

@@ -58,10 +58,10 @@ def _command_of(attack: str, taken: set[str]) -> tuple[Any, list[str]]:
 
     from advpipe.pipeline.scenario.attacks import attack_spec
     from advpipe.stages.attack.parameter_docs import documented_parameters, summary
-    from advpipe.stages.attack.registry import find_attack, resolved_name, usual_budget
+    from advpipe.stages.attack.registry import find_attack, resolved_name, default_budget
 
     kind = find_attack(resolved_name(attack_spec({"type": attack})).type)
-    usual, panel = usual_budget(attack), f"Parameters of {attack}"
+    usual, panel = default_budget(attack), f"Parameters of {attack}"
     parameters = [
         _as_argument(one, usual.get(one.name, one.default), panel)
         for one in documented_parameters(kind)
@@ -92,7 +92,7 @@ def _as_argument(one: Parameter, default: Any, panel: str) -> inspect.Parameter:
     """The argument of which typer makes the parameter's option; None stands for not given."""
     from rich.markup import escape
 
-    from advpipe.pipeline.core.shown import shown as shown_text
+    from advpipe.pipeline.core.short_repr import short_repr
 
     flag, types = _flag(one.name), set(one.types)
     usual = "" if default in (inspect.Parameter.empty, None, (), "") else f" [default: {default}]"
@@ -105,7 +105,7 @@ def _as_argument(one: Parameter, default: Any, panel: str) -> inspect.Parameter:
     else:
 
         def read(text: str) -> Any:
-            return read_value(text, f"{flag} {shown_text(text)}")
+            return read_value(text, f"{flag} {short_repr(text)}")
 
         option = Annotated[Any, typer.Option(flag, parser=read, metavar="YAML", **shown)]
     return inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=option)

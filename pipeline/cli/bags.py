@@ -16,9 +16,9 @@ def inspect(
     """What is in a bag: topics, rates, clouds, road users, V2X, provenance, checksums."""
     from advpipe.pipeline.bag.inspect import describe
     from advpipe.pipeline.bag.locate import resolve_bag
-    from advpipe.pipeline.core.errors import wrong_use
+    from advpipe.pipeline.core.errors import as_usage_error
 
-    with wrong_use():
+    with as_usage_error():
         resolve_bag(bag)
     description = describe(bag)
     return Answer(vars(description), description.print)
@@ -34,9 +34,9 @@ def plot(
     """Draw a drive's V2X: CAM rates, packets delivered by distance, channel load."""
     from advpipe.pipeline.bag.locate import resolve_bag
     from advpipe.pipeline.bag.v2x_picture import draw_bag
-    from advpipe.pipeline.core.errors import wrong_use
+    from advpipe.pipeline.core.errors import as_usage_error
 
-    with wrong_use():
+    with as_usage_error():
         resolve_bag(bag)
     draw_bag(bag, out, overwrite)
     return Answer({"picture": out}, print_line(out))
@@ -59,5 +59,5 @@ def recover_command(
 
     recovery = run(path, out, overwrite=overwrite)
     counts = {key: value for key, value in vars(recovery).items() if isinstance(value, int)}
-    found = {"bag": recovery.remains.bag, "found": recovery.remains.found}
+    found = {"bag": recovery.source.bag, "found": recovery.source.found}
     return Answer({"recovered": recovery.out, **found, **counts}, print_line(recovery))

@@ -43,7 +43,7 @@ def clean(
     from advpipe.pipeline.core.verbosity import notice, say
 
     if everything and not remove:
-        raise UsageError("--all goes with --remove; without them, everything is listed")
+        raise UsageError("--all needs --remove; without both, everything is listed")
     tally, is_refused = _Tally(), False
     records: list[dict[str, Any]] = []
     for leftover in _found(path):
@@ -85,29 +85,33 @@ class _Tally:
     def text(self, remove: bool) -> str:
         """The last line of the list."""
         if not self.count:
-            return "killed runs left nothing"
+            return "no leftovers of killed runs"
         if remove:
             said = f"{self.removed} of {self.count} removed, {_size(self.removed_bytes)}"
-            return f"{said}; {self.useful} kept, which --all removes too" if self.useful else said
+            return f"{said}; {self.useful} kept, which --all would also remove" if self.useful else said
         said = f"{self.count} in all, {_size(self.bytes)}"
         if self.useless:
-            said += f"; --remove removes {self.useless} that nothing can use"
-        return f"{said}; --remove --all also removes {self.useful} of use" if self.useful else said
+            said += f"; --remove deletes {self.useless} that nothing can use"
+        return (
+            f"{said}; --remove --all also deletes {self.useful} that can still be used"
+            if self.useful
+            else said
+        )
 
 
 def _found(path: Path | None) -> Iterator[Leftover]:
     from advpipe.pipeline.core.errors import UsageError
     from advpipe.pipeline.dataset.leftovers import find_leftovers, find_scratch, recognise, refuse_inside
-    from advpipe.pipeline.process.folder import here
+    from advpipe.pipeline.process.folder import working_path
 
     if path is None:
-        yield from find_leftovers(here("."))
+        yield from find_leftovers(working_path("."))
         if DATASETS.is_symlink() and DATASETS.is_dir():  # links are not followed, but for this one
             yield from find_leftovers(DATASETS)
         yield from find_scratch()
         return
     if recognise(path) is None and not path.is_dir():
-        what = "is no folder" if path.exists() or path.is_symlink() else "does not exist"
+        what = "is not a folder" if path.exists() or path.is_symlink() else "does not exist"
         raise UsageError(f"{path} {what}; give a folder to look below")
     refuse_inside(path)
     yield from find_leftovers(path)
@@ -129,17 +133,23 @@ def _about(leftover: Leftover, use: str | None) -> str:
     """What it belongs to, and what can be done with it."""
     final, frames = leftover.final, leftover.frames if leftover.kind == "job" else 0
     if leftover.is_running:
-        return "a living run's temporary files" if leftover.kind == "scratch" else f"{final}, being written"
+        return (
+            "temporary files of a running command"
+            if leftover.kind == "scratch"
+            else f"{final}, still being written"
+        )
     if use == "recover":
-        return f"recording {final}, cut off: `advpipe recover {shlex.quote(str(leftover.path))}` saves it"
+        return f"incomplete recording {final}: `advpipe recover {shlex.quote(str(leftover.path))}` saves it"
     if use == "restore":
-        return f"the former {final}, while a run replaced it: it lies in {leftover.path / 'replaced'}"
+        return (
+            f"the previous {final}, which a killed run was replacing: it is in {leftover.path / 'replaced'}"
+        )
     if use == "resume":
-        done = f"{frames} finished frames of {final}" if frames else f"{final}, whole but not in its place"
-        return f"{done}: the same command goes on from there"
+        done = f"{frames} finished frames of {final}" if frames else f"{final}, complete but not yet renamed"
+        return f"{done}: running the same command again resumes there"
     if leftover.kind == "scratch":
-        return "temporary files: of no use"
-    return f"{'frames' if leftover.kind == 'job' else 'half'} of {final}: of no use"
+        return "temporary files: no longer of use"
+    return f"{'frames' if leftover.kind == 'job' else 'part'} of {final}: no longer of use"
 
 
 def _size(size_bytes: int) -> str:

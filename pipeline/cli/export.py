@@ -28,12 +28,12 @@ def export(
     veremi: JSON of the VeReMi Extension, a file a receiver and one of ground truth. veremi-2018: of VeReMi.
     """
     from advpipe.pipeline.bag.locate import resolve_bag
-    from advpipe.pipeline.core.errors import UsageError, wrong_use
+    from advpipe.pipeline.core.errors import UsageError, as_usage_error
     from advpipe.stages.evaluate.v2x.veremi import export_veremi
 
     if format not in FORMATS:
         raise UsageError(f"unknown format {format!r}; known: {', '.join(FORMATS)}")
-    with wrong_use():
+    with as_usage_error():
         source = resolve_bag(bag)
     target = out or source.with_name(f"{source.name if source.is_dir() else source.stem}-{format}")
     written = export_veremi(source, target, form=FORMATS[format], overwrite=overwrite)

@@ -12,7 +12,7 @@ from typer.core import TyperGroup
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.streams import flush_output
-from advpipe.pipeline.process.endings import ended
+from advpipe.pipeline.process.failures import report_failure
 
 ClickException: type[Exception] = next(
     kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException"
@@ -54,7 +54,7 @@ class OneLineErrors(TyperGroup):
         except SystemExit:
             raise
         except BaseException as error:
-            code = ended(error)
+            code = report_failure(error)
         sys.exit(code if isinstance(code, int) else 0)
 
 
@@ -66,7 +66,7 @@ def _in_one_line() -> Iterator[None]:
     except (typer.Exit, SystemExit, ClickException):
         raise
     except BaseException as error:
-        raise typer.Exit(ended(error)) from None
+        raise typer.Exit(report_failure(error)) from None
 
 
 def _misused(error: Any) -> int:
@@ -76,4 +76,4 @@ def _misused(error: Any) -> int:
         print(error.format_message(), file=sys.stderr)
         return 2
     command = context.command_path if context else "advpipe"
-    return ended(UsageError(f"{error.format_message()} (see {command} --help)"))
+    return report_failure(UsageError(f"{error.format_message()} (see {command} --help)"))

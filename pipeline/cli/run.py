@@ -43,13 +43,13 @@ def run(
     refused, or replaced with --overwrite.
     """
     from advpipe.pipeline.campaigns.run import Campaign
-    from advpipe.pipeline.core.errors import wrong_use
-    from advpipe.pipeline.process.folder import here, refuse_undecodable
+    from advpipe.pipeline.core.errors import as_usage_error
+    from advpipe.pipeline.process.folder import refuse_undecodable, working_path
     from advpipe.pipeline.scenario import load_scenario
 
-    with wrong_use():
+    with as_usage_error():
         loaded = load_scenario(scenario, settings or ())
-        folder = out or here("datasets") / loaded.name
+        folder = out or working_path("datasets") / loaded.name
         campaign = Campaign.of(loaded, folder, detector, device, workers=workers, overwrite=overwrite)
     refuse_undecodable(folder)
     drive, *attacks, scored = (show_part(_answer(part)) for part in campaign.run())

@@ -12,7 +12,7 @@ import typer
 from advpipe.pipeline.cli.shared import Answer, Overwrite, print_line
 
 
-class Of(str, Enum):
+class SchemaKind(str, Enum):
     """What there is a schema of."""
 
     scenario = "scenario"
@@ -21,8 +21,8 @@ class Of(str, Enum):
 
 def schema_command(
     of: Annotated[
-        Of, typer.Option("--of", help="Scenario files, or the report.json of `evaluate`.")
-    ] = Of.scenario,
+        SchemaKind, typer.Option("--of", help="Scenario files, or the report.json of `evaluate`.")
+    ] = SchemaKind.scenario,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="File to write.", show_default="standard output")
     ] = None,
@@ -33,11 +33,11 @@ def schema_command(
     Editors with a YAML language server complete and check a scenario that starts with the line
     `# yaml-language-server: $schema=FILE`.
     """
-    from advpipe.pipeline.core.whole_file import write_new
+    from advpipe.pipeline.core.atomic_file import write_new
     from advpipe.pipeline.results.schema import report_schema_json
     from advpipe.pipeline.scenario.schema import schema_json
 
-    text = report_schema_json() if of is Of.report else schema_json()
+    text = report_schema_json() if of is SchemaKind.report else schema_json()
     if out is None:
         return Answer(json.loads(text), print_line(text))
     write_new(out, f"{text}\n", overwrite)

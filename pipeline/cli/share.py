@@ -35,19 +35,19 @@ def share_command(
 
     Card, pictures, layouts for Foxglove and RViz, contracts for checkers, checksums, provenance, signature.
     """
-    from advpipe.pipeline.core.errors import wrong_use
+    from advpipe.pipeline.core.errors import as_usage_error
     from advpipe.pipeline.core.verbosity import notice
-    from advpipe.pipeline.process.folder import here
+    from advpipe.pipeline.process.folder import working_path
     from advpipe.stages.share.options import citation_text
     from advpipe.stages.share.run import ShareOptions
     from advpipe.stages.share.run import share as run
 
     size_bytes = None if split_mb is None else split_mb * 1_000_000
-    with wrong_use():
+    with as_usage_error():
         options = ShareOptions(licence, citation_text(citation), sign, size_bytes, overwrite)
-    summary = run(dataset, out or here("shared") / dataset.resolve().name, options)
-    for remark in summary.remarks:
-        notice(f"note: {remark}")
+    summary = run(dataset, out or working_path("shared") / dataset.resolve().name, options)
+    for warning in summary.warnings:
+        notice(f"note: {warning}")
 
     def show() -> None:
         for path in summary.made:

@@ -12,7 +12,7 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 from advpipe.pipeline.campaigns.sweep.options import SweepOptions
-from advpipe.pipeline.core.options import described
+from advpipe.pipeline.core.options import parser_options
 from advpipe.stages.evaluate.options import Options
 
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")]
@@ -20,7 +20,7 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an output 
 
 def cli_option(model: type, name: str, *flags: str, **shown: Any) -> Any:
     """The option of the command line that a field of a model of options is, with its help and bounds."""
-    return typer.Option(*flags, **described(model, name), **shown)  # type: ignore[misc]
+    return typer.Option(*flags, **parser_options(model, name), **shown)  # type: ignore[misc]
 
 
 LidarTopic = Annotated[str | None, cli_option(Options, "lidar_topic", "--lidar")]
@@ -60,11 +60,11 @@ def answering(command: Callable[..., Answer]) -> Callable[..., None]:
     @wraps(command)
     def answer(*args: Any, quiet: bool, verbose: bool, as_json: bool, **options: Any) -> None:
         from advpipe.pipeline.core.streams import safe_streams
-        from advpipe.pipeline.core.verbosity import Verbosity, phase, speaking
+        from advpipe.pipeline.core.verbosity import Verbosity, phase, use_verbosity
         from advpipe.pipeline.process.document import strict_json
         from advpipe.pipeline.process.folder import check_paths
 
-        with safe_streams(), speaking(Verbosity(quiet, verbose, as_json)):
+        with safe_streams(), use_verbosity(Verbosity(quiet, verbose, as_json)):
             check_paths([*args, *options.values()])
             _tell_versions()
             with phase("in all"):

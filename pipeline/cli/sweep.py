@@ -59,9 +59,9 @@ def sweep(
     """
     from advpipe.commands.paths import bag_or_newest
     from advpipe.commands.sweep import prepared
-    from advpipe.pipeline.core.errors import wrong_use
+    from advpipe.pipeline.core.errors import as_usage_error
 
-    with wrong_use():
+    with as_usage_error():
         clean = bag_or_newest(bag)
     options = SweepOptions(
         table=table,

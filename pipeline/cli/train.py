@@ -31,7 +31,7 @@ def train_command(
     from advpipe.pipeline.core.errors import UsageError
 
     if not 0 < learning_rate < math.inf:
-        raise UsageError(f"--learning-rate is {learning_rate:g}; it has to be finite and above 0")
+        raise UsageError(f"--learning-rate is {learning_rate:g}; it must be finite and above 0")
     summary = run(
         *bags,
         out=out,
@@ -61,7 +61,7 @@ def import_weights(
     from advpipe.pipeline.detector.families import family_named
 
     if out.suffix != ".safetensors":
-        raise UsageError(f"--out is {out}; a detector's file is named .safetensors")
+        raise UsageError(f"--out is {out}; a detector's file must end in .safetensors")
     if out.exists() and not overwrite:
         raise OutputExistsError(out)
     net, provenance = family_named(family).import_weights(file)

@@ -19,19 +19,19 @@ class AttackOptions:
     type: str = option("detach", "detach, perturb, attach, cam-..., gnss-..., or module:Class.")
     recipe: str | None = option(
         None,
-        "best, robust, paper (as published), or by chance random, random-near, random-best (the "
-        "strongest baseline).",
+        "best, robust or paper (as published); random baselines: random, random-near, random-best (the "
+        "strongest).",
     )
-    victim: str | None = option(None, "Vehicle whose GPS or LiDAR is attacked, or that CAMs aim at.")
+    victim: str | None = option(None, "Vehicle whose GPS or LiDAR is attacked, or that false CAMs target.")
     dcc_reacts: bool = option(
         False,
-        "Others' congestion control holds back CAMs when a V2X attack fills the channel; "
-        "without it, they send what they sent.",
+        "When a V2X attack fills the channel, other stations' congestion control drops CAMs; "
+        "otherwise they send what was recorded.",
     )
-    from_s: float = option(0.0, "Begin, in seconds of the recording.")
-    to_s: float | None = option(None, "End.")
+    from_s: float = option(0.0, "Start of the attack, in seconds of the recording.")
+    to_s: float | None = option(None, "End of the attack, in seconds of the recording.")
     lidar: str | None = options.lidar_topic()
-    frames: str = option("::", "start:stop:step; it then holds only these clouds.")
+    frames: str = option("::", "Clouds to attack, start:stop:step; the adversarial bag holds only these.")
     detector: str = options.detector()
     device: str = options.device()
-    seed: int = option(0, "Seed of the attack's own draws.", least=0)
+    seed: int = option(0, "Seed of the attack's random draws.", least=0)

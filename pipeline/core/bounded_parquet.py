@@ -99,7 +99,7 @@ def _opened(path: Path) -> Any:
     try:
         length, magic = _end(path)
         if magic == b"PAR1" and length > FOOTER_LIMIT_BYTES:
-            raise AdvpipeError(f"{path}: a footer of {length} bytes is too long to read")
+            raise AdvpipeError(f"{path}: the Parquet footer has {length} bytes, more than are read")
         return pq.ParquetFile(_file(path))
     except (OSError, pa.ArrowException, ValueError) as error:
         raise _no_table(path, error) from None
@@ -138,19 +138,19 @@ def _check(path: Path, table: Any, names: Sequence[str], most_rows: int | None) 
         raise AdvpipeError(f"{path}: no column {missing[0]}")
     if metadata.num_columns > MOST_COLUMNS or metadata.num_row_groups > MOST_GROUPS:
         raise AdvpipeError(
-            f"{path}: {metadata.num_columns} columns in {metadata.num_row_groups} groups of rows, "
-            "too many to read"
+            f"{path}: {metadata.num_columns} columns in {metadata.num_row_groups} row groups, "
+            "more than are read"
         )
     groups = [metadata.row_group(index) for index in range(metadata.num_row_groups)]
     count = max(metadata.num_rows, sum(group.num_rows for group in groups))
     if most_rows is None:
         most_rows = FREE_BATCH_ROWS + BATCH_ROWS_PER_BYTE * _size(path)
     if not 0 <= count <= most_rows or any(group.num_rows < 0 for group in groups):
-        raise AdvpipeError(f"{path}: {count} rows are too many to read; at most {most_rows} in such a file")
+        raise AdvpipeError(f"{path}: {count} rows; at most {most_rows} are read from a file of this size")
     columns = [table.schema.column(index).path for index in range(metadata.num_columns)]
     chunks = _column_chunks(path)
     if any(len(group) != len(columns) for group in chunks) or len(chunks) != len(groups):
-        raise AdvpipeError(f"{path}: a group of rows has other columns than the table")
+        raise AdvpipeError(f"{path}: a row group does not have the table's columns")
     chosen = set(names)  # a dot leads into a column, or is a part of its name
     read = {i: column for i, column in enumerate(columns) if {column, column.partition(".")[0]} & chosen}
     _check_pages(path, chunks, read)
@@ -172,10 +172,10 @@ def _check_pages(path: Path, groups: Sequence[Sequence[Chunk]], columns: Mapping
                     largest = max(largest, page.uncompressed_bytes)
                     count += 1
                     if count > MOST_PAGES:
-                        raise AdvpipeError(f"{path}: more than {MOST_PAGES} pages, too many to read")
+                        raise AdvpipeError(f"{path}: more than {MOST_PAGES} pages; no more are read")
                 held_bytes += dictionary + largest
             if held_bytes > PAGES_LIMIT_BYTES:
-                raise AdvpipeError(f"{path}: its pages unpack to {held_bytes} bytes, too many to read")
+                raise AdvpipeError(f"{path}: its pages decompress to {held_bytes} bytes, more than are read")
 
 
 def _pages(path: Path, file: Any, column: str, chunk: Chunk) -> Iterator[Page]:
@@ -183,8 +183,8 @@ def _pages(path: Path, file: Any, column: str, chunk: Chunk) -> Iterator[Page]:
         for page in pages(file, chunk.start, chunk.length):
             if page.encoding not in ENCODINGS:
                 raise AdvpipeError(
-                    f"{path}: {column} has an encoding that is not read here; "
-                    "write it plain or with a dictionary"
+                    f"{path}: {column} has an unsupported encoding; "
+                    "write it with plain or dictionary encoding"
                 )
             yield page
     except (ValueError, OSError, OverflowError) as error:
@@ -200,7 +200,7 @@ def _size(path: Path) -> int:
 
 def _no_table(path: Path, error: BaseException) -> AdvpipeError:
     reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
-    return AdvpipeError(f"{path}: no whole Parquet table ({reason})")
+    return AdvpipeError(f"{path}: not a complete Parquet file ({reason})")
 
 
 def _is_number(kind: Any) -> bool:
@@ -221,7 +221,7 @@ def _check_kind(path: Path, name: str, column: Any, kind: Kind) -> None:
 
     is_kind = {"whole": pa.types.is_integer, "truth": pa.types.is_boolean, "text": _is_text}[kind]
     if not is_kind(column.type) or column.null_count:
-        raise AdvpipeError(f"{path}: {name} does not hold a {KINDS[kind]} in every row")
+        raise AdvpipeError(f"{path}: {name} must be a {KINDS[kind]} in every row")
 
 
 def _unpacked(path: Path, name: str, column: Any) -> Any:
@@ -232,8 +232,10 @@ def _unpacked(path: Path, name: str, column: Any) -> Any:
     if _is_number(column.type):
         return column
     if not pa.types.is_dictionary(column.type) or not _is_text(column.type):
-        raise AdvpipeError(f"{path}: {name} holds neither numbers nor texts")
+        raise AdvpipeError(f"{path}: {name} holds neither numbers nor strings")
     longest = pc.max(pc.binary_length(column.dictionary)).as_py() or 0
     if longest > LONGEST_TEXT_BYTES:
-        raise AdvpipeError(f"{path}: {name} holds a text of {longest} bytes, too many to read")
+        raise AdvpipeError(
+            f"{path}: {name} holds a string of {longest} bytes; at most {LONGEST_TEXT_BYTES} are read"
+        )
     return column.dictionary_decode()

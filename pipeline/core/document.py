@@ -40,7 +40,7 @@ def read_json(text: str | bytes, kind: Any, where: str, hint: str, limit_bytes: 
     try:
         document = plain_json.load_json(text, limit_bytes)
     except (ValueError, RecursionError) as error:
-        raise AdvpipeError(f"{where}: not read as JSON: {_reason(error)}; {hint}") from None
+        raise AdvpipeError(f"{where}: not valid JSON: {_reason(error)}; {hint}") from None
     return validated(document, kind, where, hint)
 
 
@@ -49,7 +49,7 @@ def read_yaml(text: str, kind: Any, where: str, hint: str) -> Any:
     try:
         document = plain_yaml.load_yaml(text)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise AdvpipeError(f"{where}: not read as YAML: {_reason(error)}; {hint}") from None
+        raise AdvpipeError(f"{where}: not valid YAML: {_reason(error)}; {hint}") from None
     return validated(document, kind, where, hint)
 
 
@@ -65,7 +65,7 @@ def read_text(path: Path, limit_bytes: int = LONGEST_TEXT) -> str:
     try:
         return data.decode()
     except UnicodeDecodeError:
-        raise AdvpipeError(f"{path} is not a text file in UTF-8") from None
+        raise AdvpipeError(f"{path} is not a UTF-8 text file") from None
 
 
 def validated(document: object, kind: Any, where: str, hint: str) -> Any:

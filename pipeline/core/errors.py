@@ -12,10 +12,10 @@ __all__ = [
     "AdvpipeError",
     "OutputExistsError",
     "UsageError",
+    "as_usage_error",
     "one_line",
     "os_error_line",
     "writing",
-    "wrong_use",
 ]
 
 
@@ -41,11 +41,11 @@ class OutputExistsError(UsageError):
     """An output is there already, and `--overwrite` was not given."""
 
     def __init__(self, path: object) -> None:
-        super().__init__(f"{path} exists already, not overwriting; pass --overwrite to replace it")
+        super().__init__(f"{path} already exists; pass --overwrite to replace it")
 
 
 @contextmanager
-def wrong_use() -> Iterator[None]:
+def as_usage_error() -> Iterator[None]:
     """Raises UsageError for any AdvpipeError inside: there, only what the user gave can be wrong."""
     try:
         yield
@@ -59,7 +59,7 @@ def os_error_line(error: OSError) -> str:
     """What the operating system refused, as one line: the file, and why."""
     reason = error.strerror or str(error) or type(error).__name__
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        reason += "; make room there, or write elsewhere (--out)"
+        reason += "; free some space, or write elsewhere (--out)"
     return f"{error.filename}: {reason}" if error.filename else reason
 
 

@@ -26,11 +26,11 @@ class Figure(matplotlib.figure.Figure):
             assert isinstance(text, Text)
             if id(text) not in numbers:
                 text.set_parse_math(False)
-                text.set_text(readable_digits(text.get_text()))
+                text.set_text(printable_text(text.get_text()))
         super().draw(renderer)
 
 
-def readable_digits(text: str) -> str:
+def printable_text(text: str) -> str:
     """A text that fonts have signs for, on as many lines as it has, cut where it is very long."""
     if text.isprintable() and len(text) <= MOST_CHARACTERS:
         return text
@@ -46,7 +46,7 @@ class _Shown:
         self.named = named
 
     def __call__(self, *where: Any) -> str:
-        return readable_digits(self.named(*where))
+        return printable_text(self.named(*where))
 
 
 def _show_names(axis: Axis) -> None:
@@ -55,7 +55,7 @@ def _show_names(axis: Axis) -> None:
     if isinstance(formatter, FuncFormatter) and not isinstance(formatter.func, _Shown):
         formatter.func = _Shown(formatter.func)
     elif isinstance(formatter, FixedFormatter):
-        formatter.seq = [readable_digits(name) for name in formatter.seq]
+        formatter.seq = [printable_text(name) for name in formatter.seq]
 
 
 def _numbers(figure: Figure) -> list[Text]:

@@ -39,7 +39,7 @@ class FrameSlice:
         """The chosen ones among `count` frames; a choice of none is refused."""
         chosen = range(*slice(self.start, self.stop, self.step).indices(count))
         if not chosen:
-            raise UsageError(f"frames {self} choose none of the bag's {count} frames")
+            raise UsageError(f"frames {self} select none of the bag's {count} frames")
         return chosen
 
     def __str__(self) -> str:

@@ -9,12 +9,12 @@ from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.core.short_repr import short_repr
 
 Build = TypeVar("Build", bound=Callable[..., Any])
 
 
-def own_object(word: str, refusal: str) -> Any:
+def import_object(word: str, refusal: str) -> Any:
     """What a user's `module:Class` names; the module may lie in the working directory.
 
     Raises UsageError, one line that begins with `refusal`, for what cannot be imported.
@@ -38,9 +38,9 @@ def find_implementation(key: str, name: str, known: Mapping[str, Build]) -> Buil
         return known[name]
     if ":" not in name:
         raise UsageError(
-            f"{key} {shown(name)} is not known; known: {', '.join(known)}, or module:Class of your own"
+            f"{key} {short_repr(name)} is unknown; known: {', '.join(known)}, or your own module:Class"
         )
-    found: Build = own_object(name, f"{key} {name} cannot be loaded")
+    found: Build = import_object(name, f"{key} {name} cannot be loaded")
     if not callable(found):
-        raise UsageError(f"{key} {name} is no class")
+        raise UsageError(f"{key} {name} is not a class")
     return found

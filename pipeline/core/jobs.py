@@ -18,7 +18,7 @@ from advpipe.pipeline.core import signals
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError, os_error_line
 from advpipe.pipeline.core.missing_library import missing_library_line
 from advpipe.pipeline.core.progress import track
-from advpipe.pipeline.core.verbosity import detail, quieten_warnings
+from advpipe.pipeline.core.verbosity import detail, silence_warnings
 
 Work = Callable[[int], None]
 T = TypeVar("T")
@@ -133,8 +133,8 @@ def _finished(pipes: list[Connection]) -> Iterator[tuple[int, Any]]:
                 message: Any = pipe.recv()
             except EOFError:
                 raise AdvpipeError(
-                    "a worker process died (out of memory, or killed); run again to go on, "
-                    "with --workers 1 if memory is short"
+                    "a worker process died (out of memory, or killed); run the command again to resume, "
+                    "with --workers 1 if memory is scarce"
                 ) from None
             if isinstance(message, UnexpectedInWorkerError):
                 raise message from WorkerTracebackError(f"\n{message.traceback}")
@@ -153,7 +153,7 @@ def _serve(pipe: Connection, pickled: bytes, jobs: list[int]) -> None:
     """
     signals.leave_to_parent()
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    quieten_warnings()
+    silence_warnings()
     try:
         work: Callable[[int], Any] = pickle.loads(pickled)()
         for job in jobs:

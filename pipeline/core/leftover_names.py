@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from advpipe.pipeline.core.whole_file import MARK
+from advpipe.pipeline.core.atomic_file import MARK
 
 PATTERNS = {
     "output": re.compile(r"\.(.+)\.partial-[a-z0-9_]{8}", re.DOTALL),
@@ -15,6 +15,6 @@ PATTERNS = {
 attack, and a hash of what was asked for. file: of `whole_file`."""
 
 
-def has_leftover_name(name: str) -> bool:
+def is_leftover_name(name: str) -> bool:
     """Whether something may be a leftover, going by its name."""
     return name.startswith(".") and any(pattern.fullmatch(name) for pattern in PATTERNS.values())

@@ -63,14 +63,14 @@ def take_lock(file: Path, patience_s: float = _PATIENCE_S) -> IO[bytes] | None:
         time.sleep(_PAUSE_S)
 
 
-def lock_of_dead(file: Path) -> IO[bytes] | None:
+def take_stale_lock(file: Path) -> IO[bytes] | None:
     """The lock that a dead run left; None where a run is alive, or where it is not ours to take."""
     with suppress(OSError):
         return take_lock(file, patience_s=0) if HAS_LOCKS else None
     return None
 
 
-def is_held(file: Path) -> bool:
+def is_locked(file: Path) -> bool:
     """Whether a living run holds the lock of a file; it is not made, and may be read-only."""
     if fcntl is None:
         return False

@@ -100,8 +100,8 @@ def loader_line(text: str) -> str | None:
         return f"the shared library {found[1]} cannot be loaded ({found[2].strip()}); {_reinstall(found[1])}"
     if found := _OLD_SYSTEM.search(text):
         return (
-            f"this system is too old for {Path(found[2]).name}, which needs {found[1].replace('_', ' ')}; "
-            "use a newer release of the system"
+            f"{Path(found[2]).name} needs {found[1].replace('_', ' ')}, which this operating system lacks; "
+            "use a newer release"
         )
     return None
 
@@ -127,10 +127,10 @@ def _reinstall(path: str) -> str:
     parts = Path(path).parts
     if "site-packages" in parts:
         top = parts[parts.index("site-packages") + 1].removesuffix(".libs")
-        return f"install its package anew: pip install --force-reinstall {PIP_PACKAGES.get(top, top)}"
+        return f"reinstall its package: pip install --force-reinstall {PIP_PACKAGES.get(top, top)}"
     if package is not None:
-        return f"install its package anew: apt-get install --reinstall {package}"
-    return "install its package anew"
+        return f"reinstall its package: apt-get install --reinstall {package}"
+    return "reinstall its package"
 
 
 def _module_line(module: str) -> str | None:

@@ -13,7 +13,7 @@ def option(default: Any, help: str, *, least: int | None = None) -> Any:
     return field(default=default, metadata={"help": help, "least": least})
 
 
-def described(model: type, name: str) -> dict[str, Any]:
+def parser_options(model: type, name: str) -> dict[str, Any]:
     """What an option parser is told of a field: `help`, and `min` if it has a bound."""
     (found,) = (each for each in fields(model) if each.name == name)
     least = found.metadata["least"]
@@ -35,11 +35,13 @@ def device() -> Any:
 
 
 def lidar_topic() -> Any:
-    return option(None, "Topic of the clouds, such as /ego/lidar/points, among several.")
+    return option(None, "Topic of the point clouds if there are several, such as /ego/lidar/points.")
 
 
 def baseline_tries() -> Any:
-    return option(None, "Random tries of which the best one is scored too; 1: only one.", least=1)
+    return option(
+        None, "Random draws of the baseline; the best of them is scored too; 1: a single draw.", least=1
+    )
 
 
 def detector() -> Any:
@@ -47,4 +49,4 @@ def detector() -> Any:
 
 
 def workers() -> Any:
-    return option(None, "Processes.", least=1)
+    return option(None, "Number of worker processes.", least=1)

@@ -56,13 +56,13 @@ def column_chunks(footer: bytes) -> list[list[Chunk]]:
         groups = _Compact(footer).struct().get(4, [])
         return [[_chunk(column[3]) for column in group[1]] for group in groups]
     except (KeyError, TypeError, AttributeError):
-        raise ValueError("a footer without columns") from None
+        raise ValueError("the footer lists no columns") from None
 
 
 def _chunk(about: dict[int, Any]) -> Chunk:
     length, places = about[7], [place for place in (about[9], about.get(11)) if place]
     if not all(isinstance(value, int) and value >= 0 for value in (length, *places)):
-        raise ValueError("a column that begins nowhere")
+        raise ValueError("a column has no valid offset")
     return Chunk(min(places, default=0), length)  # a table without rows has no data page
 
 
@@ -85,7 +85,7 @@ def _page(fields: dict[int, Any]) -> Page:
     encoding = own.get(4 if kind == 3 else 2) if isinstance(own, dict) else None
     sizes = (unpacked, packed, encoding)
     if not all(isinstance(size, int) and not isinstance(size, bool) and size >= 0 for size in sizes):
-        raise ValueError("a page without a header")
+        raise ValueError("a page has no header")
     return Page(packed, unpacked, encoding, kind == 2)  # type: ignore[arg-type]
 
 
@@ -98,7 +98,7 @@ class _Compact:
     def struct(self, level: int = 0) -> dict[int, Any]:
         """Fields by number."""
         if level > _MOST_LEVELS:
-            raise ValueError("a page with a header too deep")
+            raise ValueError("a page header is nested too deeply")
         fields: dict[int, Any] = {}
         number = 0
         while (head := self._byte()) != 0:
@@ -121,11 +121,11 @@ class _Compact:
             head = self._byte()
             count = head >> 4 if head >> 4 < 15 else self._unsigned()
             if count > LONGEST_HEADER:
-                raise ValueError("a page whose header holds too long a list")
+                raise ValueError("a page header holds too long a list")
             return [self._item(head & 15, level + 1) for _ in range(count)]
         if kind == _STRUCT:
             return self.struct(level + 1)
-        raise ValueError(f"a page whose header holds a value of kind {kind}")
+        raise ValueError(f"a page header holds a value of unknown type {kind}")
 
     def _item(self, kind: int, level: int) -> Any:
         """A value in a list, where true and false are bytes."""
@@ -133,14 +133,14 @@ class _Compact:
 
     def _byte(self) -> int:
         if self.at >= len(self._data):
-            raise ValueError("a page whose header is cut off or too long")
+            raise ValueError("a page header is truncated or too long")
         self.at += 1
         return self._data[self.at - 1]
 
     def _skip(self, count: int) -> None:
         self.at += count
         if self.at > len(self._data):
-            raise ValueError("a page whose header is cut off or too long")
+            raise ValueError("a page header is truncated or too long")
 
     def _unsigned(self) -> int:
         value = shift = 0
@@ -151,7 +151,7 @@ class _Compact:
                 return value
             shift += 7
             if shift > 63:
-                raise ValueError("a page whose header holds a number without end")
+                raise ValueError("a page header holds an unterminated integer")
 
     def _signed(self) -> int:
         value = self._unsigned()

@@ -16,11 +16,11 @@ from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError, UsageE
 from advpipe.pipeline.core.lock import (
     HAS_LOCKS,
     LOCK_NAME,
-    is_held,
-    lock_of_dead,
+    is_locked,
     one_at_a_time,
     remove_folder,
     take_lock,
+    take_stale_lock,
 )
 
 REPLACED_NAME = "replaced"
@@ -58,11 +58,11 @@ def _changed_ns(path: Path) -> int:
 
 
 @contextmanager
-def held(leftover: Path) -> Iterator[bool]:
+def lock_leftover(leftover: Path) -> Iterator[bool]:
     """Whether the run that filled it is dead; then no other run removes it within the block."""
-    lock = lock_of_dead(leftover / LOCK_NAME)
+    lock = take_stale_lock(leftover / LOCK_NAME)
     if lock is None:  # another run's, or nobody's in a folder that only its owner may change
-        yield not is_held(leftover / LOCK_NAME)
+        yield not is_locked(leftover / LOCK_NAME)
         return
     with lock:
         yield True
@@ -114,7 +114,7 @@ class PartialFolder:
         """Give the folder its final name; what lies there is replaced if `may_replace` says so."""
         with one_at_a_time(self.final.parent):
             if self.final.exists() and not may_replace(self.final):
-                raise AdvpipeError(f"{self.final} appeared meanwhile, not overwriting")
+                raise AdvpipeError(f"{self.final} was created in the meantime; not overwriting it")
             (self.path / LOCK_NAME).unlink(missing_ok=True)
             self._lock.close()
             if not self.final.exists():
@@ -155,7 +155,7 @@ class PartialFolder:
         if not HAS_LOCKS:
             return
         for leftover in leftovers(self.final):
-            with held(leftover) as is_dead:
+            with lock_leftover(leftover) as is_dead:
                 if is_dead and kept:
                     kept -= 1
                 elif is_dead:
@@ -179,7 +179,8 @@ class FolderKind:
         lacking = [mark for mark in self.marks if not (folder / mark).is_file()]
         if taken and lacking:
             raise UsageError(
-                f"{folder} holds {taken[0]} but no {lacking[0]}, so it is no {self.name}; not replacing it, "
+                f"{folder} holds {taken[0]} but no {lacking[0]}, so it is not a {self.name}; it is "
+                "not replaced, "
                 "choose another name"
             )
 
@@ -196,7 +197,7 @@ def staged_folder(final: Path, overwrite: bool, kind: FolderKind) -> Iterator[Pa
         if final.exists() and not overwrite:
             raise OutputExistsError(final)
         if final.exists() and not final.is_dir():
-            raise UsageError(f"{final} is no folder, not replacing it; choose another name")
+            raise UsageError(f"{final} is not a folder and is not replaced; choose another name")
         kind.refuse_foreign(final)
 
     finish_moves(final, final)
@@ -251,7 +252,7 @@ def finish_moves(
     if not HAS_LOCKS or not target.is_dir():
         return
     for leftover in leftovers(final):
-        with held(leftover) as is_dead:
+        with lock_leftover(leftover) as is_dead:
             if is_dead and (leftover / MOVING_NAME).is_file():
                 move_items(leftover, target, outdated(leftover))
                 remove_folder(leftover)

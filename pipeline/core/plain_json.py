@@ -7,7 +7,7 @@ import math
 import re
 from typing import Any, NoReturn
 
-from advpipe.pipeline.core.plain_values import LONGEST_NUMBER, MOST_LEVELS, refuse_odd_strings
+from advpipe.pipeline.core.plain_values import LONGEST_NUMBER, MOST_LEVELS, refuse_unsafe_strings
 
 LIMIT_BYTES = 2 << 20
 _BRACKETS = re.compile(r'"(?:[^"\\]+|\\.)*"?|[\[{]|[\]}]', re.DOTALL)
@@ -22,10 +22,10 @@ def load_json(text: str | bytes, limit_bytes: int = LIMIT_BYTES) -> Any:
     """
     if isinstance(text, bytes):
         if len(text) > limit_bytes:
-            raise ValueError(f"{len(text)} bytes are too many")
+            raise ValueError(f"{len(text)} bytes are too long")
         text = text.decode()
     elif len(text) > limit_bytes:
-        raise ValueError(f"{len(text)} characters are too many")
+        raise ValueError(f"{len(text)} characters are too long")
     _refuse_depth(text)
     document = json.loads(
         text,
@@ -34,7 +34,7 @@ def load_json(text: str | bytes, limit_bytes: int = LIMIT_BYTES) -> Any:
         parse_constant=_refuse_constant,
         object_pairs_hook=_object,
     )
-    refuse_odd_strings(document)
+    refuse_unsafe_strings(document)
     return document
 
 
@@ -48,7 +48,7 @@ def _refuse_depth(text: str) -> None:
         if bracket in "[{":
             level += 1
             if level > MOST_LEVELS:
-                raise ValueError(f"more than {MOST_LEVELS} levels")
+                raise ValueError(f"nested more than {MOST_LEVELS} levels deep")
         elif bracket in "]}":
             level -= 1
 
@@ -68,15 +68,15 @@ def _float(digits: str) -> float:
 
 def _refuse_long(digits: str) -> None:
     if len(digits) > LONGEST_NUMBER:
-        raise ValueError(f"a number of {len(digits)} characters")
+        raise ValueError(f"a number has {len(digits)} characters; at most {LONGEST_NUMBER} are read")
 
 
 def _refuse_constant(word: str) -> NoReturn:
-    raise ValueError(f"{word}, which is no number of JSON")
+    raise ValueError(f"{word} is not a JSON number")
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
-        raise ValueError("a key that is given twice")
+        raise ValueError("a key is given twice")
     return found

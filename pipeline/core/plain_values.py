@@ -7,7 +7,7 @@ LONGEST_NUMBER = 100
 """Characters of a number. Python and PyYAML take the square of their count for some of them."""
 
 
-def refuse_odd_strings(document: object) -> None:
+def refuse_unsafe_strings(document: object) -> None:
     """Raises ValueError for a string, key or value, that no file name, terminal or UTF-8 file can hold.
 
     document: lists and dictionaries, at most `MOST_LEVELS` deep.
@@ -26,8 +26,8 @@ def refuse_odd_strings(document: object) -> None:
 
 def _refuse_odd(text: str) -> None:
     if "\0" in text:
-        raise ValueError("a string with a NUL character")
+        raise ValueError("a string holds a NUL character")
     try:
         text.encode()
     except UnicodeEncodeError:
-        raise ValueError("a string with half a surrogate pair, which is no Unicode text") from None
+        raise ValueError("a string holds an unpaired surrogate, which is not valid Unicode") from None

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from advpipe.pipeline.core.plain_values import LONGEST_NUMBER, MOST_LEVELS, refuse_odd_strings
+from advpipe.pipeline.core.plain_values import LONGEST_NUMBER, MOST_LEVELS, refuse_unsafe_strings
 
 if TYPE_CHECKING:
     from yaml import SafeLoader as _Fastest
@@ -23,13 +23,13 @@ class _PlainLoader(_Fastest):
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         found = super().construct_mapping(node, deep)
         if len(found) < len(node.value):
-            raise ValueError("a key that is given twice")
+            raise ValueError("a key is given twice")
         return found
 
 
 def _number(loader: _PlainLoader, node: yaml.ScalarNode) -> int | float:
     if len(node.value) > LONGEST_NUMBER:
-        raise ValueError(f"a number of {len(node.value)} characters")
+        raise ValueError(f"a number has {len(node.value)} characters; at most {LONGEST_NUMBER} are read")
     is_int = node.tag == "tag:yaml.org,2002:int"
     value: int | float = (loader.construct_yaml_int if is_int else loader.construct_yaml_float)(node)
     return value
@@ -48,17 +48,17 @@ def load_yaml(text: str) -> Any:
     a key twice, or holds a number of more than `LONGEST_NUMBER` characters, a NUL, or half a surrogate pair.
     """
     if len(text) > LIMIT_BYTES:
-        raise ValueError(f"{len(text)} characters are too many")
+        raise ValueError(f"{len(text)} characters are too long")
     level = 0
     for event in yaml.parse(text, Loader=_PlainLoader):
         if isinstance(event, yaml.AliasEvent):
-            raise yaml.YAMLError("an alias, which is not read here")
+            raise yaml.YAMLError("aliases are not supported")
         level += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
         if level > MOST_LEVELS:
-            raise ValueError(f"more than {MOST_LEVELS} levels")
+            raise ValueError(f"nested more than {MOST_LEVELS} levels deep")
     try:
         document = yaml.load(text, Loader=_PlainLoader)
     except _BAD_VALUES as error:
-        raise ValueError(f"no plain value ({error})") from None
-    refuse_odd_strings(document)
+        raise ValueError(f"not a plain value ({error})") from None
+    refuse_unsafe_strings(document)
     return document

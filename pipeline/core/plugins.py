@@ -25,26 +25,26 @@ def plugin_names(words: Iterable[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(word for word in words if ":" in word))
 
 
-def class_of_users(of_use: object) -> tuple[str, ...]:
+def user_class(of_use: object) -> tuple[str, ...]:
     """`module:Class` of a detector that is the user's own; nothing for one of ours."""
     kind = type(of_use)
     return () if kind.__module__.startswith("advpipe.") else (f"{kind.__module__}:{kind.__qualname__}",)
 
 
-def reporting_mistakes(prepare: Callable[[], Work], own: Sequence[str]) -> Work:
+def with_plugin_errors(prepare: Callable[[], Work], own: Sequence[str]) -> Work:
     """The work that `prepare` makes, with mistakes in code of the user's own reported in one line."""
-    with mistakes_reported(own):
+    with plugin_errors(own):
         work = prepare()
 
     def work_and_tell(job: int) -> None:
-        with mistakes_reported(own):
+        with plugin_errors(own):
             work(job)
 
     return work_and_tell
 
 
 @contextmanager
-def mistakes_reported(own: Sequence[str]) -> Iterator[None]:
+def plugin_errors(own: Sequence[str]) -> Iterator[None]:
     """Raises AdvpipeError, one line, for whatever goes wrong inside; as it is where nothing is `own`.
 
     A program that ends itself goes wrong, too: it leaves nothing behind, and no word why.

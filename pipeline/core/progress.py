@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sized
 from typing import TextIO, TypeVar
 
-from advpipe.pipeline.core.streams import beneath
+from advpipe.pipeline.core.streams import unwrapped
 from advpipe.pipeline.core.text import one_line
 from advpipe.pipeline.core.verbosity import detail, is_quiet, notice
 
@@ -37,7 +37,7 @@ def _shown(
 ) -> Iterable[T]:
     if is_quiet():
         return items
-    terminal = beneath(sys.stderr)
+    terminal = unwrapped(sys.stderr)
     if terminal is not None and not terminal.closed and terminal.isatty():
         return _with_bar(items, terminal, description, total, status)
     return _with_lines(items, description, total, status)

@@ -15,19 +15,19 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, TextIO, cast
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.core.text import spelt_out
+from advpipe.pipeline.core.text import escape_unprintable
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 
-def beneath(stream: TextIO) -> TextIO:
+def unwrapped(stream: TextIO) -> TextIO:
     """The stream itself, for a bar that moves the cursor; its text has to be spelt out before."""
     return stream._stream if isinstance(stream, SafeStream) else stream
 
 
 class SafeStream:
-    """A text stream that writes `spelt_out` text to another one.
+    """A text stream that writes `escape_unprintable` text to another one.
 
     It is no terminal to libraries that ask, so that they send no colours: those would be spelt out, too.
     is_optional: what cannot be written is dropped, as messages on a closed standard error are.
@@ -38,7 +38,7 @@ class SafeStream:
 
     def write(self, text: str) -> int:
         with self._refusals_told():
-            self._stream.write(spelt_out(text))
+            self._stream.write(escape_unprintable(text))
         return len(text)
 
     def writelines(self, lines: list[str]) -> None:
@@ -134,7 +134,7 @@ def flush_output() -> None:
     SafeStream(sys.stdout, is_optional=False).flush()
 
 
-def is_unread() -> bool:
+def is_reader_gone() -> bool:
     """Whether the reader of standard output is gone, as after `| head`."""
     with suppress(OSError, ValueError, AttributeError):
         poll = select.poll()

@@ -10,7 +10,7 @@ LINE_LIMIT = 1000
 _END = 300
 
 
-def spelt_out(text: str) -> str:
+def escape_unprintable(text: str) -> str:
     """The text with what a terminal would obey, or could not show, as an escape such as \\x1b or \\u202e.
 
     That is all control and format characters, those that turn the direction of writing among them, but line
@@ -27,7 +27,7 @@ def one_line(text: object, limit: int = LINE_LIMIT) -> str:
     if len(words) > limit:
         left_out = len(words) - limit
         words = f"{words[: limit - _END]} [... {left_out:,} characters ...] {words[-_END:]}"
-    return spelt_out(" ".join(words.split()))
+    return escape_unprintable(" ".join(words.split()))
 
 
 def _is_harmless(sign: str) -> bool:

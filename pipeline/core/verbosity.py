@@ -72,19 +72,19 @@ def phase(name: str) -> Iterator[None]:
 
 
 @contextmanager
-def speaking(verbosity: Verbosity) -> Iterator[None]:
+def use_verbosity(verbosity: Verbosity) -> Iterator[None]:
     """Within the block, this is how much is told. Libraries' warnings are details."""
     global _current, _begin_s
     before, _current, _begin_s = (_current, _begin_s), verbosity, time.monotonic()
     try:
         with warnings.catch_warnings():
-            quieten_warnings()
+            silence_warnings()
             yield
     finally:
         _current, _begin_s = before
 
 
-def quieten_warnings() -> None:
+def silence_warnings() -> None:
     """Libraries' warnings, meant for programmers, are details, unless Python was told what they are."""
     if sys.warnoptions:
         return

@@ -56,8 +56,10 @@ def pack(
     NAME.tar.sha256 appears; with `split_size_bytes`, NAME.tar.000 and so on in its place. Raises
     AdvpipeError for a file that is not what SHA256SUMS says, and for an output that exists.
     """
-    if archive.suffix != ".tar" or not layout.is_plain(archive.stem):
-        raise UsageError(f"{archive}: an archive's name ends in .tar and has no signs that paths need")
+    if archive.suffix != ".tar" or not layout.is_portable(archive.stem):
+        raise UsageError(
+            f"{archive}: an archive's name must end in .tar and hold no characters that paths reserve"
+        )
     if split_size_bytes is not None and split_size_bytes < tar_header.RECORD_BYTES:
         raise UsageError(f"parts of {split_size_bytes} bytes are too small; choose 1 MB or more")
     sums = checksums.of_files(files)
@@ -85,7 +87,7 @@ def refuse_existing(archive: Path, overwrite: bool) -> list[Path]:
     if old and not overwrite:
         raise OutputExistsError(old[0])
     if folders := [path for path in old if not path.is_file()]:
-        raise UsageError(f"{folders[0]} is no file, not replacing it; choose another name")
+        raise UsageError(f"{folders[0]} is not a file and is not replaced; choose another name")
     return old
 
 
@@ -129,12 +131,10 @@ def unpack_archive(archive: Path, folder: Path | None = None, limits: Limits = L
         raise UsageError(f"{archive} is a folder; give the archive, NAME.tar, or one of its parts")
     folder = folder or archive.with_suffix("")
     if folder.exists():
-        raise UsageError(f"{folder} exists already, not overwriting; choose another name with --out")
+        raise UsageError(f"{folder} already exists; choose another name with --out")
     with closing(PartsReader(archive)) as stream:
         if stream.length_bytes > limits.bytes:
-            raise AdvpipeError(
-                f"{archive} has {stream.length_bytes} bytes, more than the limit {limits.bytes}"
-            )
+            raise AdvpipeError(f"{archive} has {stream.length_bytes} bytes; the limit is {limits.bytes}")
         partial = PartialFolder(folder)
         try:
             free_bytes = shutil.disk_usage(partial.path).free
@@ -159,8 +159,8 @@ def _read(stream: PartsReader, folder: Path, limits: Limits) -> dict[str, str]:
     while (entry := _next_entry(stream)) is not None:
         path, size_bytes = entry
         head, _, name = path.partition("/")
-        if not layout.is_plain(path) or not name or head != (top or head):
-            raise AdvpipeError(f"{stream.archive}: {path!r} leads out of the data set's folder; not unpacked")
+        if not layout.is_portable(path) or not name or head != (top or head):
+            raise AdvpipeError(f"{stream.archive}: {path!r} is outside the data set's folder; not unpacked")
         layout.refuse_deep(name.count("/"), stream.archive)
         if name.encode() <= last:
             raise AdvpipeError(f"{stream.archive}: {path!r} comes twice or out of order; not unpacked")
@@ -168,8 +168,8 @@ def _read(stream: PartsReader, folder: Path, limits: Limits) -> dict[str, str]:
             raise AdvpipeError(f"{stream.archive} holds more than {limits.files} files; not unpacked")
         if size_bytes > stream.length_bytes - stream.position_bytes:
             raise AdvpipeError(
-                f"{stream.archive}: {path} has {size_bytes} bytes, more than the archive; it is cut off or "
-                "damaged, fetch it again"
+                f"{stream.archive}: {path} has {size_bytes} bytes, more than the archive; it is truncated or "
+                "damaged, download it again"
             )
         top, last = head, name.encode()
         found[name] = _copy(stream, folder, name, size_bytes)
@@ -188,7 +188,7 @@ def _next_entry(stream: PartsReader) -> tuple[str, int] | None:
             raise _damaged(stream)
         stream.finish()
         if stream.position_bytes != stream.length_bytes:
-            raise AdvpipeError(f"{stream.archive}: something follows the archive's end; fetch it again")
+            raise AdvpipeError(f"{stream.archive}: there is data after the archive's end; download it again")
         return None
     try:
         pax_bytes = tar_header.pax_length(block)
@@ -207,8 +207,8 @@ def _next_entry(stream: PartsReader) -> tuple[str, int] | None:
 
 def _damaged(stream: PartsReader) -> AdvpipeError:
     return AdvpipeError(
-        f"{stream.archive}: what lies before byte {stream.position_bytes} is not as `advpipe share` writes "
-        "it: damaged, or packed by another tool (unpack it with that, then run `advpipe verify`)"
+        f"{stream.archive}: the data before byte {stream.position_bytes} is not what `advpipe share` writes "
+        "there: damaged, or packed by another tool (unpack it with that, then run `advpipe verify`)"
     )
 
 
@@ -225,7 +225,7 @@ def _copy(stream: PartsReader, folder: Path, name: str, size_bytes: int) -> str:
         if error.errno not in _BAD_NAME:
             raise
         raise AdvpipeError(
-            f"{stream.archive}: this file system takes no name like {name[:60]!r}...; not unpacked"
+            f"{stream.archive}: this file system does not support names like {name[:60]!r}...; not unpacked"
         ) from None
     with out:
         return copy(stream.read, out.write, size_bytes)[0]
@@ -234,16 +234,14 @@ def _copy(stream: PartsReader, folder: Path, name: str, size_bytes: int) -> str:
 def _check(found: Mapping[str, str], folder: Path, archive: Path) -> None:
     """Every file is listed, as it is; the signature, which no list holds, is that of the signer beside it."""
     if checksums.FILE not in found:
-        raise UsageError(f"{archive} holds no {checksums.FILE}: no data set that `advpipe share` packed")
+        raise UsageError(f"{archive} holds no {checksums.FILE}: `advpipe share` did not pack it")
     sums = checksums.parse_checksums(checksums.read_bytes(folder / checksums.FILE), archive / checksums.FILE)
     listed = {name: digest for name, digest in found.items() if name not in checksums.UNLISTED}
     for name in sorted({*sums, *listed}):
         if name not in listed:
             raise AdvpipeError(f"{archive}: {name} is missing, though {checksums.FILE} lists it")
         if sums.get(name) != listed[name]:
-            raise AdvpipeError(
-                f"{archive}: {name} is not the file that {checksums.FILE} lists; fetch it again"
-            )
+            raise AdvpipeError(f"{archive}: {name} does not match {checksums.FILE}; download it again")
     if {signature.FILE, signature.KEY_FILE} <= found.keys():
         with suppress(signature.NoLibraryError):  # then `advpipe verify` says that nobody looked
             signature.verify_signature(folder)

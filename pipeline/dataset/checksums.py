@@ -49,7 +49,7 @@ def read_bytes(path: Path) -> bytes:
     if not path.is_file():
         raise AdvpipeError(f"{path} does not exist; `advpipe share` writes it")
     if path.stat().st_size > _LIMIT_BYTES:
-        raise AdvpipeError(f"{path} is too large for a list of checksums")
+        raise AdvpipeError(f"{path} is too large for a checksum list")
     return path.read_bytes()
 
 
@@ -59,17 +59,19 @@ def parse_checksums(data: bytes, path: Path) -> dict[str, str]:
     last = b""
     lines = data.split(b"\n")
     if lines.pop():
-        raise AdvpipeError(f"{path}:{len(lines) + 1}: the last line does not end; the list was cut off")
+        raise AdvpipeError(f"{path}:{len(lines) + 1}: the last line has no line end; the list is truncated")
     for number, line in enumerate(lines, start=1):
         try:
             match = _LINE.fullmatch(line.decode())
         except UnicodeDecodeError:
-            raise AdvpipeError(f"{path}:{number}: no UTF-8; the list is damaged") from None
+            raise AdvpipeError(f"{path}:{number}: invalid UTF-8; the list is damaged") from None
         if match is None:
-            raise AdvpipeError(f"{path}:{number}: no line of `sha256sum`: 64 hex digits, two spaces, a path")
+            raise AdvpipeError(
+                f"{path}:{number}: expected a line of `sha256sum`: 64 hex digits, two spaces, a path"
+            )
         name = match[2]
-        if not layout.is_plain(name) or name in UNLISTED:
-            raise AdvpipeError(f"{path}:{number}: {name!r} is no path of a file in this folder")
+        if not layout.is_portable(name) or name in UNLISTED:
+            raise AdvpipeError(f"{path}:{number}: {name!r} is not the path of a file in this folder")
         if name.encode() <= last:
             raise AdvpipeError(f"{path}:{number}: {name!r} is listed twice or out of order")
         sums[name], last = match[1], name.encode()

@@ -14,11 +14,11 @@ from advpipe.pipeline.dataset import checksums
 from advpipe.pipeline.dataset.layout import is_dataset, read_layout
 
 
-def lay_out(files: Mapping[str, Path], folder: Path, *, overwrite: bool = False) -> None:
+def write_folder(files: Mapping[str, Path], folder: Path, *, overwrite: bool = False) -> None:
     """Copy files, SHA256SUMS among them, to their relative paths in a new folder.
 
     Raises AdvpipeError for a file that is not what SHA256SUMS says, and for a folder that exists; with
-    `overwrite`, one that `lay_out` made, and in which nothing else lies, is replaced.
+    `overwrite`, one that `write_folder` made, and in which nothing else lies, is replaced.
     """
 
     def may_replace(old: Path) -> bool:
@@ -42,12 +42,13 @@ def lay_out(files: Mapping[str, Path], folder: Path, *, overwrite: bool = False)
 
 
 def refuse_folder(folder: Path, *, overwrite: bool) -> None:
-    """Raises AdvpipeError for an output that exists, unless it is what `lay_out` made and may be replaced."""
+    """Refuse an output that exists, unless `write_folder` made it and it may be replaced (AdvpipeError)."""
     if not overwrite:
         raise OutputExistsError(folder)
     if not is_dataset(folder) or not (folder / checksums.FILE).is_file():
         raise UsageError(
-            f"{folder} is no shared data set (it has no {checksums.FILE}), not replacing it; choose another "
+            f"{folder} is not a shared data set (it has no {checksums.FILE}) and is not replaced; "
+            "choose another "
             "name"
         )
     found = read_layout(folder)
@@ -56,7 +57,8 @@ def refuse_folder(folder: Path, *, overwrite: bool) -> None:
     own = sorted(name for name in strangers if not any(left.holds(folder / name) for left in found.leftovers))
     if own:
         raise UsageError(
-            f"{folder} also holds {own[0]}, which `share` did not make, not replacing it; choose another name"
+            f"{folder} also holds {own[0]}, which `share` did not make, and is not replaced; choose "
+            "another name"
         )
 
 

@@ -56,11 +56,12 @@ def read_layout(folder: Path) -> Layout:
     """Raises AdvpipeError for a folder that is no data set."""
     folder = Path(folder)
     if not folder.is_dir():
-        what = "is no folder" if folder.exists() else "does not exist"
+        what = "is not a folder" if folder.exists() else "does not exist"
         raise UsageError(f"{folder} {what}; give a data set, a folder with {CLEAN_NAME}/")
     if not is_dataset(folder):
         raise UsageError(
-            f"{folder} is no data set: it holds no {CLEAN_NAME}/{METADATA_NAME}; `advpipe simulate` makes one"
+            f"{folder} is not a data set: it holds no {CLEAN_NAME}/{METADATA_NAME}; `advpipe "
+            "simulate` makes one"
         )
     reports = folder / REPORTS_NAME
     return Layout(
@@ -93,23 +94,29 @@ def _files(folder: Path, root: Path, level: int = 0) -> Iterator[str]:
     with os.scandir(folder) as entries:
         for entry in entries:
             path = folder / entry.name
-            if not is_plain(entry.name):
-                raise AdvpipeError(f"{str(path)!r}: a name of signs that not every system takes; rename it")
+            if not is_portable(entry.name):
+                raise AdvpipeError(
+                    f"{str(path)!r}: a name with characters that not every system supports; rename it"
+                )
             if entry.is_dir(follow_symlinks=False):
                 yield from _files(path, root, level + 1)
             elif entry.is_file(follow_symlinks=False):
                 yield path.relative_to(root).as_posix()
             else:
-                raise AdvpipeError(f"{path} is a link or no regular file; a data set holds files alone")
+                raise AdvpipeError(
+                    f"{path} is a link or not a regular file; a data set holds regular files only"
+                )
 
 
 def refuse_deep(level: int, place: Path) -> None:
     """Raises AdvpipeError for a file or folder below more folders than a data set has."""
     if level > MOST_LEVELS:
-        raise AdvpipeError(f"{place} holds folders more than {MOST_LEVELS} levels deep; no data set does")
+        raise AdvpipeError(
+            f"{place} has folders nested more than {MOST_LEVELS} levels deep, which no data set needs"
+        )
 
 
-def is_plain(name: str) -> bool:
+def is_portable(name: str) -> bool:
     """Whether a relative POSIX path stays in its folder and is spelt in one way on every system."""
     return (
         name.isprintable()

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from advpipe.pipeline.bag.remains import find_remains
+from advpipe.pipeline.bag.partial_recording import find_partial_recording
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
-from advpipe.pipeline.core.leftover_names import PATTERNS, has_leftover_name
-from advpipe.pipeline.core.lock import HAS_LOCKS, LOCK_NAME, is_held, lock_of_dead, one_at_a_time
+from advpipe.pipeline.core.leftover_names import PATTERNS, is_leftover_name
+from advpipe.pipeline.core.lock import HAS_LOCKS, LOCK_NAME, is_locked, one_at_a_time, take_stale_lock
 from advpipe.pipeline.core.partial import MOVING_NAME, REPLACED_NAME
 from advpipe.pipeline.core.scratch import FILES_NAME, PREFIX
 from advpipe.pipeline.mcap.salvage import Salvage
@@ -49,7 +49,7 @@ class Leftover:
     @cached_property
     def is_running(self) -> bool:
         """Whether a living run holds it."""
-        return is_held(self._lock)
+        return is_locked(self._lock)
 
     def holds(self, path: Path) -> bool:
         """Whether a path is it or lies in it."""
@@ -98,14 +98,15 @@ class Leftover:
         """Remove it, unless a living run holds it or it is gone. Raises OSError where that is refused."""
         if not HAS_LOCKS:
             raise AdvpipeError(
-                f"{self.path}: no locks here tell living runs from dead ones; remove it by hand"
+                f"{self.path}: this system has no file locks to tell running from killed runs; remove "
+                "it by hand"
             )
         # Folders are made and locked under their parent's lock, temporary ones are not.
         with nullcontext() if self.kind == "scratch" else one_at_a_time(self.path.parent):
             if self.kind != "scratch" and recognise(self.path) is None:
                 return False
-            lock = lock_of_dead(self._lock)
-            if lock is None and is_held(self._lock):
+            lock = take_stale_lock(self._lock)
+            if lock is None and is_locked(self._lock):
                 return False
             try:
                 if self.kind == "file":
@@ -147,7 +148,7 @@ def find_leftovers(
         with suppress(OSError), os.scandir(folder) as entries:
             for entry in entries:
                 if entry.name.startswith("."):
-                    hidden += [entry.name] if has_leftover_name(entry.name) else []
+                    hidden += [entry.name] if is_leftover_name(entry.name) else []
                 elif level <= MOST_LEVELS and entry.is_dir(follow_symlinks=False):
                     below.append(entry.name)
         yield from filter(None, (recognise(folder / name) for name in sorted(hidden)))
@@ -168,7 +169,9 @@ def refuse_inside(root: Path) -> None:
     """Raises UsageError for a path inside a leftover: it is shown and removed as a whole."""
     for parent in root.resolve().parents:
         if recognise(parent) is not None:
-            raise UsageError(f"{root} lies in {parent}, which a run left or is writing; give that folder")
+            raise UsageError(
+                f"{root} is inside {parent}, which belongs to a killed or running run; give that folder"
+            )
 
 
 def _is(path: Path, is_type: Callable[[int], bool]) -> bool:
@@ -200,7 +203,7 @@ def _is_recording(folder: Path) -> bool:
     """Whether `recover` could save a drive from it: not what the same attack or sharing makes again."""
     if (folder / ATTACK_NAME).exists() or (folder / CHECKSUMS_NAME).exists():
         return False
-    with suppress(AdvpipeError, OSError), find_remains(folder) as remains:
+    with suppress(AdvpipeError, OSError), find_partial_recording(folder) as remains:
         return any(True for file in remains.filled_files for _ in Salvage(file).messages())
     return False
 

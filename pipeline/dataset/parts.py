@@ -42,16 +42,16 @@ def find_parts(archive: Path) -> list[Path]:
     parts = existing_parts(archive)
     if archive.is_file():
         if parts:
-            raise UsageError(f"there are both {archive} and {parts[0].name}; move one of them elsewhere")
+            raise UsageError(f"both {archive} and {parts[0].name} exist; move one of them elsewhere")
         return [archive]
     if not parts:
-        raise UsageError(f"{archive} does not exist, nor {archive.name}.000")
+        raise UsageError(f"neither {archive} nor {archive.name}.000 exists")
     for number, part in enumerate(parts):
         expected = part_path(archive, number)
         if part != expected:
-            raise AdvpipeError(f"{expected} is missing; fetch it again")
+            raise AdvpipeError(f"{expected} is missing; download it again")
         if part.stat().st_size != parts[0].stat().st_size and part != parts[-1]:
-            raise AdvpipeError(f"{part} has another size than {parts[0].name}: cut off; fetch it again")
+            raise AdvpipeError(f"{part} differs in size from {parts[0].name}: truncated; download it again")
     return parts
 
 
@@ -125,8 +125,8 @@ class PartsReader:
         while left_bytes:
             if self._stream is None and not self._open():
                 raise AdvpipeError(
-                    f"{self.archive}: cut off after {self.length_bytes} bytes; fetch it again"
-                    + (" (a last part may be missing)" if len(self._paths) > 1 else "")
+                    f"{self.archive}: truncated after {self.length_bytes} bytes; download it again"
+                    + (" (the last part may be missing)" if len(self._paths) > 1 else "")
                 )
             assert self._stream is not None
             block = self._stream.read(left_bytes)
@@ -161,8 +161,7 @@ class PartsReader:
         path = self._paths[self._next - 1]
         if self._sums and self._sums[path.name] != self._hash.hexdigest():
             raise AdvpipeError(
-                f"{path} is damaged: it is not the file that {sums_path(self.archive).name} lists; "
-                "fetch both again"
+                f"{path} is damaged: it does not match {sums_path(self.archive).name}; download both again"
             )
 
 
@@ -173,5 +172,5 @@ def _stated_sums(archive: Path, paths: list[Path]) -> dict[str, str]:
         return {}
     sums = checksums.parse_checksums(checksums.read_bytes(path), path)
     if sorted(sums) != sorted(part.name for part in paths):
-        raise AdvpipeError(f"{path} lists {', '.join(sums) or 'nothing'}, not the parts that lie beside it")
+        raise AdvpipeError(f"{path} lists {', '.join(sums) or 'nothing'}, not the parts next to it")
     return sums

@@ -1,13 +1,14 @@
-"""What a report of a data set says: which bags it is about, and the figures that a card shows."""
+"""The reports of a data set, read again: the bags that they compare, and the values that a card shows."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field
 
-from advpipe.pipeline.core.document import Count, Document, Number, Word, read_json, read_text
+from advpipe.pipeline.core.document import Count, Document, Number, Word, read_json, read_text, validated
+from advpipe.pipeline.results.deprecated import with_new_keys
 
 LIMIT_BYTES = 1 << 24
 """The longest report that is read: one of a drive of five minutes has 0.2 MB."""
@@ -15,7 +16,7 @@ LIMIT_BYTES = 1 << 24
 _HINT = "evaluate again with --overwrite"
 _MOST_RECORDS = 100_000
 _FileName = Annotated[str, Field(max_length=255)]
-_Banner = Annotated[str, Field(max_length=2000)]
+_Warning = Annotated[str, Field(max_length=2000)]
 
 
 class _Clean(Document):
@@ -76,7 +77,7 @@ class V2xRow(Document):
     bag: _FileName | None = None
     vehicle: Word = ""
     messages: Number | None = None
-    lies: Number | None = None
+    false_messages: Number | None = None
     f1: Number | None = None
 
 
@@ -84,7 +85,7 @@ class ReportDocument(Document):
     """The part of report.json that is read again."""
 
     provenance: ReportOrigin
-    banners: Annotated[tuple[_Banner, ...], Field(max_length=100)] = ()
+    warnings: Annotated[tuple[_Warning, ...], Field(max_length=100)] = ()
     rows: Annotated[tuple[DetectionRow, ...], Field(max_length=_MOST_RECORDS)] = ()
     localisation: Annotated[tuple[LocalisationRow, ...], Field(max_length=_MOST_RECORDS)] = ()
     v2x: Annotated[tuple[V2xRow, ...], Field(max_length=_MOST_RECORDS)] = ()
@@ -96,10 +97,65 @@ class ReportDocument(Document):
         stated = {Path(origin.clean.bag).name: origin.clean.sha256}
         return stated | {each.bag: each.sha256 for each in origin.compared if each.sha256 is not None}
 
+    @property
+    def clean_sha256s(self) -> set[str]:
+        """Empty: an evaluation names its clean bag, see `bags`."""
+        return set()
 
-def read_report(path: Path) -> ReportDocument:
-    """A report.json; raises AdvpipeError for a file that is none, or that cannot be read."""
-    where = f"{path} is no report of this version"
+
+class _SweepOrigin(Document):
+    """The settings of one recipe's cells."""
+
+    clean_sha256: Word
+
+
+class _SweepCell(Document):
+    """A recipe at a budget; row: None where it was not run."""
+
+    row: DetectionRow | None = None
+
+
+class SweepReportDocument(Document):
+    """The part of a sweep's report.json that is read again."""
+
+    provenance: Annotated[tuple[_SweepOrigin, ...], Field(max_length=_MOST_RECORDS)]
+    cells: Annotated[tuple[_SweepCell, ...], Field(max_length=_MOST_RECORDS)]
+    warnings: Annotated[tuple[_Warning, ...], Field(max_length=100)] = ()
+
+    @property
+    def rows(self) -> tuple[DetectionRow, ...]:
+        """The effects of the cells that were run."""
+        return tuple(cell.row for cell in self.cells if cell.row is not None)
+
+    @property
+    def localisation(self) -> tuple[LocalisationRow, ...]:
+        """Empty: a sweep runs LiDAR attacks alone."""
+        return ()
+
+    @property
+    def v2x(self) -> tuple[V2xRow, ...]:
+        """Empty: a sweep runs LiDAR attacks alone."""
+        return ()
+
+    @property
+    def bags(self) -> dict[str, str]:
+        """Empty: a sweep names no bag of the data set, and its adversarial bags are removed."""
+        return {}
+
+    @property
+    def clean_sha256s(self) -> set[str]:
+        """The SHA-256 (`parent_sha256`) of the clean bags that the cells were made from."""
+        return {origin.clean_sha256 for origin in self.provenance}
+
+
+def read_report(path: Path) -> ReportDocument | SweepReportDocument:
+    """The report.json of an evaluation or of a sweep.
+
+    Raises AdvpipeError for a file that is no such report or cannot be read.
+    """
+    where = f"{path} is not a report of this version"
     text = read_text(path, LIMIT_BYTES)
-    found: ReportDocument = read_json(text, ReportDocument, where, _HINT, LIMIT_BYTES)
+    stored: dict[str, Any] = with_new_keys(read_json(text, dict[str, Any], where, _HINT, LIMIT_BYTES), path)
+    kind = SweepReportDocument if "cells" in stored else ReportDocument
+    found: ReportDocument | SweepReportDocument = validated(stored, kind, where, _HINT)
     return found

@@ -45,9 +45,9 @@ def load_private_key(path: Path) -> Ed25519PrivateKey:
             f"{path} is encrypted; decrypt it with `openssl pkey -in {path} -out plain.pem` and use that"
         ) from None
     except Exception:  # ValueError, and what the library has for keys that it does not support
-        raise UsageError(f"{path} is no private key in PEM; {_HOW}") from None
+        raise UsageError(f"{path} is not a PEM private key; {_HOW}") from None
     if not isinstance(key, Ed25519PrivateKey):
-        raise UsageError(f"{path} is no Ed25519 key; {_HOW}")
+        raise UsageError(f"{path} is not an Ed25519 key; {_HOW}")
     return key
 
 
@@ -64,9 +64,9 @@ def load_public_key(path: Path) -> Ed25519PublicKey:
     try:
         key = load_pem_public_key(data)
     except Exception:  # as above
-        raise UsageError(f"{path} is no public key in PEM") from None
+        raise UsageError(f"{path} is not a PEM public key") from None
     if not isinstance(key, Ed25519PublicKey):
-        raise UsageError(f"{path} is no Ed25519 key")
+        raise UsageError(f"{path} is not an Ed25519 key")
     return key
 
 
@@ -95,7 +95,7 @@ def verify_signature(folder: Path, public_key_path: Path | None = None) -> None:
     if not path.is_file():
         raise AdvpipeError(f"{path} does not exist: the data set is not signed")
     if public_key_path is None and not (folder / KEY_FILE).is_file():
-        raise AdvpipeError(f"{folder} carries no {KEY_FILE}; give the signer's public key")
+        raise AdvpipeError(f"{folder} holds no {KEY_FILE}; give the signer's public key")
     key_path = public_key_path or folder / KEY_FILE
     key = load_public_key(key_path)
     from cryptography.exceptions import InvalidSignature
@@ -106,8 +106,8 @@ def verify_signature(folder: Path, public_key_path: Path | None = None) -> None:
         key.verify(value, checksums.read_bytes(folder / checksums.FILE))
     except InvalidSignature:
         raise AdvpipeError(
-            f"{path}: not the signature of {checksums.FILE} by {key_path}: "
-            "another key, or one of the two was changed"
+            f"{path}: does not sign {checksums.FILE} with {key_path}: "
+            "wrong key, or one of the two files was changed"
         ) from None
 
 

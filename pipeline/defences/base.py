@@ -45,7 +45,7 @@ class Placement:
 
 
 @dataclass(frozen=True)
-class Defended:
+class DefendedCloud:
     """A cloud as a defence leaves it, and where it lies now."""
 
     cloud: Cloud
@@ -55,7 +55,7 @@ class Defended:
 class Defence(Protocol):
     """A defence on clouds. Its constructor takes the parameters, keyword-only, and checks them."""
 
-    def __call__(self, cloud: Cloud, rng: np.random.Generator) -> Defended:
+    def __call__(self, cloud: Cloud, rng: np.random.Generator) -> DefendedCloud:
         """The cloud (N,) as the detector is to see it; the one that is given stays as it is."""
 
 

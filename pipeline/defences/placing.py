@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from advpipe.pipeline.defences.base import Defended, Placement
+from advpipe.pipeline.defences.base import DefendedCloud, Placement
 from advpipe.pipeline.defences.rounding import positive
 from advpipe.pipeline.messages.cloud import Cloud
 
@@ -18,17 +18,17 @@ class Shift:
     def __init__(self, *, max_m: float = 0.05) -> None:
         self.max_m = positive("shift", "max_m", max_m)
 
-    def __call__(self, cloud: Cloud, rng: np.random.Generator) -> Defended:
+    def __call__(self, cloud: Cloud, rng: np.random.Generator) -> DefendedCloud:
         placement = Placement(offset_m=rng.uniform(-self.max_m, self.max_m, 3))
-        return Defended(placement.cloud(cloud), placement)
+        return DefendedCloud(placement.cloud(cloud), placement)
 
 
 class Flip:
     """Left becomes right: y is mirrored."""
 
-    def __call__(self, cloud: Cloud, rng: np.random.Generator) -> Defended:
+    def __call__(self, cloud: Cloud, rng: np.random.Generator) -> DefendedCloud:
         placement = Placement(is_mirrored=True)
-        return Defended(placement.cloud(cloud), placement)
+        return DefendedCloud(placement.cloud(cloud), placement)
 
 
 class Scale:
@@ -37,6 +37,6 @@ class Scale:
     def __init__(self, *, factor: float = 1.025) -> None:
         self.factor = positive("scale", "factor", factor)
 
-    def __call__(self, cloud: Cloud, rng: np.random.Generator) -> Defended:
+    def __call__(self, cloud: Cloud, rng: np.random.Generator) -> DefendedCloud:
         placement = Placement(scale=self.factor)
-        return Defended(placement.cloud(cloud), placement)
+        return DefendedCloud(placement.cloud(cloud), placement)

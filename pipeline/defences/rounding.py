@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.defences.base import Defended, with_xyz
+from advpipe.pipeline.defences.base import DefendedCloud, with_xyz
 from advpipe.pipeline.messages.cloud import Cloud, xyz
 
 
@@ -17,9 +17,9 @@ class Quantisation:
     def __init__(self, *, step_m: float = 0.01) -> None:
         self.step_m = positive("quantise", "step_m", step_m)
 
-    def __call__(self, cloud: Cloud, rng: np.random.Generator) -> Defended:
+    def __call__(self, cloud: Cloud, rng: np.random.Generator) -> DefendedCloud:
         points = xyz(cloud).astype(np.float64)
-        return Defended(with_xyz(cloud, np.round(points / self.step_m) * self.step_m))
+        return DefendedCloud(with_xyz(cloud, np.round(points / self.step_m) * self.step_m))
 
 
 class Jitter:
@@ -28,8 +28,8 @@ class Jitter:
     def __init__(self, *, sigma_m: float = 0.01) -> None:
         self.sigma_m = positive("jitter", "sigma_m", sigma_m)
 
-    def __call__(self, cloud: Cloud, rng: np.random.Generator) -> Defended:
-        return Defended(with_xyz(cloud, xyz(cloud) + rng.normal(0, self.sigma_m, (len(cloud), 3))))
+    def __call__(self, cloud: Cloud, rng: np.random.Generator) -> DefendedCloud:
+        return DefendedCloud(with_xyz(cloud, xyz(cloud) + rng.normal(0, self.sigma_m, (len(cloud), 3))))
 
 
 def positive(defence: str, name: str, value: float) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.defences.base import Defended
+from advpipe.pipeline.defences.base import DefendedCloud
 from advpipe.pipeline.messages.cloud import Cloud, xyz
 
 
@@ -20,9 +20,9 @@ class RandomSampling:
             raise UsageError(f"defence sample: drop is {drop:g}, but must lie between 0 and 1, such as 0.05")
         self.drop = drop
 
-    def __call__(self, cloud: Cloud, rng: np.random.Generator) -> Defended:
+    def __call__(self, cloud: Cloud, rng: np.random.Generator) -> DefendedCloud:
         gone = rng.choice(len(cloud), size=math.floor(self.drop * len(cloud) + 0.5), replace=False)
-        return Defended(np.delete(cloud, gone))
+        return DefendedCloud(np.delete(cloud, gone))
 
 
 class OutlierRemoval:
@@ -40,12 +40,12 @@ class OutlierRemoval:
             raise UsageError(f"defence outliers: sigmas is {sigmas:g}, but must be finite and 0 or more")
         self.k, self.sigmas = int(k), sigmas
 
-    def __call__(self, cloud: Cloud, rng: np.random.Generator) -> Defended:
+    def __call__(self, cloud: Cloud, rng: np.random.Generator) -> DefendedCloud:
         points = xyz(cloud).astype(np.float64)
         finite = np.flatnonzero(np.isfinite(points).all(axis=1))
         if len(finite) <= self.k:
-            return Defended(cloud)
+            return DefendedCloud(cloud)
         distance_m, _ = cKDTree(points[finite]).query(points[finite], k=self.k + 1)
         mean_m = distance_m[:, 1:].mean(axis=1)  # the nearest one is the point itself
         limit_m = mean_m.mean() + self.sigmas * mean_m.std(ddof=1)
-        return Defended(np.delete(cloud, finite[mean_m > limit_m]))
+        return DefendedCloud(np.delete(cloud, finite[mean_m > limit_m]))

@@ -31,12 +31,12 @@ from advpipe.pipeline.messages.cloud import xyzi
 
 T = TypeVar("T")
 
-KINDS = ("occupancy_loss", "loss", "detect")
+REQUEST_KINDS = ("occupancy_loss", "loss", "detect")
 """What is asked. Where several kinds wait, the one that most works ask is computed, and the others go on
 waiting: works that fell out of step are soon in step again."""
 
 
-def run_together(detector: BatchDetector, works: Sequence[Callable[[ObjectDetector], T]]) -> list[T]:
+def run_batched(detector: BatchDetector, works: Sequence[Callable[[ObjectDetector], T]]) -> list[T]:
     """The results of the works, each called with a detector that answers in batches.
 
     Losses that it gives are differentiated once: their gradient is computed with them, if gradients are on in
@@ -117,7 +117,7 @@ class _Together:
             if not waiting:
                 return
             asked = [question.kind for question in waiting.values()]
-            kind = max(KINDS, key=asked.count)
+            kind = max(REQUEST_KINDS, key=asked.count)
             numbers = sorted(number for number, question in waiting.items() if question.kind == kind)
             answers = _answers(self._detector, kind, [waiting.pop(number) for number in numbers])
             for number, answer in zip(numbers, answers, strict=True):
@@ -170,9 +170,9 @@ class _Asking:
         return _differentiable(answer, points)
 
     def occupancy_loss(
-        self, points: Tensor, boxes: Tensor, labels: Tensor, ghosts: Tensor | None = None
+        self, points: Tensor, boxes: Tensor, labels: Tensor, probes: Tensor | None = None
     ) -> tuple[Tensor, Tensor, Tensor]:
-        answer = self._ask("occupancy_loss", LossInput(points, boxes, labels, ghosts), needed=True)
+        answer = self._ask("occupancy_loss", LossInput(points, boxes, labels, probes), needed=True)
         occupancy, rows = answer.extra
         occupancy.requires_grad_()
         return _differentiable(answer, points, occupancy), occupancy, rows

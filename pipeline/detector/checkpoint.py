@@ -13,10 +13,10 @@ from pydantic import Field
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
+from advpipe.pipeline.core.atomic_file import write_atomically
 from advpipe.pipeline.core.document import Document, Text, Word, read_json
-from advpipe.pipeline.core.errors import OutputExistsError, UsageError, wrong_use
-from advpipe.pipeline.core.shown import cut
-from advpipe.pipeline.core.whole_file import write_whole
+from advpipe.pipeline.core.errors import OutputExistsError, UsageError, as_usage_error
+from advpipe.pipeline.core.short_repr import shorten
 from advpipe.pipeline.detector.common.network import DetectionNetwork
 from advpipe.pipeline.detector.families import family_named, shipped_checkpoints
 from advpipe.pipeline.detector.protocol import ObjectDetector
@@ -31,7 +31,7 @@ MOST_HEADER_BYTES = 1 << 20
 """Ours have 16 kB; readers take some hundred times that."""
 
 
-class _About(Document):
+class _Metadata(Document):
     """The metadata of a checkpoint, under the key `advpipe`.
 
     Those of kind `advpipe-second-1` were written when SECOND was the only family, and name none.
@@ -84,7 +84,7 @@ def save_checkpoint(
     }
     path.parent.mkdir(parents=True, exist_ok=True)
     # A single metadata key: safetensors does not fix the order of several.
-    write_whole(path, save(tensors, metadata={"advpipe": json.dumps(about)}))
+    write_atomically(path, save(tensors, metadata={"advpipe": json.dumps(about)}))
 
 
 def load_checkpoint(path: Path, device: torch.device | None = None) -> Checkpoint:
@@ -97,7 +97,7 @@ def load_checkpoint(path: Path, device: torch.device | None = None) -> Checkpoin
     _check_size(path)
     try:
         with safe_open(path, framework="pt") as file:
-            net, provenance = _told_by(path, file.metadata() or {})
+            net, provenance = _read_metadata(path, file.metadata() or {})
             ours = {k: v.shape for k, v in net.state_dict().items() if v.is_floating_point()}
             # By what the file declares, before any of it is unpacked.
             shapes = {name: file.get_slice(name).get_shape() for name in file.keys()}  # noqa: SIM118
@@ -108,7 +108,7 @@ def load_checkpoint(path: Path, device: torch.device | None = None) -> Checkpoin
                 )
             tensors = {name: file.get_tensor(name).float() for name in ours}
     except (SafetensorError, OSError, RuntimeError) as error:
-        reason = cut(" ".join(str(error).split()), 200)
+        reason = shorten(" ".join(str(error).split()), 200)
         raise UsageError(
             f"{path} is not a whole safetensors file ({reason}); train or copy it again"
         ) from None
@@ -130,16 +130,18 @@ def _check_size(path: Path) -> None:
         raise UsageError(f"{path} is not a whole safetensors file ({reason}); train or copy it again")
 
 
-def _told_by(path: Path, metadata: Mapping[str, str]) -> tuple[DetectionNetwork, dict[str, str]]:
+def _read_metadata(path: Path, metadata: Mapping[str, str]) -> tuple[DetectionNetwork, dict[str, str]]:
     """The network that a checkpoint is of, its weights not set, and how it was trained."""
     where = f"{path} is no detector checkpoint of advpipe"
-    with wrong_use():
-        about: _About = read_json(metadata.get("advpipe", ""), _About, where, "make one with `advpipe train`")
+    with as_usage_error():
+        about: _Metadata = read_json(
+            metadata.get("advpipe", ""), _Metadata, where, "make one with `advpipe train`"
+        )
     family = family_named(about.family)
     preset = family.preset(about.preset)
     if about.classes != preset.classes:
         raise UsageError(
-            f"{path} finds {cut(str(list(about.classes)), 200)}, preset {about.preset!r} finds "
+            f"{path} finds {shorten(str(list(about.classes)), 200)}, preset {about.preset!r} finds "
             f"{list(preset.classes)}; train again"
         )
     return family.network(about.preset), dict(about.provenance)

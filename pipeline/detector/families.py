@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.detector.family import Family
 from advpipe.pipeline.detector.second.family import SecondFamily
 
@@ -16,7 +16,7 @@ FAMILIES: Mapping[str, Family] = {"second": SecondFamily()}
 def family_named(name: str) -> Family:
     """The family of that name, or an error that lists the known ones."""
     if name not in FAMILIES:
-        raise UsageError(f"unknown detector family {shown(name)}; known: {', '.join(FAMILIES)}")
+        raise UsageError(f"unknown detector family {short_repr(name)}; known: {', '.join(FAMILIES)}")
     return FAMILIES[name]
 
 

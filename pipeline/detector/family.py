@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.detector.common.preset import Preset
 
 if TYPE_CHECKING:
@@ -47,5 +47,5 @@ class Family(ABC):
     def preset(self, name: str) -> Preset:
         """The preset of that name, or an error that lists the known ones."""
         if name not in self.presets:
-            raise UsageError(f"unknown detector preset {shown(name)}; known: {', '.join(self.presets)}")
+            raise UsageError(f"unknown detector preset {short_repr(name)}; known: {', '.join(self.presets)}")
         return self.presets[name]

@@ -119,11 +119,11 @@ class VoxelDetector(ObjectDetector, Protocol):
         """Its voxels."""
 
     def occupancy_loss(
-        self, points: Tensor, boxes: Tensor, labels: Tensor, ghosts: Tensor | None = None
+        self, points: Tensor, boxes: Tensor, labels: Tensor, probes: Tensor | None = None
     ) -> tuple[Tensor, Tensor, Tensor]:
         """The loss as a function of voxel occupancy, that of empty voxels included on demand.
 
-        ghosts: (G, 4) float32, points that stand in voxels without a point. They enter as voxels of
+        probes: (G, 4) float32, points that stand in voxels without a point. They enter as voxels of
         occupancy 0, so that the loss is that of the points alone, while its gradient says what a point
         there would bring. Ghosts that share a voxel share its row; in an occupied voxel they are not there.
 
@@ -141,7 +141,7 @@ class LossInput:
     points: Tensor
     boxes: Tensor
     labels: Tensor
-    ghosts: Tensor | None = None
+    probes: Tensor | None = None
 
 
 @runtime_checkable
@@ -157,7 +157,7 @@ class BatchDetector(VoxelDetector, Protocol):
         """The objects in each of the clouds (N_i, 4) x, y, z, intensity."""
 
     def loss_batch(self, inputs: Sequence[LossInput]) -> list[Tensor]:
-        """The loss of each, a scalar; there are no ghosts."""
+        """The loss of each, a scalar; there are no probes."""
 
     def occupancy_loss_batch(self, inputs: Sequence[LossInput]) -> list[tuple[Tensor, Tensor, Tensor]]:
         """The loss, the occupancy, a leaf of its own, and the rows in it, of each."""

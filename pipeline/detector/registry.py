@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.hashing import sha256_of
-from advpipe.pipeline.core.implementation import own_object
-from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.core.implementation import import_object
+from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.detector.device import CPU, open_device
 from advpipe.pipeline.detector.families import shipped_checkpoints
@@ -41,7 +41,8 @@ def load_detector(name_or_path: str, device: str = CPU) -> ObjectDetector:
         return _load_class(name_or_path, place)
     known = ", ".join(shipped)
     raise UsageError(
-        f"unknown detector {shown(name_or_path)}; known: {known}, a path to FILE.safetensors, or module:Class"
+        f"unknown detector {short_repr(name_or_path)}; known: {known}, a path to FILE.safetensors, or "
+        "module:Class"
     )
 
 
@@ -72,7 +73,7 @@ def _source_file(name: str) -> Path | None:
 
 
 def _find_class(name: str) -> Callable[..., object]:
-    found: Callable[..., object] = own_object(name, f"cannot load detector {name}")
+    found: Callable[..., object] = import_object(name, f"cannot load detector {name}")
     return found
 
 

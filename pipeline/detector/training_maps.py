@@ -25,7 +25,7 @@ _LIST = TypeAdapter(Annotated[list[Sha256 | None], Field(max_length=MOST_MAPS)])
 
 
 @runtime_checkable
-class KnowsItsMaps(Protocol):
+class ReportsTrainingMaps(Protocol):
     """A detector that tells which maps it was trained on; a user's own class may be one."""
 
     @property
@@ -47,7 +47,7 @@ class MapList(BaseModel, frozen=True):
 
 def is_training_map(detector: ObjectDetector, map_sha256: str | None) -> bool | None:
     """Whether the detector was trained on drives on this map; None where detector or bag do not tell."""
-    known = detector.training_maps_sha256 if isinstance(detector, KnowsItsMaps) else None
+    known = detector.training_maps_sha256 if isinstance(detector, ReportsTrainingMaps) else None
     if known is None or map_sha256 is None:
         return None
     if map_sha256 in known:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Literal, get_args
 
-from advpipe.pipeline.v2x.facilities.cam_values import SEVERAL
+from advpipe.pipeline.v2x.facilities.cam_values import SEPARATOR
 
 Claim = Literal[
     "position",
@@ -44,6 +44,6 @@ def undeclared_fields(changed: str, untrue: frozenset[str]) -> list[str]:
     """
     return [
         field
-        for field in changed.split(SEVERAL)
+        for field in changed.split(SEPARATOR)
         if (_CLAIM_OF[field] not in untrue if field in _CLAIM_OF else not untrue)
     ]

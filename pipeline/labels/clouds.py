@@ -162,7 +162,7 @@ def read_point_labels(path: Path) -> Iterator[FrameLabels]:
             held.append(PointLabels(*(one[start:end] for one in values)))
             count += end - start
             if count > MOST_LABELS:
-                raise AdvpipeError(f"{POINTS}: frame {frame} has more labels than any cloud points")
+                raise AdvpipeError(f"{POINTS}: frame {frame} has more labels than any cloud has points")
     if held:
         yield FrameLabels(topic, frame, _joined(held))
 

@@ -21,13 +21,13 @@ class FixChange:
 FIX_DISPLACEMENT = Quantity[FixChange](
     "fix_displacement_m",
     "m",
-    "how far a false fix lies from the true one",
+    "distance between the false and the true fix",
     lambda change: float(np.linalg.norm(change.offset_m)),
 )
 FIX_HEIGHT_CHANGE = Quantity[FixChange](
     "fix_height_change_m",
     "m",
-    "by how much the height of a fix changed, either way",
+    "absolute change of a fix's height",
     lambda change: abs(float(change.offset_m[2])),
 )
 

@@ -48,7 +48,7 @@ def _speed_offset_mps(change: MessageChange) -> float | None:
 POSITION_OFFSET = Quantity[MessageChange](
     "position_offset_m",
     "m",
-    "how far the told position was moved on the ground",
+    "horizontal offset of the reported position",
     _position_offset_m,
     resolution=0.01,
 )
@@ -56,19 +56,17 @@ POSITION_OFFSET = Quantity[MessageChange](
 SPEED_OFFSET = Quantity[MessageChange](
     "speed_offset_mps",
     "m/s",
-    "by how much the told speed changed, either way",
+    "absolute change of the reported speed",
     _speed_offset_mps,
     resolution=1 / q.SPEED.per_unit,
 )
 """Where both tell a speed, which a CAM rounds up; what is beyond all that it can tell counts as the most that
 it can."""
-DELAY = Quantity[MessageChange](
-    "delay_s", "s", "how much later a message is sent", lambda change: change.delay_s
-)
+DELAY = Quantity[MessageChange]("delay_s", "s", "delay of a message", lambda change: change.delay_s)
 MESSAGES_ADDED = Quantity[MessageChange](
     "messages_added_per_s",
     "1",
-    "messages that an attacker added within a second",
+    "messages an attacker added within one second",
     lambda change: change.added_in_a_second,
 )
 

@@ -50,7 +50,7 @@ True values are those of the recorded message. Of one that was added or delayed,
 that it claims to be from had said itself by then; null for a station that does not exist.
 """
 
-NEWER = ("part", "fields")
+NEWER_COLUMNS = ("part", "fields")
 """Columns that older versions left out, or wrote as lists."""
 
 _READ: dict[str, Kind] = {
@@ -75,7 +75,7 @@ class MessageLabel:
     part: str = ""
 
     @property
-    def is_lie(self) -> bool:
+    def is_false(self) -> bool:
         """Whether receivers hear it and it mattered: a zero-speed report of a standing car is no lie.
 
         An attacker's message that is no CAM is one: no receiver may believe it.
@@ -83,12 +83,12 @@ class MessageLabel:
         return self.action != DROPPED and (self.mattered or self.action == CORRUPT)
 
     @property
-    def word(self) -> str:
+    def attack_or_part(self) -> str:
         """The attack that was carried out: of a mix, the part."""
         return self.part or self.attack
 
     @property
-    def kind(self) -> str:
+    def attack_and_part(self) -> str:
         """The attack, and which part of a mix."""
         return f"{self.attack} / {self.part}" if self.part else self.attack
 
@@ -102,11 +102,13 @@ def read_labels(bag: Path) -> list[MessageLabel]:
         return []
     path = _path(bag)
     try:
-        columns = {k: v for k, v in _READ.items() if k not in NEWER or k in flat_columns(path)}
+        columns = {k: v for k, v in _READ.items() if k not in NEWER_COLUMNS or k in flat_columns(path)}
         return [_label(row) for row in rows(path, columns)]
     except AdvpipeError as error:
         reason = str(error).removeprefix(f"{path}: ")
-        raise AdvpipeError(f"{path} holds no labels of messages: {reason}; attack again") from None
+        raise AdvpipeError(
+            f"{path} does not hold V2X message labels: {reason}; run the attack again"
+        ) from None
 
 
 def _label(row: dict[str, Any]) -> MessageLabel:
@@ -125,7 +127,7 @@ def _path(bag: Path) -> Path:
     return (bag if bag.is_dir() else bag.parent) / FILE
 
 
-def lies(numbers: Sequence[int | None], labels: Iterable[MessageLabel]) -> npt.NDArray[np.bool_]:
+def are_false(numbers: Sequence[int | None], labels: Iterable[MessageLabel]) -> npt.NDArray[np.bool_]:
     """Which messages (M,) are lies, by their numbers in /v2x/sent; None is of an unknown message, no lie."""
-    lying = {label.number for label in labels if label.is_lie}
+    lying = {label.number for label in labels if label.is_false}
     return np.array([number in lying for number in numbers], bool)

@@ -87,24 +87,24 @@ def _share_removed(change: CloudChange) -> float:
 
 
 MAX_DISPLACEMENT = Quantity[CloudChange](
-    "max_displacement_m", "m", "how far a point was moved", lambda change: _most(change.displacement_m)
+    "max_displacement_m", "m", "largest displacement of a point", lambda change: _most(change.displacement_m)
 )
 MEAN_SQUARE_DISPLACEMENT = Quantity[CloudChange](
     "mean_square_displacement_m2",
     "m²",
-    "mean square of how far the moved points were moved",
+    "mean squared displacement of the moved points",
     lambda change: _mean(change.displacement_m**2),
 )
 ADDED_DISTANCE = Quantity[CloudChange](
     "max_added_distance_m",
     "m",
-    "how far an added point stands from the clean cloud",
+    "largest distance of an added point from the clean cloud",
     lambda change: _most(change.added_distance_m),
 )
 MAX_INTENSITY_CHANGE = Quantity[CloudChange](
     "max_intensity_change",
     "1",
-    "by how much an intensity changed",
+    "largest change of an intensity",
     lambda change: _most(change.intensity_change),
 )
 POINTS_MOVED = Quantity[CloudChange]("points_moved", "1", "points moved", lambda change: change.count(MOVED))
@@ -119,7 +119,7 @@ POINTS_TOUCHED = Quantity[CloudChange](
     lambda change: change.count(MOVED) + change.count(REMOVED),
 )
 SHARE_REMOVED = Quantity[CloudChange](
-    "share_removed", "1", "least share of the points that rounds to those removed", _share_removed
+    "share_removed", "1", "smallest share of the points that rounds to the number removed", _share_removed
 )
 
 CLOUD_QUANTITIES: Mapping[str, Quantity[CloudChange]] = {

@@ -39,7 +39,7 @@ class Quantity(Generic[C]):
             return ""
         unit = "" if self.unit == "1" else f" {self.unit}"
         bounds = f"{least:g} to {most:g}" if least < most else f"{most:g}"
-        return f"{self.meaning}: {value:.8g}{unit}, where {bounds}{unit} is declared ({self.name})"
+        return f"{self.meaning}: {value:.8g}{unit}, but the attack declares {bounds}{unit} ({self.name})"
 
     def _slack(self, bound: float) -> float:
         return self.resolution + ROUNDING * (1 + abs(bound))

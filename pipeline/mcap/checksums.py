@@ -36,9 +36,10 @@ class ChecksumCoverage:
 
     def __str__(self) -> str:
         if not self.chunks_covered and not self.data_sections_covered:
-            return "none in the bag: damage would go unseen"
+            return "none in the bag: damage would go unnoticed"
         return (
-            f"valid; cover {self.chunks_covered} of {self.chunks} chunks, {self.data_sections_covered} of "
+            f"valid; they cover {self.chunks_covered} of {self.chunks} chunks, "
+            f"{self.data_sections_covered} of "
             f"{self.files} data sections, {self.summaries_covered} of {self.files} summaries"
         )
 
@@ -56,12 +57,12 @@ def validate_checksums(path: Path) -> ChecksumCoverage:
                 budget.unpack(chunk)
                 chunks += 1
                 covered += chunk.uncompressed_crc != 0
-            told = parse_record(record.opcode, record.body)
-            if isinstance(told, DataEnd):
-                if told.data_section_crc not in (0, crc):
+            parsed = parse_record(record.opcode, record.body)
+            if isinstance(parsed, DataEnd):
+                if parsed.data_section_crc not in (0, crc):
                     raise ValueError("crc validation failed in DataEnd")
-                data_sections += told.data_section_crc != 0
-            elif isinstance(told, Footer):
-                summaries += told.summary_crc != 0
+                data_sections += parsed.data_section_crc != 0
+            elif isinstance(parsed, Footer):
+                summaries += parsed.summary_crc != 0
             crc = zlib.crc32(record.body, zlib.crc32(HEAD.pack(record.opcode, len(record.body)), crc))
     return ChecksumCoverage(chunks, covered, 1, data_sections, summaries)

@@ -22,7 +22,7 @@ from mcap.summary import Summary
 from mcap.writer import MCAP0_MAGIC
 
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
-from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.mcap.channel import RawMessage, Topic
 from advpipe.pipeline.mcap.qos import qos_from_yaml
 from advpipe.pipeline.mcap.records import (
@@ -75,7 +75,7 @@ def mcap_errors(path: Path) -> Iterator[None]:
         raise AdvpipeError(f"{path}: cannot be read: {error.strerror or error}") from None
     except DAMAGE as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise AdvpipeError(f"{path}: damaged or cut off ({reason})") from None
+        raise AdvpipeError(f"{path}: damaged or truncated ({reason})") from None
 
 
 class McapFile:
@@ -97,7 +97,7 @@ class McapFile:
             if summary is not None and {index.name for index in summary.metadata_indexes} != set(
                 self.metadata
             ):
-                raise AdvpipeError(f"{path}: damaged (a metadata record has another name than its index)")
+                raise AdvpipeError(f"{path}: damaged (a metadata record and its index have different names)")
             self.is_indexed = summary is not None and _is_indexed(summary)
             self._summary = summary if summary is not None and self.is_indexed else self._scan()
             self.topics = {
@@ -116,7 +116,10 @@ class McapFile:
         with mcap_errors(self.path):
             times = self._indexed_times(topic_name) if self.is_indexed else self._read_times(topic_name)
             if len(times) != self.counts.get(topic_name, 0):
-                raise ValueError(f"the index has {len(times)} messages of {topic_name}")
+                raise ValueError(
+                    f"the index lists {len(times)} messages of {topic_name}, the statistics "
+                    f"{self.counts.get(topic_name, 0)}"
+                )
             return np.sort(times)
 
     def raw_messages(
@@ -153,12 +156,12 @@ class McapFile:
                 continue
             record = next(read_records(stream, chunk_start, chunk_start + item.chunk_length))
             if record.opcode != Opcode.CHUNK:
-                raise ValueError(f"there is no chunk at {chunk_start}, though an index says so")
+                raise ValueError(f"a chunk index points at byte {chunk_start}, where there is no chunk")
             for offset, raw in self._messages_in(record.body, budget, ids, first_ns, last_ns):
                 heapq.heappush(waiting, (raw.log_time_ns, chunk_start, offset, raw))
                 held_bytes += len(raw.cdr) + MESSAGE_BYTES
                 if held_bytes > WAITING_LIMIT_BYTES:
-                    raise ValueError(f"more than {WAITING_LIMIT_BYTES} bytes of messages lie out of order")
+                    raise ValueError(f"more than {WAITING_LIMIT_BYTES} bytes of messages are out of order")
 
     def _in_file_order(
         self, stream: IO[bytes], ids: set[int], first_ns: int, last_ns: int
@@ -173,7 +176,7 @@ class McapFile:
                 continue
             for _, raw in inside:
                 if raw.log_time_ns < newest_ns:
-                    raise ValueError("without an index, messages must lie in time order")
+                    raise ValueError("in a file without an index, messages must be in time order")
                 newest_ns = raw.log_time_ns
                 yield raw
 
@@ -190,7 +193,7 @@ class McapFile:
     ) -> Iterator[tuple[int, RawMessage]]:
         message = parse_message(body)
         if message.channel_id not in self.topics:
-            raise ValueError(f"a message of channel {message.channel_id}, which nothing defines")
+            raise ValueError(f"a message belongs to channel {message.channel_id}, which is not defined")
         if message.channel_id in ids and first_ns <= message.log_time_ns <= last_ns:
             text, encoding = self._schema_of[message.channel_id]
             yield (
@@ -261,16 +264,16 @@ def check_ends(path: Path) -> None:
     magic_bytes = len(MCAP0_MAGIC)
     with path.open("rb") as stream:
         if size == 0:
-            raise UsageError(f"{path} is empty, no MCAP file")
+            raise UsageError(f"{path} is empty, not an MCAP file")
         if stream.read(magic_bytes) != MCAP0_MAGIC:
-            raise UsageError(f"{path} is no MCAP file (wrong first bytes)")
+            raise UsageError(f"{path} is not an MCAP file (wrong magic bytes at the start)")
         if size < 2 * magic_bytes + _FOOTER.size:
-            raise AdvpipeError(f"{path} is cut off: {size} bytes are too few for an MCAP file")
+            raise AdvpipeError(f"{path} is truncated: {size} bytes are too few for an MCAP file")
         stream.seek(-(_FOOTER.size + magic_bytes), 2)
         footer = stream.read(_FOOTER.size)
         if stream.read() != MCAP0_MAGIC:
             raise AdvpipeError(
-                f"{path} is cut off: the end of the MCAP file is missing; `advpipe recover` saves the rest"
+                f"{path} is truncated: the end of the MCAP file is missing; `advpipe recover` saves the rest"
             )
         _, _, summary_start, _, summary_crc = _FOOTER.unpack(footer)
         if not summary_crc or not summary_start:
@@ -287,21 +290,27 @@ def ros2_topic(path: Path, channel: Channel, schema: Schema) -> Topic:
     """What a channel says; AdvpipeError where it is none of a ROS 2 recording."""
     if len(channel.topic) > LONGEST_TOPIC or "\0" in channel.topic:
         raise AdvpipeError(
-            f"{path}: {channel.topic[:40]!r}... is no name of a topic, in {len(channel.topic)} characters"
+            f"{path}: {channel.topic[:40]!r}... is not a valid topic name ({len(channel.topic)} characters)"
         )
     if channel.message_encoding != "cdr":
         raise UsageError(
-            f"{path}: {channel.topic} is encoded as {shown(channel.message_encoding)}; "
+            f"{path}: {channel.topic} is encoded as {short_repr(channel.message_encoding)}; "
             "advpipe reads ROS 2 bags, where all topics are 'cdr'"
         )
     if schema.encoding not in _SCHEMA_ENCODINGS:
-        raise UsageError(f"{path}: {channel.topic} has a schema in {shown(schema.encoding)}, not ROS 2's")
+        raise UsageError(
+            f"{path}: {channel.topic} has a schema encoded as {short_repr(schema.encoding)}, which is "
+            "not a ROS 2 encoding"
+        )
     if not _TYPE_NAME.fullmatch(schema.name):  # rosbags makes code of it
         raise AdvpipeError(
-            f"{path}: {channel.topic} has the type {shown(schema.name)}, which is no type's name"
+            f"{path}: {channel.topic} has {short_repr(schema.name)}, which is not a valid type name"
         )
     if len(schema.data) > SCHEMA_LIMIT_BYTES:
-        raise AdvpipeError(f"{path}: the definition of {schema.name} has {len(schema.data)} bytes")
+        raise AdvpipeError(
+            f"{path}: the definition of {schema.name} has {len(schema.data)} bytes; at most "
+            f"{SCHEMA_LIMIT_BYTES} are read"
+        )
     try:
         qos = _qos(channel.metadata.get("offered_qos_profiles", ""))
     except ValueError as error:

@@ -98,17 +98,17 @@ def read_records(
         stream.seek(start)
         head = stream.read(HEAD.size)
         if len(head) < HEAD.size or start + HEAD.size > end:
-            raise ValueError(f"{end - start} bytes at {start} are no record")
+            raise ValueError(f"the {end - start} bytes at {start} are not a record")
         opcode, length = HEAD.unpack(head)
         if length > end - start - HEAD.size:
-            raise ValueError(f"the record at {start} declares {length} bytes, which run past the end")
+            raise ValueError(f"the record at {start} declares {length} bytes, past the end of the file")
         body = b""
         if wanted is None or opcode in wanted:
             if length > RECORD_LIMIT_BYTES:
-                raise ValueError(f"the record at {start} holds {length} bytes, too many to read")
+                raise ValueError(f"the record at {start} has {length} bytes, more than are read")
             body = stream.read(length)
             if len(body) != length:
-                raise ValueError(f"the record at {start} is cut off")
+                raise ValueError(f"the record at {start} is truncated")
         yield Record(opcode, start, body)
         start += HEAD.size + length
 
@@ -128,7 +128,7 @@ def parse_chunk(body: bytes) -> Chunk:
     name = body[_CHUNK.size : _CHUNK.size + name_length].decode()
     (packed,) = _LENGTH.unpack_from(body, _CHUNK.size + name_length)
     if packed != len(body) - data_start:
-        raise ValueError(f"a chunk declares {packed} bytes of data, {len(body) - data_start} are there")
+        raise ValueError(f"a chunk declares {packed} bytes of data but has {len(body) - data_start}")
     return Chunk(name, body[data_start:], end_ns, start_ns, crc, size)
 
 
@@ -147,7 +147,7 @@ def unpack_chunk(chunk: Chunk, check_crc: bool = True) -> bytes:
     """
     size = chunk.uncompressed_size
     if size > CHUNK_LIMIT_BYTES:
-        raise ValueError(f"a chunk declares {size} bytes, more than the {CHUNK_LIMIT_BYTES} that are read")
+        raise ValueError(f"a chunk declares {size} bytes; at most {CHUNK_LIMIT_BYTES} are read")
     data = _decompressed(chunk, size)
     if len(data) != size:
         raise ValueError(f"a chunk declares {size} bytes and holds {'more' if len(data) > size else 'less'}")
@@ -163,10 +163,10 @@ def _decompressed(chunk: Chunk, size: int) -> bytes:
     if chunk.compression == "lz4":
         return bytes(lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1))
     if chunk.compression != "zstd":
-        raise ValueError(f"a chunk is compressed as {chunk.compression!r}; zstd and lz4 are known")
-    told = zstandard.frame_content_size(chunk.data)  # which the codec would believe, and set memory aside for
-    if told not in (-1, size):
-        raise ValueError(f"a chunk declares {size} bytes, its content {told}")
+        raise ValueError(f"a chunk is compressed as {chunk.compression!r}; only zstd and lz4 are supported")
+    declared = zstandard.frame_content_size(chunk.data)  # the codec would allocate this much unchecked
+    if declared not in (-1, size):
+        raise ValueError(f"a chunk declares {size} bytes, its compressed frame {declared}")
     codec = zstandard.ZstdDecompressor(max_window_size=WINDOW_LIMIT_BYTES)
     return codec.decompress(chunk.data, max_output_size=size)
 
@@ -176,11 +176,13 @@ def inner_records(data: bytes) -> Iterator[tuple[int, int, memoryview]]:
     view, place = memoryview(data), 0
     while place < len(data):
         if len(data) - place < HEAD.size:
-            raise ValueError(f"{len(data) - place} bytes at the end of a chunk are no record")
+            raise ValueError(f"{len(data) - place} bytes at the end of a chunk are not a record")
         opcode, length = HEAD.unpack_from(view, place)
         body = place + HEAD.size
         if length > len(data) - body:
-            raise ValueError(f"a record in a chunk declares {length} bytes, {len(data) - body} are left")
+            raise ValueError(
+                f"a record in a chunk declares {length} bytes, but only {len(data) - body} are left"
+            )
         yield opcode, place, view[body : body + length]
         place = body + length
 

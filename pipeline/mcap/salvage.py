@@ -70,9 +70,11 @@ class Salvage:
     def _check_start(self, stream: IO[bytes]) -> None:
         start = stream.read(len(MCAP0_MAGIC))
         if not start:
-            raise UsageError(f"{self.path} is empty; nothing can be saved")
+            raise UsageError(f"{self.path} is empty; nothing can be recovered")
         if start != MCAP0_MAGIC:
-            raise UsageError(f"{self.path} is no MCAP file (wrong first bytes); nothing can be saved")
+            raise UsageError(
+                f"{self.path} is not an MCAP file (wrong magic bytes at the start); nothing can be recovered"
+            )
 
     def _summary(self, stream: IO[bytes]) -> Summary:
         """The summary where the file still has one: it repeats what a damaged chunk may have defined."""

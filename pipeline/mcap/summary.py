@@ -17,20 +17,20 @@ METADATA_LIMIT_BYTES = 1 << 24
 """The longest metadata record that is read: a scenario has some 10 kB."""
 
 _DATA = (Opcode.CHUNK, Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.DATA_END)
-_TOLD = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS, Opcode.CHUNK_INDEX, Opcode.METADATA_INDEX)
+_IN_SUMMARY = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS, Opcode.CHUNK_INDEX, Opcode.METADATA_INDEX)
 
 
 def read_summary(stream: IO[bytes]) -> Summary | None:
     """What the end of a whole file says about it; None where that says nothing."""
     end = stream.seek(0, 2) - len(MCAP0_MAGIC)
     footer = next(read_records(stream, end - FOOTER_BYTES, end))
-    told = parse_record(footer.opcode, footer.body)
-    if not isinstance(told, Footer):
+    parsed = parse_record(footer.opcode, footer.body)
+    if not isinstance(parsed, Footer):
         raise ValueError("the footer is missing")
-    if not told.summary_start:
+    if not parsed.summary_start:
         return None
     summary = Summary()
-    for record in read_records(stream, told.summary_start, footer.start, _TOLD):
+    for record in read_records(stream, parsed.summary_start, footer.start, _IN_SUMMARY):
         add_definition(summary, parse_record(record.opcode, record.body) if record.body else None)
     return summary
 
@@ -60,9 +60,9 @@ def read_metadata(stream: IO[bytes], summary: Summary | None) -> dict[str, dict[
     for record in records:
         if len(record.body) > METADATA_LIMIT_BYTES:
             raise ValueError(f"the metadata record at {record.start} has {len(record.body)} bytes")
-        told = parse_record(record.opcode, record.body) if record.opcode == Opcode.METADATA else None
-        if isinstance(told, Metadata):
-            found[told.name] = told.metadata
+        parsed = parse_record(record.opcode, record.body) if record.opcode == Opcode.METADATA else None
+        if isinstance(parsed, Metadata):
+            found[parsed.name] = parsed.metadata
     return found
 
 

@@ -35,4 +35,4 @@ class UnpackBudget:
     def _take(self, size_bytes: int) -> None:
         self._taken_bytes += size_bytes
         if self._taken_bytes > self._most_bytes:
-            raise ValueError(f"it unpacks to more than {self._most_bytes} bytes, too many for its size")
+            raise ValueError(f"it decompresses to more than {self._most_bytes} bytes, too many for its size")

@@ -60,7 +60,7 @@ def cloud_from_cdr(cdr: bytes) -> StampedCloud:
     """The points of a serialised sensor_msgs/PointCloud2: N = height * width, row by row.
 
     In advpipe's own layout the cloud is a read-only view of `cdr`, without a copy. In any other layout
-    (CARLA's 16 bytes, Ouster's 48, numbers with the highest byte first, ...) the fields are found by name
+    (CARLA's 16 bytes, Ouster's 48, big-endian numbers, ...) the fields are found by name
     and copied; `intensity`, `ring` and `time` are zero where the sensor gives none, and intensities keep the
     sensor's scale. Points that are not finite stay in the cloud. Raises AdvpipeError where sizes or fields
     do not fit the message.
@@ -127,7 +127,7 @@ class _Cursor:
         length = self.take("I")
         text = self.cdr[self.position : self.position + length]
         if len(text) != length:
-            raise ValueError("a string runs past the end")
+            raise ValueError("a string extends past the end of the message")
         self.position += length
         return bytes(text).rstrip(b"\0").decode()
 
@@ -154,7 +154,9 @@ def _parse_fields(cdr: bytes) -> _Layout:
     is_big_endian, point_bytes, row_bytes = cursor.take("B"), cursor.take("I"), cursor.take("I")
     data_bytes, data_offset = cursor.take("I"), cursor.position
     if data_offset + data_bytes > len(cdr):
-        raise ValueError(f"{data_bytes} bytes of points announced, {len(cdr) - data_offset} are there")
+        raise ValueError(
+            f"{data_bytes} bytes of points are declared, but only {len(cdr) - data_offset} are present"
+        )
     if height == 0 or width == 0:
         return _Layout(seconds * build.NS_PER_S + nanoseconds, frame_id, 0, 0, POINT_DTYPE, 0, data_offset)
     if missing := [name for name in "xyz" if name not in fields]:

@@ -41,7 +41,7 @@ _TYPES = {
 Problems = Iterator[str]
 
 
-def absurdity(topic: str, type_name: str, message: Any) -> str:
+def implausibility(topic: str, type_name: str, message: Any) -> str:
     """What is wrong with a decoded message, as the end of a sentence about it; "" for one that is sound."""
     expected = _TYPES.get(topic, type_name)
     if type_name != expected:
@@ -58,7 +58,7 @@ def absurdity(topic: str, type_name: str, message: Any) -> str:
 def _finite(values: Iterable[float], limit: float, name: str) -> Problems:
     for value in values:
         if not abs(value) <= limit:  # nor NaN
-            yield f"has {name} {value:g}; up to {limit:g} are taken"
+            yield f"has {name} {value:g}; at most {limit:g} is accepted"
 
 
 def _name(text: str, what: str) -> Problems:
@@ -81,7 +81,7 @@ def _xyz(vector: Any) -> tuple[float, float, float]:
 def _rotation(turn: Any) -> Problems:
     length = math.sqrt(sum(part * part for part in (turn.x, turn.y, turn.z, turn.w)))
     if not 1e-6 < length < 1e6:  # nor NaN
-        yield f"has the orientation {turn.x:g}, {turn.y:g}, {turn.z:g}, {turn.w:g}, which is no rotation"
+        yield f"has the orientation {turn.x:g}, {turn.y:g}, {turn.z:g}, {turn.w:g}, which is not a rotation"
 
 
 def _pose(pose: Any) -> Problems:
@@ -92,7 +92,7 @@ def _pose(pose: Any) -> Problems:
 def _size(size: Any) -> Problems:
     yield from _finite(_xyz(size), LARGEST_M, "the size")
     if min(_xyz(size)) < 0:
-        yield f"has the size {min(_xyz(size)):g}, less than nothing"
+        yield f"has the size {min(_xyz(size)):g}, which is negative"
 
 
 def _stations(message: Any) -> Problems:

@@ -1,1 +1,1 @@
-"""Misbehaviour detection: which of the CAMs that a vehicle receives it should not believe."""
+"""Misbehaviour detection: which received CAMs a vehicle should not trust."""

@@ -1,12 +1,12 @@
-"""The baseline: the checks of CaTCH, as the published description of VeReMi NextGen's detector has them.
+"""The baseline: the checks of CaTCH, following the published description of VeReMi NextGen's detector.
 
 Kamel et al., "CaTch: A Confidence Range Tolerant Misbehavior Detection Approach", IEEE WCNC 2019, and
-Documentation/Evaluation of VeReMi-dataset/VeReMi-NextGen. Each check gives a factor from 0 to 1, the share
-of what a message may mean, within the confidences that it claims, that is plausible; a message is flagged
-if any factor is below one half. Written anew from that description. Here the shares are taken along the
+Documentation/Evaluation of VeReMi-dataset/VeReMi-NextGen. Each check returns a factor from 0 to 1: the share
+of the values within the message's claimed confidences that is plausible. A message is flagged
+if any factor is below one half. Reimplemented from that description. Here the shares are taken along the
 line between two places instead of over areas of circles: both pass one half at the same place.
 
-A message is compared with the one of the same station before it, all arrays at once.
+Each message is compared with the previous one of the same station, vectorised over all messages.
 """
 
 from __future__ import annotations
@@ -26,14 +26,15 @@ CATCH_CHECKS = (
     *("range", "position", "speed", "position_consistency", "speed_consistency"),
     *("position_speed", "heading", "intersection"),
 )
-"""The eight that were used in the evaluation; sudden appearance was left out there as well."""
-MOST_INTERSECTION_S = 3.0
-"""Boxes as old count for nothing with any `max_intersection_s` that is tried."""
+"""The eight checks used in the evaluation, which also left out sudden appearance."""
+MAX_INTERSECTION_S = 3.0
+"""Boxes of this age count for nothing with any `max_intersection_s` that tuning tries."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CatchParameters:
-    """Its parameters, see `CATCH_MEANINGS`; values within those that NextGen tuned to."""
+    """The baseline's parameters, see `CATCH_MEANINGS`; the defaults lie in the range that NextGen tuned
+    to."""
 
     max_range_m: float = 320.0
     max_speed_mps: float = 40.0
@@ -50,21 +51,21 @@ class CatchParameters:
 
 
 TUNED_CATCH = CatchParameters(**tuned.CATCH)
-"""As found on the drives that our own thresholds come from."""
+"""Tuned on the same drives as the thresholds of our own detector."""
 
 CATCH_MEANINGS: dict[str, tuple[str, str, str]] = {
-    "max_range_m": ("m", "range", "farthest that a message is heard"),
-    "max_speed_mps": ("m/s", "speed, position_consistency", "fastest that anybody drives"),
+    "max_range_m": ("m", "range", "largest distance at which a message is received"),
+    "max_speed_mps": ("m/s", "speed, position_consistency", "largest speed of any vehicle"),
     "max_acceleration_mps2": ("m/s2", "speed_consistency, position_speed", "speeding up"),
     "max_deceleration_mps2": ("m/s2", "speed_consistency, position_speed", "braking"),
-    "max_heading_change_rad": ("rad", "heading", "between the way driven and the heading told"),
-    "max_intersection_s": ("s", "intersection", "from where on another's box is too old to count"),
+    "max_heading_change_rad": ("rad", "heading", "between the direction driven and the claimed heading"),
+    "max_intersection_s": ("s", "intersection", "age from which another station's box is ignored"),
     "max_time_s": ("s", "position_speed", "between messages that are compared"),
     "max_off_road_m": ("m", "position", "beside the road"),
     "heading_time_s": ("s", "heading", "between messages that are compared"),
-    "margin_up_m": ("m", "position_speed", "farther than the speeds allow"),
-    "margin_down_m": ("m", "position_speed", "less far than they ask, at standstill"),
-    "off_road_speed_mps": ("m/s", "position", "up to which a car may be parked"),
+    "margin_up_m": ("m", "position_speed", "beyond the distance that the speeds allow"),
+    "margin_down_m": ("m", "position_speed", "below the distance that the speeds require, at standstill"),
+    "off_road_speed_mps": ("m/s", "position", "up to this speed a car may be parked"),
 }
 """Unit, the checks that use it, and what it bounds."""
 
@@ -74,8 +75,8 @@ class CatchMessages:
     """Messages of one receiver in order of arrival.
 
     columns: (M,) each, by field of `Claim`; and `range_m` from the receiver, `elapsed_s` since the station's
-    message before, `overlap`, the share of the smaller box that another station's last one covers, and
-    `other_s`, how old that is. before: the row (M,) of the station's message before, -1 for its first.
+    previous message, `overlap`, the share of the smaller box that another station's last box covers, and
+    `other_s`, the age of that box. before: (M,), the row of the station's previous message, -1 for its first.
     """
 
     columns: dict[str, Float64]
@@ -83,7 +84,7 @@ class CatchMessages:
 
 
 def catch_messages(claims: Sequence[Claim], receivers: Sequence[ReceivingVehicle]) -> CatchMessages:
-    """What the checks need, once for all parameters."""
+    """Precompute what the checks need, which does not depend on the parameters."""
     fields = (
         *("x_m", "y_m", "yaw_rad", "speed_mps", "position_m", "speed_confidence_mps"),
         *("heading_confidence_rad", "off_road_m", "length_m", "width_m"),
@@ -99,7 +100,7 @@ def catch_messages(claims: Sequence[Claim], receivers: Sequence[ReceivingVehicle
             continue
         before[row] = newest.get(claim.station_id, -1)
         overlap[row], other_s[row] = _overlap(claim, claims, newest)
-        newest.pop(claim.station_id, None)  # the one heard last comes last
+        newest.pop(claim.station_id, None)  # the dict stays ordered by arrival
         newest[claim.station_id] = row
     columns["overlap"], columns["other_s"] = overlap, other_s
     arrival_s = np.array([claim.arrival_ns for claim in claims], np.int64)
@@ -131,17 +132,17 @@ def catch_factors(messages: CatchMessages, parameters: CatchParameters) -> Float
 
 
 def catch_flags(messages: CatchMessages, parameters: CatchParameters) -> npt.NDArray[np.bool_]:
-    """Who is flagged, (M,)."""
+    """Which messages are flagged, (M,)."""
     is_implausible = (catch_factors(messages, parameters) < 0.5).any(axis=1)
     return np.asarray(is_implausible | ~np.isfinite(messages.columns["x_m"]), np.bool_)
 
 
-def least_and_most_way_m(
+def travel_bounds_m(
     old_mps: Float64, new_mps: Float64, t_s: Float64, faster_mps2: float, slower_mps2: float
 ) -> tuple[Float64, Float64]:
-    """The shortest and longest way (M,) between two speeds in a time, within both accelerations.
+    """The shortest and longest distance (M,) driven between two speeds in a time, within both accelerations.
 
-    Longest: as fast as it can, then braking; shortest: the other way round, and never backwards.
+    Longest: accelerate fully, then brake; shortest: brake first, then accelerate, and never drive backwards.
     """
     sum_mps2 = faster_mps2 + slower_mps2
     up_s = np.clip((new_mps - old_mps + slower_mps2 * t_s) / sum_mps2, 0, t_s)
@@ -152,7 +153,7 @@ def least_and_most_way_m(
     low_mps = old_mps - slower_mps2 * down_s
     rest_s = t_s - down_s
     least_m = (old_mps + low_mps) / 2 * down_s + low_mps * rest_s + faster_mps2 * rest_s**2 / 2
-    # One that comes to a stop waits: it brakes to zero, and speeds up from zero at the end.
+    # A vehicle that comes to a stop waits: it brakes to zero and accelerates from zero at the end.
     halted_m = old_mps**2 / (2 * slower_mps2) + new_mps**2 / (2 * faster_mps2)
     return np.where(low_mps < 0, halted_m, least_m), most_m
 
@@ -184,7 +185,7 @@ def _position_speed(
     t: Float64,
     p: CatchParameters,
 ) -> Float64:
-    """The mean over three readings of the speeds: as told, and with their confidences either way."""
+    """The mean over three readings of the speeds: as claimed, and shifted by their confidences either way."""
     speed, old_speed = np.abs(now["speed_mps"]), np.abs(old["speed_mps"])
     slowest = np.minimum(speed, old_speed)
     lenient_m = np.maximum(0.0, p.margin_down_m + 0.3571 * slowest - 0.01694 * slowest**2)
@@ -198,9 +199,7 @@ def _position_speed(
     )
     above, under = [], []
     for new, first in readings:
-        least_m, most_m = least_and_most_way_m(
-            first, new, t, p.max_acceleration_mps2, p.max_deceleration_mps2
-        )
+        least_m, most_m = travel_bounds_m(first, new, t, p.max_acceleration_mps2, p.max_deceleration_mps2)
         above.append(1 - _below(way_m, both_m, least_m - lenient_m))
         under.append(_below(way_m, both_m, most_m + p.margin_up_m))
     factor = np.minimum(np.mean(above, axis=0), np.mean(under, axis=0))
@@ -219,7 +218,7 @@ def _heading(
 ) -> Float64:
     moved_rad = np.arctan2(now["y_m"] - old["y_m"], now["x_m"] - old["x_m"])
     off_rad = np.abs(wrap_angle(now["yaw_rad"] - moved_rad))
-    # Beside the heading's confidence, that of the places turns the way between them.
+    # Besides the heading's confidence, the confidence of both positions turns the direction between them.
     turn_rad = np.arctan2(now["position_m"] + old["position_m"], np.maximum(way_m, 1e-9))
     factor = _below(off_rad, now["heading_confidence_rad"] + turn_rad, p.max_heading_change_rad)
     applies = (t < p.heading_time_s) & (way_m >= 1) & (speed - now["speed_confidence_mps"] >= 1)
@@ -227,14 +226,14 @@ def _heading(
 
 
 def _overlap(claim: Claim, claims: Sequence[Claim], newest: dict[int, int]) -> tuple[float, float]:
-    """With the box of any other station's last message as it was told, and how old that is."""
+    """The largest overlap with another station's last claimed box, and the age of that box."""
     own = checks.claimed_box(claim, claim.generation_ns)
     if own is None:
         return 0.0, 0.0
     worst, age_s = 0.0, 0.0
     for station, row in reversed(newest.items()):
         other = claims[row]
-        if (claim.arrival_ns - other.arrival_ns) / 1e9 >= MOST_INTERSECTION_S:
+        if (claim.arrival_ns - other.arrival_ns) / 1e9 >= MAX_INTERSECTION_S:
             break
         if station == claim.station_id or abs(other.x_m - claim.x_m) + abs(other.y_m - claim.y_m) > 30:
             continue

@@ -1,6 +1,6 @@
-"""The checks: each turns what was received into one number, the larger the less believable.
+"""The checks: each computes one number from received messages; a larger number is less plausible.
 
-NaN where a check does not apply: nothing told, nothing to compare with.
+NaN where a check does not apply: a value is not claimed, or there is nothing to compare with.
 """
 
 from __future__ import annotations
@@ -13,24 +13,25 @@ from advpipe.pipeline.geometry.iou import intersection_area
 from advpipe.pipeline.misbehaviour.claim import Claim, ReceivingVehicle
 from advpipe.pipeline.misbehaviour.config import Expectation
 
-LEAST_WAY_M = 1.0
-"""Over which a direction of motion means something."""
-LEAST_SPEED_MPS = 1.0
+MIN_DISPLACEMENT_M = 1.0
+"""Displacement from which the direction of motion is meaningful."""
+MIN_SPEED_MPS = 1.0
 _SHORT_S = 0.02
 
 
 def claimed_range_m(claim: Claim, receiver: ReceivingVehicle) -> float:
-    """How far off it claims to be."""
+    """The distance between the claimed position and the receiver."""
     return math.hypot(claim.x_m - receiver.x_m, claim.y_m - receiver.y_m)
 
 
 def freshness_s(claim: Claim) -> float:
-    """How old it is on arrival; from the future, how far."""
+    """The age of a message on arrival; for one from the future, how far ahead it is."""
     return abs(claim.arrival_ns - claim.generation_ns) / 1e9
 
 
 def frequency_hz(claim: Claim, last: Claim) -> float:
-    """One over the time since the station's last message, by arrival or by generation, whichever is less.
+    """The inverse of the time since the station's last message, by arrival or generation, whichever is
+    shorter.
 
     Infinite for a message that was generated no later than the last one.
     """
@@ -41,24 +42,24 @@ def frequency_hz(claim: Claim, last: Claim) -> float:
 
 
 def elapsed_s(claim: Claim, last: Claim) -> float:
-    """Between the times that two messages tell of."""
+    """The time between the generation of two messages."""
     return (claim.generation_ns - last.generation_ns) / 1e9
 
 
 def velocity_mps(claim: Claim) -> tuple[float, float]:
-    """Along x and y."""
+    """The claimed velocity along x and y."""
     return claim.speed_mps * math.cos(claim.yaw_rad), claim.speed_mps * math.sin(claim.yaw_rad)
 
 
-def told_way_m(claim: Claim, last: Claim) -> tuple[float, float]:
-    """The way between two messages that the mean of their velocities makes."""
+def claimed_displacement_m(claim: Claim, last: Claim) -> tuple[float, float]:
+    """The displacement between two messages that follows from the mean of their claimed velocities."""
     (x0, y0), (x1, y1) = velocity_mps(last), velocity_mps(claim)
     half_s = elapsed_s(claim, last) / 2
     return (x0 + x1) * half_s, (y0 + y1) * half_s
 
 
-def bend_m(claim: Claim, last: Claim, expected: Expectation) -> float:
-    """What the told way leaves out between two messages: changes of acceleration, and the arc of a turn."""
+def unmodelled_m(claim: Claim, last: Claim, expected: Expectation) -> float:
+    """What `claimed_displacement_m` does not model: changes of acceleration, and the arc of a turn."""
     t = elapsed_s(claim, last)
     turned_rad = math.remainder(claim.yaw_rad - last.yaw_rad, math.tau)
     way_m = (abs(claim.speed_mps) + abs(last.speed_mps)) / 2 * abs(t)
@@ -66,29 +67,31 @@ def bend_m(claim: Claim, last: Claim, expected: Expectation) -> float:
     return math.hypot(expected.acceleration_change_mps2 * t * t / 8, arc_m)
 
 
-def way_sigma_m(elapsed: float, expected: Expectation, *bends_m: float) -> float:
-    """How well the told way and the way between places agree."""
+def displacement_sigma_m(elapsed: float, expected: Expectation, *bends_m: float) -> float:
+    """The expected deviation of the claimed displacement from that between the claimed positions."""
     t = abs(elapsed)
     wander_m = expected.position_m_per_root_s * math.sqrt(t)
     return math.hypot(expected.position_m, wander_m, expected.speed_bias_mps * t, *bends_m)
 
 
 def position_speed_sigma(claim: Claim, last: Claim, expected: Expectation) -> float:
-    """The way from the last place against the one that both speeds and headings tell of."""
-    x_m, y_m = told_way_m(claim, last)
+    """The displacement since the last position against the one from both claimed speeds and headings."""
+    x_m, y_m = claimed_displacement_m(claim, last)
     miss_m = math.hypot(claim.x_m - last.x_m - x_m, claim.y_m - last.y_m - y_m)
-    return miss_m / way_sigma_m(elapsed_s(claim, last), expected, bend_m(claim, last, expected))
+    return miss_m / displacement_sigma_m(
+        elapsed_s(claim, last), expected, unmodelled_m(claim, last, expected)
+    )
 
 
 def heading_sigma(claim: Claim, last: Claim, expected: Expectation) -> float:
-    """The direction of the way from the last place against the mean of both headings.
+    """The direction of the displacement since the last position against the mean of both claimed headings.
 
-    The middle of a vehicle that turns moves outwards of its heading, the more the tighter it turns.
+    The centre of a turning vehicle moves outwards of its heading, more so the tighter the turn.
     """
     x_m, y_m = claim.x_m - last.x_m, claim.y_m - last.y_m
     way_m = math.hypot(x_m, y_m)
     speed = min(abs(claim.speed_mps), abs(last.speed_mps))
-    if not (way_m >= LEAST_WAY_M and speed >= LEAST_SPEED_MPS):
+    if not (way_m >= MIN_DISPLACEMENT_M and speed >= MIN_SPEED_MPS):
         return math.nan
     turned_rad = math.remainder(claim.yaw_rad - last.yaw_rad, math.tau)
     moved_rad = math.atan2(y_m, x_m) + (math.pi if claim.speed_mps < 0 else 0.0)
@@ -104,7 +107,7 @@ def heading_sigma(claim: Claim, last: Claim, expected: Expectation) -> float:
 
 
 def turn_sigma(claim: Claim, last: Claim, expected: Expectation) -> float:
-    """The change of heading against the yaw rates told: what they do not span, over what is expected."""
+    """The change of heading that the claimed yaw rates do not explain, over the expected deviation."""
     t = elapsed_s(claim, last)
     if t < _SHORT_S:
         return math.nan
@@ -115,39 +118,40 @@ def turn_sigma(claim: Claim, last: Claim, expected: Expectation) -> float:
 
 
 def acceleration_sigma(claim: Claim, last: Claim, expected: Expectation) -> float:
-    """The change of speed against the accelerations told: what they do not span, over what is expected."""
+    """The change of speed that the claimed accelerations do not explain, over the expected deviation."""
     t = elapsed_s(claim, last)
     if t < _SHORT_S:
         return math.nan
     changed_mps = claim.speed_mps - last.speed_mps
     miss_mps = _outside(changed_mps, last.acceleration_mps2 * t, claim.acceleration_mps2 * t)
     steady_mps = math.hypot(expected.speed_mps, expected.speed_mps_per_root_s * math.sqrt(t))
-    # Between two accelerations lies anything that a driver does meanwhile, and rarely much more.
+    # The driver's acceleration in between rarely goes far beyond the two claimed ones.
     return miss_mps / math.hypot(steady_mps, expected.acceleration_change_mps2 * t / 2 * min(t, 1.0))
 
 
 def dynamics_mps2(claim: Claim, last: Claim | None) -> float:
-    """The larger of the acceleration told and the one that the speeds make."""
-    told = abs(claim.acceleration_mps2)
+    """The larger of the claimed acceleration and the one that follows from the speeds."""
+    claimed = abs(claim.acceleration_mps2)
     if last is None:
-        return told
+        return claimed
     t = elapsed_s(claim, last)
-    made = abs(claim.speed_mps - last.speed_mps) / max(t, 0.1) if t > 0 else math.nan
-    return float(np.fmax(told, made))
+    from_speeds = abs(claim.speed_mps - last.speed_mps) / max(t, 0.1) if t > 0 else math.nan
+    return float(np.fmax(claimed, from_speeds))
 
 
 def size_m(claim: Claim, last: Claim) -> float:
-    """How much its length or width has changed."""
+    """The larger change of the claimed length or width."""
     return float(np.fmax(abs(claim.length_m - last.length_m), abs(claim.width_m - last.width_m)))
 
 
 def appearance_m(claim: Claim, receiver: ReceivingVehicle, earshot_m: float) -> float:
-    """How far within earshot a station is that nobody has heard of."""
+    """How far within reception range an unknown station claims to be."""
     return max(earshot_m - claimed_range_m(claim, receiver), 0.0)
 
 
 def claimed_box(claim: Claim, at_ns: int) -> tuple[float, ...] | None:
-    """Its box at another time, seen from above: columns of `BOX_COLUMNS`; None where it tells none."""
+    """The claimed box at another time, seen from above: columns of `BOX_COLUMNS`; None where none is
+    claimed."""
     dx_mps, dy_mps = velocity_mps(claim)
     later_s = (at_ns - claim.generation_ns) / 1e9
     found = (
@@ -158,7 +162,7 @@ def claimed_box(claim: Claim, at_ns: int) -> tuple[float, ...] | None:
 
 
 def overlap_share(own: tuple[float, ...], others: list[tuple[float, ...]]) -> float:
-    """The largest share of the smaller of two boxes that both cover, with any of the others."""
+    """The largest overlap with any other box, as a share of the smaller of the two boxes."""
     near = [
         other
         for other in others
@@ -173,6 +177,6 @@ def overlap_share(own: tuple[float, ...], others: list[tuple[float, ...]]) -> fl
 
 
 def _outside(value: float, one: float, other: float) -> float:
-    """How far a value is from what lies between two others."""
+    """The distance of a value from the interval between two others."""
     low, high = min(one, other), max(one, other)
     return max(low - value, value - high, 0.0) if math.isfinite(value + one + other) else math.nan

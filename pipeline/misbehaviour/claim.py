@@ -12,21 +12,21 @@ from advpipe.pipeline.v2x.codec.codes import DriveDirection
 from advpipe.pipeline.v2x.facilities.cam import Cam
 from advpipe.pipeline.v2x.facilities.ldm import LdmReport, reports_of_cams
 
-_TOLD = (
+_REQUIRED_FIELDS = (
     *("latitude_deg", "longitude_deg", "heading_rad", "speed_mps", "length_m", "width_m"),
     *("longitudinal_acceleration_mps2", "yaw_rate_radps"),
 )
-"""Fields of a vehicle's CAM that the checks depend on, and that honest vehicles always tell."""
+"""Fields of a vehicle's CAM that the checks depend on and that honest vehicles always fill in."""
 
 
 class Claim(NamedTuple):
-    """One received message: NaN where it does not tell.
+    """The claims of one received message: NaN where it does not state a value.
 
-    arrival_ns, generation_ns: UTC since 1970. x_m, y_m: the middle of its box on the map, that of
-    the front side where it tells no direction or length. yaw_rad: from +x to +y. speed_mps: along the yaw,
+    arrival_ns, generation_ns: UTC since 1970. x_m, y_m: the centre of its box on the map, or the middle of
+    the front side where it states no direction or length. yaw_rad: from +x to +y. speed_mps: along the yaw,
     negative backwards. position_m, speed_confidence_mps,
-    heading_confidence_rad: half-widths with 95 % that it claims. invalid: fields out of range or left out
-    that the checks need; a message that is no CAM has only this, and station id -1.
+    heading_confidence_rad: claimed half-widths at 95 %. invalid: number of required fields that are out of
+    range or missing; a message that is not a CAM has only this, and station id -1.
     off_road_m, wrong_way_rad: see `RoadMap.measure`.
     """
 
@@ -55,7 +55,7 @@ class Claim(NamedTuple):
 
 
 class ReceivingVehicle(NamedTuple):
-    """The receiving vehicle as it knows itself when a message arrives: the middle of its box."""
+    """The receiving vehicle's own estimate when a message arrives: the centre of its box."""
 
     station_id: int
     x_m: float
@@ -69,9 +69,9 @@ class ReceivingVehicle(NamedTuple):
 def claims_of_cams(
     cams: Sequence[Cam | None], arrivals_ns: Sequence[int], geodesy: Geodesy, roads: RoadMap = NO_ROADS
 ) -> list[Claim]:
-    """The claims of received CAMs, all at once: the projection takes many in little more time than one.
+    """The claims of received CAMs, vectorised: projecting many costs little more time than one.
 
-    None stands for a message that is no CAM.
+    None stands for a message that is not a CAM.
     """
     known = [index for index, cam in enumerate(cams) if cam is not None]
     chosen = [cam for cam in cams if cam is not None]
@@ -90,7 +90,7 @@ def claims_of_cams(
 def _claim(cam: Cam, report: LdmReport | None, arrival_ns: int) -> Claim:
     invalid = 0
     if cam.roadside is None:
-        values = [getattr(cam, name) for name in _TOLD]
+        values = [getattr(cam, name) for name in _REQUIRED_FIELDS]
         invalid = sum(value is None or not math.isfinite(value) for value in values)
     if report is None:
         return Claim(cam.station_id, arrival_ns, arrival_ns, invalid=max(invalid, 1))

@@ -1,8 +1,8 @@
-"""The detector: goes through a receiver's messages in order of arrival, and says which it does not believe.
+"""The misbehaviour detector: checks a receiver's messages in order of arrival and flags untrustworthy ones.
 
-Rule: a message is flagged if any check's statistic is above its threshold. What goes on from a flagged
-message rather than from the station's believed ones is flagged as well (`branch`), so that a lie is not
-believed for being repeated; messages that a masquerader mixes into a station's own do not taint those.
+Rule: a message is flagged if any check's statistic is above its threshold. A message that continues a flagged
+message rather than the station's trusted ones is flagged as well (`branch`), so that a false position is not
+trusted for being repeated; a masquerader's messages do not taint the genuine ones of the same station id.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from advpipe.pipeline.misbehaviour.track import Track
 
 
 class Judgement(NamedTuple):
-    """Of M messages: statistics (M, C), columns in the order of `CHECKS`, and who is flagged (M,)."""
+    """Of M messages: statistics (M, C), columns in the order of `CHECKS`, and which are flagged (M,)."""
 
     statistics: Float64
     flagged: npt.NDArray[np.bool_]
 
-    def because(self, config: DetectorConfig) -> npt.NDArray[np.bool_]:
-        """Which checks object, (M, C)."""
+    def triggered(self, config: DetectorConfig) -> npt.NDArray[np.bool_]:
+        """Which checks triggered, (M, C)."""
         limits = [config.thresholds.get(name, math.inf) for name in CHECKS]
         with np.errstate(invalid="ignore"):
             return np.asarray(self.statistics > np.array(limits))
@@ -37,16 +37,16 @@ class Judgement(NamedTuple):
 
 @dataclass
 class _Station:
-    """What is known of one station id: those messages that are believed, and others."""
+    """The memory of one station id: its trusted messages, and its suspect ones."""
 
-    believed: Track | None = None
+    trusted: Track | None = None
     suspect: Track | None = None
 
 
 class MisbehaviourDetector:
-    """Keeps what a receiver remembers; `judge` takes one message after the other.
+    """Keeps a receiver's memory of all stations; `judge` takes one message after the other.
 
-    >>> detector = Detector(config)
+    >>> detector = MisbehaviourDetector(config)
     >>> statistics, is_flagged = detector.judge(claim, receiver)
     """
 
@@ -68,60 +68,60 @@ class MisbehaviourDetector:
         self._sweep(claim)
         station = self._stations.setdefault(claim.station_id, _Station())
         self._forget(station, claim)
-        track, goes_on_from_lie = self._track(station, claim)
-        values["branch"] = float(goes_on_from_lie)
+        track, continues_suspect = self._track(station, claim)
+        values["branch"] = float(continues_suspect)
         self._measure_alone(values, claim, receiver)
         if track is None:
             if (claim.arrival_ns - self._first_ns) / 1e9 > self._config.settle_s:
                 values["appearance"] = checks.appearance_m(claim, receiver, self._config.earshot_m)
         else:
             self._measure_change(values, claim, track)
-        known = station.believed or station.suspect
+        known = station.trusted or station.suspect
         if known is not None:
             values["frequency"] = checks.frequency_hz(claim, known.last)
             values["identity"] = max(values["identity"], float(claim.station_type != known.last.station_type))
         values["overlap"] = self._overlap(claim, receiver, station)
         statistics = list(values.values())
         is_bad = self._is_bad(statistics)
-        self._remember(station, claim, track, goes_on_from_lie, is_bad, statistics)
+        self._remember(station, claim, track, continues_suspect, is_bad, statistics)
         return statistics, is_bad
 
     def _is_bad(self, statistics: Sequence[float]) -> bool:
         return any(value > limit for value, limit in zip(statistics, self._limits, strict=True))
 
     def _sweep(self, claim: Claim) -> None:
-        """Forgets, now and then, the stations that fell silent: floods have thousands of names."""
+        """Forgets silent stations now and then: a flooding attack uses thousands of ids."""
         if claim.arrival_ns - self._swept_ns > self._config.memory_s * 1e9:
             self._swept_ns = claim.arrival_ns
             for station in self._stations.values():
                 self._forget(station, claim)
-            self._stations = {n: one for n, one in self._stations.items() if one.believed or one.suspect}
+            self._stations = {n: one for n, one in self._stations.items() if one.trusted or one.suspect}
 
     def _forget(self, station: _Station, claim: Claim) -> None:
         memory_ns = self._config.memory_s * 1e9
-        if station.believed is not None and claim.arrival_ns - station.believed.last.arrival_ns > memory_ns:
-            station.believed = None
+        if station.trusted is not None and claim.arrival_ns - station.trusted.last.arrival_ns > memory_ns:
+            station.trusted = None
         if station.suspect is not None and claim.arrival_ns - station.suspect.last.arrival_ns > memory_ns:
             station.suspect = None
 
     def _track(self, station: _Station, claim: Claim) -> tuple[Track | None, bool]:
-        """The messages that this one goes on from, and whether those are not believed."""
-        believed, suspect = station.believed, station.suspect
-        if believed is None or suspect is None:
-            return believed or suspect, believed is None and suspect is not None
+        """The track that this message continues, and whether that track is suspect."""
+        trusted, suspect = station.trusted, station.suspect
+        if trusted is None or suspect is None:
+            return trusted or suspect, trusted is None and suspect is not None
         expected = self._config.expectation
         limit = self._config.thresholds.get("position_speed", math.inf)
-        to_believed = _fit(claim, believed.last, expected)
+        to_trusted = _fit(claim, trusted.last, expected)
         to_suspect = _fit(claim, suspect.last, expected)
-        # A message that fits what is believed is, even if it fits a lie as well.
-        return (suspect, True) if to_suspect <= limit < to_believed else (believed, False)
+        # A message that fits the trusted track is trusted, even if it fits the suspect one as well.
+        return (suspect, True) if to_suspect <= limit < to_trusted else (trusted, False)
 
     def _measure_alone(self, values: dict[str, float], claim: Claim, receiver: ReceivingVehicle) -> None:
         values["identity"] = float(claim.station_id == receiver.station_id)
         values["range"] = checks.claimed_range_m(claim, receiver)
         values["speed"] = abs(claim.speed_mps)
         values["position"] = claim.off_road_m
-        if abs(claim.speed_mps) >= checks.LEAST_SPEED_MPS:
+        if abs(claim.speed_mps) >= checks.MIN_SPEED_MPS:
             values["wrong_way"] = claim.wrong_way_rad
         values["freshness"] = checks.freshness_s(claim)
         values["dynamics"] = checks.dynamics_mps2(claim, None)
@@ -129,7 +129,7 @@ class MisbehaviourDetector:
     def _measure_change(self, values: dict[str, float], claim: Claim, track: Track) -> None:
         expected, last = self._config.expectation, track.last
         values["size"] = checks.size_m(claim, last)
-        if checks.elapsed_s(claim, last) <= 0:  # `frequency` objects; nothing follows from such a pair
+        if checks.elapsed_s(claim, last) <= 0:  # `frequency` triggers; nothing else can be compared
             return
         values["position_speed"] = checks.position_speed_sigma(claim, last, expected)
         values["drift"] = track.drift(claim, self._config)
@@ -141,16 +141,16 @@ class MisbehaviourDetector:
         values["kalman"] = track.innovation(claim)
 
     def _overlap(self, claim: Claim, receiver: ReceivingVehicle, own: _Station) -> float:
-        """With the receiver, and with stations believed: of two, the younger one is in the wrong."""
+        """Overlap with the receiver and with trusted stations; of two stations, the newer one is flagged."""
         box = checks.claimed_box(claim, claim.arrival_ns)
         if box is None:
             return math.nan
         others: list[tuple[float, ...]] = [
             (receiver.x_m, receiver.y_m, 0.0, receiver.length_m, receiver.width_m, 1.0, receiver.yaw_rad)
         ]
-        age = own.believed.length if own.believed is not None else 0
+        age = own.trusted.length if own.trusted is not None else 0
         for other in self._stations.values():
-            track = other.believed
+            track = other.trusted
             if other is own or track is None or track.length < max(age, 2):
                 continue
             if (claim.arrival_ns - track.last.arrival_ns) / 1e9 > 1.0:
@@ -167,14 +167,14 @@ class MisbehaviourDetector:
         station: _Station,
         claim: Claim,
         track: Track | None,
-        goes_on_from_lie: bool,
+        continues_suspect: bool,
         is_bad: bool,
         statistics: Sequence[float],
     ) -> None:
         config, at_ns = self._config, claim.arrival_ns
         if not is_bad:
-            if track is None or track is not station.believed:
-                station.believed = track = Track(config)
+            if track is None or track is not station.trusted:
+                station.trusted = track = Track(config)
             track.add(claim)
             return
         faults = [
@@ -182,16 +182,16 @@ class MisbehaviourDetector:
             for name, value, limit in zip(CHECKS, statistics, self._limits, strict=True)
             if value > limit and name != "branch"
         ]
-        if goes_on_from_lie and station.suspect is not None:
-            lie = station.suspect
-            if checks.elapsed_s(claim, lie.last) <= 0:
-                lie.last_fault_ns = at_ns
+        if continues_suspect and station.suspect is not None:
+            suspect = station.suspect
+            if checks.elapsed_s(claim, suspect.last) <= 0:
+                suspect.last_fault_ns = at_ns
                 return
-            lie.add(claim)
+            suspect.add(claim)
             if faults:
-                lie.last_fault_ns = at_ns
-            elif (at_ns - lie.last_fault_ns) / 1e9 >= config.pardon_s:
-                station.believed, station.suspect = lie, None
+                suspect.last_fault_ns = at_ns
+            elif (at_ns - suspect.last_fault_ns) / 1e9 >= config.pardon_s:
+                station.trusted, station.suspect = suspect, None
             return
         station.suspect = Track(config)
         station.suspect.add(claim)
@@ -201,7 +201,7 @@ class MisbehaviourDetector:
 def judge_all(
     claims: Sequence[Claim], receivers: Sequence[ReceivingVehicle], config: DetectorConfig
 ) -> Judgement:
-    """Goes through the messages of one receiver, in order of arrival, with its own pose at each."""
+    """Check all messages of one receiver, in order of arrival, with the receiver's own pose at each."""
     detector = MisbehaviourDetector(config)
     statistics = np.full((len(claims), len(CHECKS)), np.nan)
     flagged = np.zeros(len(claims), bool)
@@ -211,7 +211,8 @@ def judge_all(
 
 
 def _fit(claim: Claim, last: Claim, expected: Expectation) -> float:
-    """How well a message goes on from another; infinite where it tells too little, or came earlier."""
+    """How well a message continues another, in sigma; infinite where it is incomplete or was generated
+    earlier."""
     if checks.elapsed_s(claim, last) <= 0:
         return math.inf
     found = checks.position_speed_sigma(claim, last, expected)

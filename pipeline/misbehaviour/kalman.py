@@ -1,4 +1,4 @@
-"""A Kalman filter of one station: does the next claim come as the ones before it foretell?"""
+"""A Kalman filter of one station: does the next claim match the prediction from the previous ones?"""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class _Axis(NamedTuple):
-    """Place and velocity along one axis, and their covariance."""
+    """Position and velocity along one axis, and their covariance."""
 
     place: float
     velocity: float
@@ -16,10 +16,11 @@ class _Axis(NamedTuple):
 
 
 class Kalman:
-    """Constant velocity driven by white acceleration, x and y on their own; measures both and velocities.
+    """Constant velocity with white acceleration noise, x and y independent; measures positions and
+    velocities.
 
-    Four degrees of freedom; in closed form, as there are thousands of messages. `innovation` looks at a
-    claim, `accept` takes the one that was looked at last.
+    Four degrees of freedom; in closed form, as there are thousands of messages. `innovation` evaluates a
+    claim, `accept` updates the filter with the claim evaluated last.
     """
 
     def __init__(self, acceleration_mps2: float, position_m: float, speed_mps: float) -> None:
@@ -37,7 +38,7 @@ class Kalman:
     ) -> float:
         """The normalised innovation squared of a claim `elapsed_s` after the one accepted last.
 
-        turning_mps2: the centripetal acceleration, which the filter knows nothing of. 0 for the first.
+        turning_mps2: the centripetal acceleration, which the filter does not model. 0 for the first claim.
         """
         if self._axes is None:
             r_p, r_v = self._r
@@ -52,7 +53,7 @@ class Kalman:
         return nis_x + nis_y
 
     def accept(self) -> None:
-        """Goes on from the claim looked at last."""
+        """Update the filter with the claim evaluated last."""
         self._axes = self._next
 
     def _step(self, axis: _Axis, t: float, place: float, velocity: float, q: float) -> tuple[_Axis, float]:

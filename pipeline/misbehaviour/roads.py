@@ -1,4 +1,5 @@
-"""The receiver's map of the roads, as navigation systems have it: is a claimed place on one, which way?"""
+"""The receiver's road map, as navigation systems have it: is a claimed position on a road, in which
+direction?"""
 
 from __future__ import annotations
 
@@ -11,13 +12,13 @@ import shapely
 from advpipe.pipeline.geometry.transforms import Float64, wrap_angle
 
 NEAR_M = 2.0
-"""Lanes whose middles are as near beyond half a lane's width count for the direction of travel."""
+"""Lanes whose edge is within this distance count for the direction of travel."""
 
 
 class RoadMap:
     """Lanes that vehicles use.
 
-    segments_m: (L, 2, 2) pieces of their middles in the direction of travel. widths_m: (L,).
+    segments_m: (L, 2, 2) segments of the centre lines in the direction of travel. widths_m: (L,).
     """
 
     def __init__(self, segments_m: Float64, widths_m: Float64) -> None:
@@ -29,10 +30,10 @@ class RoadMap:
         self._half_m = widths_m / 2
 
     def measure(self, places: Sequence[tuple[float, float, float]]) -> tuple[Float64, Float64]:
-        """How far (P,) places x, y, yaw are off every lane [m], and turned from every lane near [rad].
+        """How far (P,) poses x, y, yaw are from any lane [m], and turned from the nearby lanes [rad].
 
-        Zero on a lane. NaN where a place is not finite, without any lane, and for the direction where no
-        lane is near.
+        Zero on a lane. NaN where a position is not finite, without any lane, and for the direction where no
+        lane is nearby.
         """
         at = np.array(places, np.float64).reshape(-1, 3)
         off_m, wrong_rad = np.full(len(at), np.nan), np.full(len(at), np.nan)
@@ -55,11 +56,12 @@ class RoadMap:
 
 
 NO_ROADS = RoadMap(np.zeros((0, 2, 2)), np.zeros(0))
-"""Nothing is known of roads: both checks that need them say nothing."""
+"""An empty map: both checks that need roads are off."""
 
 
 def lanes(found: Iterable[tuple[npt.ArrayLike, float]]) -> RoadMap:
-    """A map of lanes: the middle (K, 2 or 3) of each in the direction of travel, and its width, in metres."""
+    """A road map of lanes: each one's centre line (K, 2 or 3) in the direction of travel, and width, in
+    metres."""
     pieces, widths = [np.zeros((0, 2, 2))], []
     for middle_m, width_m in found:
         places_m = np.asarray(middle_m, np.float64)[:, :2]

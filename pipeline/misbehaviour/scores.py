@@ -1,4 +1,4 @@
-"""How well messages are told apart: counts and the figures made of them."""
+"""How well a detector separates false messages from honest ones: counts and derived metrics."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ Bools = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Scores:
-    """Messages by what they are and what was made of them.
+    """The confusion matrix of messages, and how soon attackers are detected.
 
-    latency_s: from the first lie of each liar that a receiver hears to the first of its lies that is
-    flagged, the mean over those that are; caught: the share of liars of whom any lie is flagged.
+    latency_s: from an attacker's first false message at a receiver to its first flagged one, the mean
+    over the detected attackers; caught: the share of attackers with any flagged false message.
     """
 
     true_positives: int
@@ -33,12 +33,12 @@ class Scores:
 
     @property
     def recall(self) -> float:
-        """TP / (TP + FN); NaN without lies."""
+        """TP / (TP + FN); NaN without false messages."""
         return _ratio(self.true_positives, self.true_positives + self.false_negatives)
 
     @property
     def f1(self) -> float:
-        """2 TP / (2 TP + FP + FN); NaN without lies and flags."""
+        """2 TP / (2 TP + FP + FN); NaN without false and flagged messages."""
         errors = self.false_positives + self.false_negatives
         return _ratio(2 * self.true_positives, 2 * self.true_positives + errors)
 
@@ -59,30 +59,30 @@ class Scores:
 
 def scores(
     flagged: Bools,
-    is_lie: Bools,
-    liars: npt.NDArray[np.int64] | None = None,
+    is_false: Bools,
+    senders: npt.NDArray[np.int64] | None = None,
     times_s: npt.NDArray[np.float64] | None = None,
 ) -> Scores:
-    """Of M messages: flags and truth (M,); who truly sent them and when, (M,) each, for the latency.
+    """Score M messages from flags and truth (M,); for the latency, from true senders and times (M,) too.
 
-    liars: any number that tells receiver and sender apart.
+    senders: a number for each pair of receiver and sender.
     """
     counts = (
-        int((flagged & is_lie).sum()),
-        int((flagged & ~is_lie).sum()),
-        int((~flagged & ~is_lie).sum()),
-        int((~flagged & is_lie).sum()),
+        int((flagged & is_false).sum()),
+        int((flagged & ~is_false).sum()),
+        int((~flagged & ~is_false).sum()),
+        int((~flagged & is_false).sum()),
     )
-    if liars is None or times_s is None or not is_lie.any():
+    if senders is None or times_s is None or not is_false.any():
         return Scores(*counts)
-    delays_s, who = [], np.unique(liars[is_lie])
-    for liar in who.tolist():
-        own = is_lie & (liars == liar)
+    delays_s, attackers = [], np.unique(senders[is_false])
+    for attacker in attackers.tolist():
+        own = is_false & (senders == attacker)
         caught = own & flagged
         if caught.any():
             delays_s.append(float(times_s[caught].min() - times_s[own].min()))
     latency_s = float(np.mean(delays_s)) if delays_s else math.nan
-    return Scores(*counts, latency_s, len(delays_s) / len(who))
+    return Scores(*counts, latency_s, len(delays_s) / len(attackers))
 
 
 def _ratio(part: int, whole: int) -> float:

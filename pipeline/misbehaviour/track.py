@@ -1,4 +1,4 @@
-"""Messages of one station that go on from each other, and what they foretell of the next one."""
+"""A consistent sequence of one station's messages, and what it predicts for the next one."""
 
 from __future__ import annotations
 
@@ -17,66 +17,69 @@ _MOST_TURNING_MPS2 = 8.0  # beyond, tyres slip
 
 
 class _TrackPoint(NamedTuple):
-    """A message, and what all messages up to it tell: the way [m], and how much faster it got [m/s]."""
+    """A message, and the sums of all claims up to it: displacement [m] and change of speed [m/s]."""
 
     claim: Claim
     x_m: float = 0.0
     y_m: float = 0.0
     faster_mps: float = 0.0
 
-    def then(self, claim: Claim) -> _TrackPoint:
-        x_m, y_m = checks.told_way_m(claim, self.claim)
+    def extended(self, claim: Claim) -> _TrackPoint:
+        x_m, y_m = checks.claimed_displacement_m(claim, self.claim)
         mean_mps2 = (self.claim.acceleration_mps2 + claim.acceleration_mps2) / 2
         gained_mps = mean_mps2 * checks.elapsed_s(claim, self.claim)
         return _TrackPoint(claim, self.x_m + x_m, self.y_m + y_m, self.faster_mps + gained_mps)
 
 
 class Track:
-    """The messages of the last `window_s`, and a filter of all of them. last_fault_ns: when any was bad."""
+    """The messages of the last `window_s`, and a filter of all of them. last_fault_ns: when a check last
+    failed."""
 
     def __init__(self, config: DetectorConfig) -> None:
         self._window_s = config.window_s
-        self._told: deque[_TrackPoint] = deque()
+        self._points: deque[_TrackPoint] = deque()
         self._kalman = Kalman(config.kalman_acceleration_mps2, _KALMAN_POSITION_M, _KALMAN_SPEED_MPS)
         self.last_fault_ns = 0
 
     @property
     def last(self) -> Claim:
-        return self._told[-1].claim
+        return self._points[-1].claim
 
     @property
     def length(self) -> int:
         """Messages in the window."""
-        return len(self._told)
+        return len(self._points)
 
     def add(self, claim: Claim) -> None:
-        """Goes on with this message; the filter takes what it has looked at last."""
-        if not self._told:
+        """Append this message; the filter is updated with the claim it evaluated last."""
+        if not self._points:
             self.innovation(claim)
         self._kalman.accept()
-        self._told.append(self._told[-1].then(claim) if self._told else _TrackPoint(claim))
-        while len(self._told) > 2 and checks.elapsed_s(claim, self._told[1].claim) >= self._window_s:
-            self._told.popleft()
+        self._points.append(self._points[-1].extended(claim) if self._points else _TrackPoint(claim))
+        while len(self._points) > 2 and checks.elapsed_s(claim, self._points[1].claim) >= self._window_s:
+            self._points.popleft()
 
     def drift(self, claim: Claim, config: DetectorConfig) -> float:
-        """The way since the first message in the window, against all speeds and headings told since."""
+        """The displacement since the first message in the window, against all claimed speeds and headings
+        since."""
         if not self._reaches(claim):
             return math.nan
-        first, now = self._told[0], self._told[-1].then(claim)
+        first, now = self._points[0], self._points[-1].extended(claim)
         miss_m = math.hypot(
             claim.x_m - first.claim.x_m - (now.x_m - first.x_m),
             claim.y_m - first.claim.y_m - (now.y_m - first.y_m),
         )
-        # What each step leaves out adds up; errors of places and speeds grow with time.
-        bends_m = [checks.bend_m(b, a, config.expectation) for a, b in pairwise(self._claims(claim))]
+        # The unmodelled motion of each step adds up; errors of positions and speeds grow with time.
+        bends_m = [checks.unmodelled_m(b, a, config.expectation) for a, b in pairwise(self._claims(claim))]
         elapsed_s = checks.elapsed_s(claim, first.claim)
-        return miss_m / checks.way_sigma_m(elapsed_s, config.expectation, *bends_m)
+        return miss_m / checks.displacement_sigma_m(elapsed_s, config.expectation, *bends_m)
 
     def impulse(self, claim: Claim, config: DetectorConfig) -> float:
-        """The change of speed since the first message in the window, against all accelerations told since."""
+        """The change of speed since the first message in the window, against all claimed accelerations
+        since."""
         if not self._reaches(claim):
             return math.nan
-        first, now, expected = self._told[0], self._told[-1].then(claim), config.expectation
+        first, now, expected = self._points[0], self._points[-1].extended(claim), config.expectation
         changed_mps = claim.speed_mps - first.claim.speed_mps
         miss_mps = abs(changed_mps - (now.faster_mps - first.faster_mps))
         spans_s = [checks.elapsed_s(b, a) for a, b in pairwise(self._claims(claim))]
@@ -85,20 +88,20 @@ class Track:
         return miss_mps / math.hypot(expected.speed_mps, wander_mps, *noises_mps)
 
     def innovation(self, claim: Claim) -> float:
-        """The filter's; NaN where a message tells no velocity."""
+        """The filter's normalised innovation squared; NaN where a message states no velocity."""
         velocity = checks.velocity_mps(claim)
         if not math.isfinite(velocity[0] + claim.x_m):
             return math.nan
         place, elapsed_s, turning_mps2 = (claim.x_m, claim.y_m), 0.0, 0.0
-        if self._told:
+        if self._points:
             elapsed_s = checks.elapsed_s(claim, self.last)
             turned_rad = math.remainder(claim.yaw_rad - self.last.yaw_rad, math.tau)
             turning_mps2 = min(abs(claim.speed_mps * turned_rad / elapsed_s), _MOST_TURNING_MPS2)
         return self._kalman.innovation(elapsed_s, place, velocity, turning_mps2)
 
     def _reaches(self, claim: Claim) -> bool:
-        """Whether a window ends here: of two messages or more, none of them long ago."""
-        return self.length >= 2 and checks.elapsed_s(claim, self._told[0].claim) <= 2 * self._window_s
+        """Whether the window holds two messages or more, none of them too old."""
+        return self.length >= 2 and checks.elapsed_s(claim, self._points[0].claim) <= 2 * self._window_s
 
     def _claims(self, claim: Claim) -> list[Claim]:
-        return [*(told.claim for told in self._told), claim]
+        return [*(point.claim for point in self._points), claim]

@@ -1,4 +1,4 @@
-"""What tuning found for both detectors, written by `benchmarks/misbehaviour.py --ship`."""
+"""Tuned parameters of both detectors, written by `benchmarks/misbehaviour.py --ship`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ DRIVES = (
     "random-23, 30 s",
     "grid-24, 30 s (ours alone)",
 )
-"""That both were tuned on, networks drawn from these seeds: the benchmark tests on none of them."""
+"""Drives used for tuning, on networks drawn from these seeds; the benchmark tests on none of them."""
 
 THRESHOLDS: dict[str, float] = {
     "range": 2346.0,
@@ -27,7 +27,7 @@ THRESHOLDS: dict[str, float] = {
     "appearance": 150.0,
     "kalman": 560.6,
 }
-"""Of our checks, by name; units as in `config.CHECKS`."""
+"""Thresholds of our checks, by name; units as in `config.CHECKS`."""
 
 PARDON_S: float = 30
 

@@ -1,7 +1,7 @@
-"""Thresholds from drives: what honest messages reach, and what tells the attacks of another drive apart.
+"""Tuning of thresholds on drives: what honest messages reach, and what detects attacks best.
 
-Both detectors are tuned on the same streams: the one that scores the higher mean F1 over the attacks, of the
-settings whose false positives on clean streams stay within the bound.
+Both detectors are tuned on the same streams: of the settings whose false-positive rate on clean streams
+stays within the bound, the one with the highest mean F1 over the attacks is chosen.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
 from advpipe.pipeline.misbehaviour.detector import judge_all
 from advpipe.pipeline.misbehaviour.scores import Bools, scores
 
-MOST_FALSE_POSITIVES = 0.005
-"""Of clean messages, on the tuning drives: half of the 1 % that another drive may show."""
-EXCEEDED = (0.0, 0.0005, 0.001)
+MAX_FALSE_POSITIVE_RATE = 0.005
+"""Share of clean messages on the tuning drives: half of the 1 % accepted on other drives."""
+EXCEEDANCE_SHARES = (0.0, 0.0005, 0.001)
 """Shares of clean messages that may be above a check's tuned threshold."""
 PARDON_S = (3.0, 10.0, 30.0)
-"""Never for ever: a drive is longer than those that tune, and an honest station may be flagged once."""
+"""Never infinite: real drives last longer than tuning drives, and an honest station may be flagged once."""
 CATCH_DRAWS = 300
 
 
 @dataclass(frozen=True)
 class Stream:
-    """What one receiver heard in order of arrival, and which of it were lies (M,)."""
+    """The messages that one receiver received in order of arrival, and which of them are false (M,)."""
 
     claims: Sequence[Claim]
     receivers: Sequence[ReceivingVehicle]
-    is_lie: Bools
+    is_false: Bools
     attack: str = ""
 
 
 class Tuned(NamedTuple):
-    """The chosen settings, and what they reach on the streams they were chosen on."""
+    """The chosen settings, and their scores on the streams they were chosen on."""
 
     config: DetectorConfig
     mean_f1: float
@@ -54,7 +54,7 @@ class Tuned(NamedTuple):
 
 
 class TunedCatch(NamedTuple):
-    """The same of the baseline."""
+    """The chosen parameters of the baseline, and their scores."""
 
     parameters: CatchParameters
     mean_f1: float
@@ -62,7 +62,8 @@ class TunedCatch(NamedTuple):
 
 
 def clean_thresholds(streams: Iterable[Stream], exceeded: float, base: DetectorConfig) -> dict[str, float]:
-    """For every check that is tuned: what that share of clean messages exceeds, times the check's margin.
+    """The threshold of each tuned check: what the share `exceeded` of clean messages exceeds, times its
+    margin.
 
     A check that never applied, and one with a rule, keeps the threshold of `base`.
     """
@@ -75,18 +76,18 @@ def clean_thresholds(streams: Iterable[Stream], exceeded: float, base: DetectorC
         values = values[np.isfinite(values)]
         if check.is_tuned and name in found and len(values):
             level = float(np.quantile(values, 1 - exceeded)) * check.margin
-            # What honest messages never show at all says nothing of how little a lie shows.
+            # If no honest message shows a deviation, that does not say how small one a false message shows.
             found[name] = max(level, check.least)
     return found
 
 
 def tune(clean: Sequence[Stream], attacked: Sequence[Stream], base: DetectorConfig | None = None) -> Tuned:
-    """The thresholds that serve best, and with these, the pardon that does.
+    """Choose the best thresholds, and then the best pardon time with them.
 
     Raises ValueError where no setting is within the bound.
     """
     base = base or DetectorConfig()
-    by_share = [base.with_thresholds(clean_thresholds(clean, share, base)) for share in EXCEEDED]
+    by_share = [base.with_thresholds(clean_thresholds(clean, share, base)) for share in EXCEEDANCE_SHARES]
     best = _best(by_share, clean, attacked)
     if not attacked:
         return best
@@ -99,34 +100,34 @@ def _best(
     attacked: Sequence[Stream],
     best: Tuned | None = None,
 ) -> Tuned:
-    """Of these and the one that was best before."""
+    """The best of these settings and the best one before."""
     for config in configs:
         if best is not None and config == best.config:
             continue
         rate = _false_positive_rate([judge_all(s.claims, s.receivers, config).flagged for s in clean])
-        if rate > MOST_FALSE_POSITIVES:
+        if rate > MAX_FALSE_POSITIVE_RATE:
             continue
         flags = (judge_all(s.claims, s.receivers, config).flagged for s in attacked)
         mean_f1 = _mean_f1(attacked, flags)
         if best is None or mean_f1 > best.mean_f1:
             best = Tuned(config, mean_f1, rate)
     if best is None:
-        raise ValueError(f"no setting flags less than {MOST_FALSE_POSITIVES:.1%} of the clean messages")
+        raise ValueError(f"no setting flags less than {MAX_FALSE_POSITIVE_RATE:.1%} of the clean messages")
     return best
 
 
 def tune_catch(clean: Sequence[Stream], attacked: Sequence[Stream], seed: int = 0) -> TunedCatch:
-    """The same for the baseline, by random search over its parameters; where no draw is within the bound,
-    the one with the fewest false positives."""
+    """Tune the baseline by random search over its parameters; where no draw is within the bound,
+    choose the one with the fewest false positives."""
     honest = [catch_messages(s.claims, s.receivers) for s in clean]
-    lying = [catch_messages(s.claims, s.receivers) for s in attacked]
+    attacked_messages = [catch_messages(s.claims, s.receivers) for s in attacked]
     best: TunedCatch | None = None
     for parameters in _catch_draws(seed):
         rate = _false_positive_rate([catch_flags(each, parameters) for each in honest])
-        if best is not None and rate > max(MOST_FALSE_POSITIVES, best.false_positive_rate):
+        if best is not None and rate > max(MAX_FALSE_POSITIVE_RATE, best.false_positive_rate):
             continue
-        mean_f1 = _mean_f1(attacked, _catch_all(lying, parameters))
-        is_first_within = best is not None and best.false_positive_rate > MOST_FALSE_POSITIVES
+        mean_f1 = _mean_f1(attacked, _catch_all(attacked_messages, parameters))
+        is_first_within = best is not None and best.false_positive_rate > MAX_FALSE_POSITIVE_RATE
         if best is None or is_first_within or mean_f1 > best.mean_f1:
             best = TunedCatch(parameters, mean_f1, rate)
     assert best is not None
@@ -147,7 +148,7 @@ CATCH_RANGES: dict[str, tuple[float, float]] = {
     "margin_down_m": (0.2, 10.0),
     "off_road_speed_mps": (0.1, 3.0),
 }
-"""Within which the baseline's parameters are tried."""
+"""The intervals that the baseline's parameters are drawn from."""
 
 
 def _catch_draws(seed: int) -> Iterator[CatchParameters]:
@@ -168,12 +169,12 @@ def _catch_all(messages: Sequence[CatchMessages], parameters: CatchParameters) -
 
 
 def _mean_f1(attacked: Sequence[Stream], flags: Iterable[npt.NDArray[np.bool_]]) -> float:
-    """Over the attacks, each over all of its receivers."""
+    """The mean F1 over the attacks, each scored over all of its receivers."""
     by_attack: dict[str, list[tuple[Bools, Bools]]] = {}
     for stream, flagged in zip(attacked, flags, strict=True):
-        by_attack.setdefault(stream.attack, []).append((flagged, stream.is_lie))
+        by_attack.setdefault(stream.attack, []).append((flagged, stream.is_false))
     found = [
-        scores(np.concatenate([f for f, _ in pairs]), np.concatenate([lie for _, lie in pairs])).f1
+        scores(np.concatenate([f for f, _ in pairs]), np.concatenate([false for _, false in pairs])).f1
         for pairs in by_attack.values()
     ]
     known = [value for value in found if math.isfinite(value)]

@@ -40,4 +40,4 @@ def plain_document(value: Any) -> Any:
         return value
     if isinstance(value, str | PurePath):
         return str(value).encode("utf-8", "backslashreplace").decode("utf-8")
-    raise TypeError(f"{type(value).__name__} is nothing that JSON has")
+    raise TypeError(f"{type(value).__name__} cannot be written as JSON")

@@ -12,7 +12,7 @@ from advpipe.pipeline.core.errors import UsageError
 _is_gone = False
 
 
-def leave_deleted() -> None:
+def leave_deleted_folder() -> None:
     """Goes to the root where the working folder does not exist: libraries end the process there otherwise."""
     global _is_gone
     try:
@@ -22,21 +22,22 @@ def leave_deleted() -> None:
         os.chdir(os.path.abspath(os.sep))
 
 
-def here(path: str | Path) -> Path:
+def working_path(path: str | Path) -> Path:
     """A path that may be relative; raises UsageError for one that is, in a folder that was deleted."""
     if _is_gone and not Path(path).is_absolute():
         raise UsageError(
-            f"{path}: the working folder was deleted; go to one that exists (cd), or give absolute paths"
+            f"{path}: the working directory was deleted; change to one that exists (cd), or give "
+            "absolute paths"
         )
     return Path(path)
 
 
 def check_paths(values: Iterable[object]) -> None:
-    """Applies `here` to all paths among the values of options, and in lists of them."""
+    """Applies `working_path` to all paths among the values of options, and in lists of them."""
     for value in values:
         for one in value if isinstance(value, list) else [value]:
             if isinstance(one, Path):
-                here(one)
+                working_path(one)
 
 
 def refuse_undecodable(*paths: Path | None) -> None:
@@ -51,5 +52,5 @@ def refuse_undecodable(*paths: Path | None) -> None:
 def undecodable(name: object, encoding: str = "utf-8") -> str:
     """What to do about a name that cannot be written with an encoding; the locale may be to blame."""
     if "utf" in encoding.lower() and "utf" in sys.getfilesystemencoding():
-        return f"{name}: is not UTF-8, and tables, reports and checkpoints cannot hold it; rename it"
-    return f"{name}: this locale cannot spell it; set LC_ALL=C.UTF-8"
+        return f"{name}: invalid UTF-8, which tables, reports and checkpoints cannot hold; rename it"
+    return f"{name}: this locale cannot encode it; set LC_ALL=C.UTF-8"

@@ -49,14 +49,16 @@ def filter_errors(reader: BagReader, vehicle: str) -> Iterator[None]:
         if isinstance(error, AdvpipeError) and str(error).startswith(str(reader.path)):
             raise
         raise AdvpipeError(
-            f"{reader.path}: the filter of {vehicle} cannot run on what /{vehicle}/... holds: {error}"
+            f"{reader.path}: the filter of {vehicle} cannot process the data of /{vehicle}/...: {error}"
         ) from None
 
 
 def read_filter(reader: BagReader) -> RecordedFilter:
     """Raises AdvpipeError for a bag that does not hold its scenario."""
     if SCENARIO_INFO.name not in reader.topics:
-        raise UsageError(f"{reader.path} has no {SCENARIO_INFO.name}: nobody knows what its filters assume")
+        raise UsageError(
+            f"{reader.path} has no {SCENARIO_INFO.name}, so the assumptions of its filters are unknown"
+        )
     info = read_scenario_info(reader, FilterInfo)
     return RecordedFilter(info.sensors, info.map.origin, info.simulation)
 
@@ -71,7 +73,7 @@ def vehicles_with_filter(reader: BagReader) -> list[str]:
     )
 
 
-def usual_victim(known: Sequence[str]) -> str | None:
+def default_victim(known: Sequence[str]) -> str | None:
     """Of the vehicles with GPS, the one that is meant where none is named; None where that is not clear."""
     if "ego" in known:
         return "ego"

@@ -50,7 +50,7 @@ class V2xDrive:
     def __init__(self, reader: BagReader, until_ns: int | None = None) -> None:
         for topic in (SCENARIO_INFO, V2X_STATIONS):
             if topic.name not in reader.topics:
-                raise UsageError(f"{reader.path} has no {topic.name}: no V2X to send again")
+                raise UsageError(f"{reader.path} has no {topic.name}, so there is no V2X to replay")
         self._reader, self._until_ns = reader, until_ns
         info: V2xInfo = read_scenario_info(reader, V2xInfo)
         self.v2x, self.origin, self.seed = info.v2x, info.map.origin, info.simulation.seed
@@ -64,8 +64,8 @@ class V2xDrive:
         """
         if self.v2x.network != "embedded":
             raise UsageError(
-                f"{self._reader.path} was recorded with v2x.network {self.v2x.network}; messages can be sent "
-                "again through the embedded one only"
+                f"{self._reader.path} was recorded with v2x.network {self.v2x.network}; messages can be "
+                "replayed through the embedded network only"
             )
         geodesy = Geodesy(self.origin.latitude_deg, self.origin.longitude_deg, self.origin.altitude_m)
         return Channel(self.v2x, self.seed, geodesy, self.listeners, self._buildings(), decoder)
@@ -119,7 +119,7 @@ def read_steps(reader: BagReader, until_ns: int | None = None) -> Iterator[V2xSt
             numbers.add(sent[-1].number)
             continue
         if raw.log_time_ns > LATEST_NS:
-            raise _wrong(reader, raw, "lies after January 2038, where ROS time stamps end")
+            raise _wrong(reader, raw, "is after January 2038, where ROS time stamps end")
         if begin_ns is not None:
             if raw.log_time_ns <= begin_ns:
                 raise _wrong(reader, raw, "is not later than the one before it")
@@ -143,8 +143,8 @@ def _check(reader: BagReader, sent: Sequence[Sent], begin_ns: int, radios: Seque
         where = f"{reader.path}: message {one.number} of {V2X_SENT.name}"
         if one.station_id not in present:
             raise AdvpipeError(
-                f"{where} is sent by station {one.station_id}, which {V2X_STATIONS.name} has nowhere on "
-                f"the road at {begin_ns} ns; record it again"
+                f"{where} was sent by station {one.station_id}, which {V2X_STATIONS.name} does not list "
+                f"at {begin_ns} ns; record it again"
             )
         if one.request_ns < begin_ns:
             raise AdvpipeError(

@@ -10,7 +10,7 @@ from advpipe.pipeline.results.listed import Flat, LeftOut, Listed
 
 @dataclass(frozen=True)
 class AttacksByTarget:
-    """The attacks that strike a vehicle's fixes, messages and clouds."""
+    """The attacks on a vehicle's fixes, messages and clouds."""
 
     fixes: Annotated[tuple[str, ...] | None, LeftOut()] = None
     messages: Annotated[tuple[str, ...] | None, LeftOut()] = None
@@ -18,8 +18,8 @@ class AttacksByTarget:
 
 
 @dataclass(frozen=True)
-class StruckCounts:
-    """How many fixes, messages and clouds are struck."""
+class AttackedCounts:
+    """How many fixes, messages and clouds were attacked."""
 
     fixes: Annotated[int | None, LeftOut()] = None
     messages: Annotated[int | None, LeftOut()] = None
@@ -28,9 +28,10 @@ class StruckCounts:
 
 @dataclass(frozen=True)
 class TogetherFigures:
-    """Means over the time in which all strike, in seconds of the recording; those that both bags tell of.
+    """Means over the time in which all attacks are active, in seconds of the recording; None where a bag
+    lacks the topic.
 
-    own_place_m: how far off the vehicle takes itself to be. map_wrong: entries of its map that are ghosts,
+    own_place_m: how far off the vehicle takes itself to be. map_wrong: stations of its map that are false,
     missing or displaced. points_touched: in a cloud.
     """
 
@@ -51,5 +52,5 @@ class CoordinatedRecord(Listed):
     bag: str
     vehicle: str
     attacks: AttacksByTarget
-    struck: Annotated[StruckCounts, Flat("struck_")]
+    attacked: Annotated[AttackedCounts, Flat("attacked_")]
     together: Annotated[TogetherFigures | None, Flat("")] = None

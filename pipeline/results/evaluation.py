@@ -11,6 +11,7 @@ import numpy as np
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.tabular import Rows, Tabular, data_frame
+from advpipe.pipeline.results.deprecated import with_deprecated_keys
 from advpipe.pipeline.results.figures import Record
 from advpipe.pipeline.results.listed import Listed
 from advpipe.pipeline.results.origin import ResultsOrigin
@@ -20,8 +21,8 @@ from advpipe.pipeline.results.row import ResultRow
 if TYPE_CHECKING:
     import pandas as pd
 
-SCHEMA = "advpipe-report-1"
-"""What `report.json` says that it is; its JSON Schema is `docs/schemas/report-1.json`."""
+SCHEMA = "advpipe-report-2"
+"""The version that `report.json` states; its JSON Schema is `docs/schemas/report-2.json`."""
 
 SIGNIFICANT_DIGITS = 8
 
@@ -31,9 +32,9 @@ class Evaluation(Tabular):
     """What a clean bag and adversarial ones showed.
 
     results: one an adversarial bag and detector, or one a detector for the clean bag alone.
-    average_precision: one a bag, detector, cloud (`clean`, `adv`, or a baseline's word), class, criterion
-    and stratum. records: what families of attacks list, by key. formulas: what the figures mean. banners:
-    what must be read before any figure.
+    average_precision: one a bag, detector, condition (`clean`, `adv`, or a baseline's name), class, criterion
+    and stratum. records: what families of attacks list, by key. formulas: what the figures mean. warnings:
+    what must be read before any value.
     """
 
     results: tuple[ResultRow, ...]
@@ -41,7 +42,7 @@ class Evaluation(Tabular):
     formulas: Mapping[str, str]
     average_precision: tuple[PrecisionRecord, ...] = ()
     records: Mapping[str, Sequence[Listed]]
-    banners: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @property
     def rows(self) -> tuple[Record, ...]:
@@ -49,7 +50,7 @@ class Evaluation(Tabular):
         return tuple(result.record() for result in self.results)
 
     def to_dicts(self, table: str = "rows") -> Rows:
-        """One of the tables of `report.json`, with the keys and units that it has there.
+        """One of the tables of `report.json`, with the same keys and units, without deprecated keys.
 
         table: `rows`, one an adversarial bag and detector; `average_precision`; or a key of `records`, such
         as `v2x`. None stands for what is undefined. Raises UsageError for a table that there is not.
@@ -69,21 +70,23 @@ class Evaluation(Tabular):
 
         The records of `average_precision` and of families take one line each.
         """
-        document = {
-            "banners": self.banners,
+        listed = {"average_precision": self.average_precision, **self.records}
+        current: Record = {
+            "warnings": self.warnings,
             "formulas": self.formulas,
             "provenance": self.origin.record(),
             "rows": self.rows,
             "schema": SCHEMA,
+            **{key: [each.record() for each in records] for key, records in listed.items()},
         }
+        document = with_deprecated_keys(current)
+        lists = "".join(f'\n  "{key}": {_one_a_line(document.pop(key))},' for key in sorted(listed))
         text = json.dumps(plain_value(document), indent=2, sort_keys=True, allow_nan=False)
-        listed = {"average_precision": self.average_precision, **self.records}
-        lists = "".join(f'\n  "{key}": {_one_a_line(each)},' for key, each in sorted(listed.items()))
         return f"{{{lists}{text[1:]}\n"
 
 
-def _one_a_line(results: Sequence[Listed]) -> str:
-    lines = [json.dumps(plain_value(each.record()), sort_keys=True, allow_nan=False) for each in results]
+def _one_a_line(records: Sequence[Record]) -> str:
+    lines = [json.dumps(plain_value(each), sort_keys=True, allow_nan=False) for each in records]
     return "[" + ",".join(f"\n    {line}" for line in lines) + "\n  ]"
 
 

@@ -121,13 +121,13 @@ class RecountedFigures:
 class BaselineFigures:
     """A random baseline, and how many points of mAP ratio the attack costs beyond it, drawn together.
 
-    is_beaten: whether the interval of that difference lies below 0; None where there is no interval.
+    is_significant: whether the interval of that difference lies below 0; None where there is no interval.
     """
 
     figures: CloudFigures
-    map_ratio_minus: float
-    map_ratio_minus_ci95: Interval
-    is_beaten: bool | None
+    map_ratio_delta_points: float
+    map_ratio_delta_points_ci95: Interval
+    is_significant: bool | None
 
 
 def figure_names(figures: type) -> list[str]:

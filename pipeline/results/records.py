@@ -17,7 +17,7 @@ class PrecisionRecord(Listed):
 
     bag: str
     detector: str
-    cloud: str
+    condition: str
     class_name: str
     criterion: str
     by: str
@@ -40,10 +40,10 @@ class _OfAttack(Listed):
 
 @dataclass(frozen=True)
 class SuccessRecord(_OfAttack):
-    """Objects found on the clean clouds and lost on those of `cloud`, of a class and a range; at loose
+    """Objects found on the clean clouds and lost on those under `condition`, of a class and a range; at loose
     overlap, those named `strict_` at strict overlap, with a score of at least `min_score`."""
 
-    cloud: str
+    condition: str
     class_name: str
     range: str
     min_score: float
@@ -74,15 +74,15 @@ class DefendedFigures:
 
 @dataclass(frozen=True)
 class DefenceRecord(_OfAttack):
-    """A defence: what it costs on the clean clouds, kept_percent of their mAP without it, and the attack
-    under it; None without one."""
+    """A defence: the mAP that it leaves on clean clouds, in percent of that without it, and the attack's
+    effect under it; None without an attack."""
 
     defence: str
     frames: int
     map_clean: float
     map_clean_ci95: Interval
-    kept_percent: float
-    kept_ci95: Interval
+    clean_map_kept_percent: float
+    clean_map_kept_ci95: Interval
     clean_precisions: Precisions
     attacked: DefendedFigures | None
 
@@ -101,14 +101,15 @@ _NESTED = ("clean_precisions", "attacked")
 
 @dataclass(frozen=True)
 class BaselineRecord(_OfAttack):
-    """A random baseline beside an attack; minus: how much lower the attack's mAP ratio is, in points."""
+    """A random baseline beside an attack; delta_points: the attack's mAP ratio minus the
+    baseline's, in percentage points."""
 
     baseline: str
     map_ratio_percent: float
     map_ratio_ci95: Interval
-    minus: float
-    minus_ci95: Interval
-    beats: bool | None
+    delta_points: float
+    delta_points_ci95: Interval
+    significant: bool | None
 
 
 @dataclass(frozen=True)

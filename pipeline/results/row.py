@@ -24,7 +24,8 @@ class AttackRecord:
     """The attack that made a bag, by the bag's own record.
 
     parameter, value: its budget. attacked_against: the detector. is_white_box: whether that is the one that
-    looks; None where nobody can say. looks: to how many tries it looked to keep the best. baseline_tries: of
+    looks; None where nobody can say. query_budget: how many
+    detector queries the attack used to keep the best try. baseline_tries: of
     how many the best is among the baselines.
     """
 
@@ -35,7 +36,7 @@ class AttackRecord:
     parameters: Mapping[str, Any]
     attacked_against: str | None
     is_white_box: bool | None
-    looks: int | None
+    query_budget: int | None
     baseline_tries: int
 
 
@@ -59,7 +60,8 @@ class ResultRow:
     """The figures of one bag and detector.
 
     boxes: evaluated ones by class. attacked, recounted: None without an attack. baselines: by word, those
-    that were scored. beats_random: whether all of them are beaten; None where nobody can say. notes: what the
+    that were scored. significant_vs_random: whether the attack is
+    significantly stronger than all of them; None where that is unknown. notes: what the
     reader must know besides.
     """
 
@@ -72,7 +74,7 @@ class ResultRow:
     attacked: CloudFigures | None
     recounted: RecountedFigures | None
     baselines: Mapping[str, BaselineFigures]
-    beats_random: bool | None
+    significant_vs_random: bool | None
     notes: tuple[str, ...]
 
     def figures_of(self, baseline: str = "") -> CloudFigures | None:
@@ -94,15 +96,15 @@ class ResultRow:
         row |= self.attacked.record() if self.attacked else nothing(CloudFigures, known)
         row |= asdict(self.recounted) if self.recounted else nothing(RecountedFigures)
         row |= {f"{PLAIN_BASELINE}_{key}": None for key in nothing(CloudFigures, known)}
-        row |= {f"map_ratio_minus_{PLAIN_BASELINE}{end}": None for end in ("", "_ci95")}
+        row |= {f"map_ratio_delta_points_vs_{PLAIN_BASELINE}{end}": None for end in ("", "_ci95")}
         for word, baseline in self.baselines.items():
             row |= {f"{word}_{key}": value for key, value in baseline.figures.record().items()}
-            row[f"map_ratio_minus_{word}"] = baseline.map_ratio_minus
-            row[f"map_ratio_minus_{word}_ci95"] = baseline.map_ratio_minus_ci95
-            row[f"beats_{word}"] = baseline.is_beaten
+            row[f"map_ratio_delta_points_vs_{word}"] = baseline.map_ratio_delta_points
+            row[f"map_ratio_delta_points_vs_{word}_ci95"] = baseline.map_ratio_delta_points_ci95
+            row[f"significant_vs_{word}"] = baseline.is_significant
         return row | {
             "baselines": list(self.baselines),
-            "beats_random": self.beats_random,
+            "significant_vs_random": self.significant_vs_random,
             "notes": list(self.notes),
         }
 

@@ -11,6 +11,7 @@ from typing import Any, Union, get_args, get_origin
 from advpipe.pipeline.geometry.boxes import CLASSES
 from advpipe.pipeline.results.cooperative import CooperativeRecord
 from advpipe.pipeline.results.coordinated import CoordinatedRecord
+from advpipe.pipeline.results.deprecated import DEPRECATED_KEYS, old_key
 from advpipe.pipeline.results.evaluation import SCHEMA
 from advpipe.pipeline.results.figures import CRITERIA, CloudFigures, Precisions, RecountedFigures
 from advpipe.pipeline.results.listed import Flat, LeftOut, key_of, shape
@@ -51,15 +52,16 @@ def report_schema() -> Schema:
         "cooperative": CooperativeRecord,
         "coordinated": CoordinatedRecord,
     }
-    required = ["average_precision", "banners", "formulas", "provenance", "rows", "schema"]
-    return {
+    required = ["average_precision", "warnings", "formulas", "provenance", "rows", "schema"]
+    schema: Schema = {
         "$schema": DIALECT,
         "title": "advpipe report",
         "type": "object",
         "properties": {
             "schema": {"const": SCHEMA},
-            "banners": _list({"type": "string"}),
+            "warnings": _list({"type": "string"}),
             "formulas": {"type": "object", "additionalProperties": {"type": "string"}},
+            DEPRECATED_KEYS: {"type": "object", "additionalProperties": {"type": "string"}},
             "provenance": _object(ResultsOrigin, optional=("device",)),
             "rows": _list(_row()),
             **{key: _list(_object(record)) for key, record in lists.items()},
@@ -68,11 +70,28 @@ def report_schema() -> Schema:
         "required": required,
         "additionalProperties": False,
     }
+    _add_deprecated(schema)
+    return schema
 
 
 def report_schema_json() -> str:
-    """The text that is published as `docs/schemas/report-1.json`."""
+    """The text that is published as `docs/schemas/report-2.json`."""
     return json.dumps(report_schema(), indent=2, ensure_ascii=False)
+
+
+def _add_deprecated(schema: Any) -> None:
+    """Allow beside each renamed key the old one, marked as deprecated."""
+    if isinstance(schema, list):
+        for each in schema:
+            _add_deprecated(each)
+    if not isinstance(schema, dict):
+        return
+    for each in schema.values():
+        _add_deprecated(each)
+    for keyword, mark in (("properties", ""), ("patternProperties", "^")):
+        for key, value in list(schema.get(keyword, {}).items()):
+            if (old := old_key(key.removeprefix(mark))) is not None:
+                schema[keyword][mark + old] = {**value, "deprecated": True}
 
 
 def _row() -> Schema:
@@ -87,10 +106,10 @@ def _row() -> Schema:
         "map_clean": NUMBER,
         "map_clean_ci95": INTERVAL,
         "map_r11_clean": NUMBER,
-        f"map_ratio_minus_{PLAIN_BASELINE}": NUMBER,
-        f"map_ratio_minus_{PLAIN_BASELINE}_ci95": INTERVAL,
+        f"map_ratio_delta_points_vs_{PLAIN_BASELINE}": NUMBER,
+        f"map_ratio_delta_points_vs_{PLAIN_BASELINE}_ci95": INTERVAL,
         "baselines": _list({"type": "string", "pattern": f"^{_BASELINE}$"}),
-        "beats_random": {"type": ["boolean", "null"]},
+        "significant_vs_random": {"type": ["boolean", "null"]},
         "notes": _list({"type": "string"}),
     }
     of_baselines = {f"^{_BASELINE}_{key}$": _or_null(value) for key, value in figures.items()}
@@ -103,9 +122,9 @@ def _row() -> Schema:
         f"^ap_{_CLASS}_clean_ci95$": INTERVAL,
         f"^({_BASELINE}_)?ap_{_CLASS}_adv_ci95$": INTERVAL,
         **of_baselines,
-        f"^map_ratio_minus_{_BASELINE}$": NUMBER,
-        f"^map_ratio_minus_{_BASELINE}_ci95$": INTERVAL,
-        f"^beats_{_BASELINE}$": {"type": ["boolean", "null"]},
+        f"^map_ratio_delta_points_vs_{_BASELINE}$": NUMBER,
+        f"^map_ratio_delta_points_vs_{_BASELINE}_ci95$": INTERVAL,
+        f"^significant_vs_{_BASELINE}$": {"type": ["boolean", "null"]},
     }
     return {
         "type": "object",

@@ -42,7 +42,7 @@ def stored_row(stored: Stored) -> ResultRow:
         attacked=_cloud_figures(stored) if has_attack else None,
         recounted=_figures(RecountedFigures, stored) if has_attack else None,
         baselines={word: _baseline(stored, word) for word in stored["baselines"]},
-        beats_random=stored["beats_random"],
+        significant_vs_random=stored["significant_vs_random"],
         notes=tuple(map(str, stored["notes"])),
     )
 
@@ -59,9 +59,9 @@ def _clean_means(stored: Stored, criterion: str) -> CleanMeans:
 def _baseline(stored: Stored, word: str) -> BaselineFigures:
     return BaselineFigures(
         figures=_cloud_figures(stored, f"{word}_"),
-        map_ratio_minus=_real(stored[f"map_ratio_minus_{word}"]),
-        map_ratio_minus_ci95=_interval(stored[f"map_ratio_minus_{word}_ci95"]),
-        is_beaten=stored[f"beats_{word}"],
+        map_ratio_delta_points=_real(stored[f"map_ratio_delta_points_vs_{word}"]),
+        map_ratio_delta_points_ci95=_interval(stored[f"map_ratio_delta_points_vs_{word}_ci95"]),
+        is_significant=stored[f"significant_vs_{word}"],
     )
 
 

@@ -26,19 +26,19 @@ class AttackScores:
     """Our detector and the baseline on the lies of one attack and all honest messages."""
 
     attack: str
-    lies: int
+    false_messages: int
     ours: Annotated[ScoreFigures, Flat("")]
     baseline: Annotated[ScoreFigures, Flat("baseline_")]
 
 
 @dataclass(frozen=True)
 class LdmFigures:
-    """A Local Dynamic Map against the truth: means over time, and the most ghosts at once."""
+    """A Local Dynamic Map against the truth: means over time, and the most false entries at once."""
 
     known: float
     stations: float
-    ghosts: float
-    ghosts_max: float
+    false_entries: float
+    false_entries_max: float
     missing: float
     displaced: float
     error_m: float
@@ -90,7 +90,7 @@ class V2xRecord(Listed):
     bag: str
     vehicle: str
     attack: str
-    lies: int
+    false_messages: int
     messages: int
     undecoded: int
     has_roads: bool

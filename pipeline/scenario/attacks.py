@@ -21,9 +21,9 @@ from advpipe.pipeline.core.attack_options import AttackOptions
 from advpipe.pipeline.core.bounds import DriveTimeS, HeightM, PlaceM, ShareOfSome
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.frame_slice import FrameSlice
-from advpipe.pipeline.core.options import described
+from advpipe.pipeline.core.options import parser_options
 from advpipe.pipeline.core.section import NotNegative, Section, Switch, Word
-from advpipe.pipeline.core.shown import cut, shown
+from advpipe.pipeline.core.short_repr import short_repr, shorten
 
 NS_PER_S = 1_000_000_000
 BagName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)]
@@ -40,7 +40,7 @@ MOST_ITEMS, MOST_LEVELS = 10_000, 2
 
 
 def _help(name: str) -> str:
-    text: str = described(AttackOptions, name)["help"]
+    text: str = parser_options(AttackOptions, name)["help"]
     return text
 
 
@@ -75,7 +75,7 @@ class Schedule(Section):
                 raise ValueError(
                     f"a {kind} schedule needs its {key}"
                     if self.kind == kind
-                    else f"{key} is given, but kind is {self.kind}; make it {kind}"
+                    else f"{key} is given, but kind is {self.kind}; set kind: {kind}"
                 )
         if self.period_s is not None and self.on_s is not None and self.on_s > self.period_s:
             raise ValueError(f"on_s {self.on_s:g} is longer than period_s {self.period_s:g}")
@@ -117,7 +117,7 @@ class Attackers(Section):
         if bool(self.vehicles) + (self.share is not None) + (self.roadside_unit is not None) != 1:
             raise ValueError("give exactly one of vehicles, share and roadside_unit")
         if len(set(self.vehicles)) < len(self.vehicles):
-            raise ValueError("vehicles names one twice")
+            raise ValueError("vehicles lists one vehicle twice")
         return self
 
 
@@ -173,15 +173,19 @@ def _plain_value(name: str, value: Value, levels: int = 0) -> Value:
     """The value, lists as tuples; ValueError for a number without end, and for what is no plain value."""
     if isinstance(value, (list, tuple)):
         if len(value) > MOST_ITEMS or levels > MOST_LEVELS:
-            raise ValueError(f"{cut(name)} holds more than {MOST_ITEMS} values, or lists in lists in lists")
+            raise ValueError(f"{shorten(name)} holds more than {MOST_ITEMS} values or nests lists too deeply")
         return tuple(_plain_value(name, item, levels + 1) for item in value)
     if isinstance(value, (int, float)) and not abs(value) <= LARGEST_NUMBER:
-        raise ValueError(f"{cut(name)} is {shown(value)}; it has to be finite, within {LARGEST_NUMBER:g}")
+        raise ValueError(
+            f"{shorten(name)} is {short_repr(value)}; it must be finite and within {LARGEST_NUMBER:g}"
+        )
     if isinstance(value, str) and len(value) > LONGEST_TEXT:
-        raise ValueError(f"{cut(name)} is a word of {len(value)} characters, over {LONGEST_TEXT}")
+        raise ValueError(
+            f"{shorten(name)} is a string of {len(value)} characters; at most {LONGEST_TEXT} are read"
+        )
     if value is not None and not isinstance(value, (bool, int, float, str)):
         kind = type(value).__name__
-        raise ValueError(f"{cut(name)} is a {kind}; give a number, a word or a list of them")
+        raise ValueError(f"{shorten(name)} is a {kind}; give a number, a string or a list of them")
     return value
 
 
@@ -191,7 +195,7 @@ class OneOrMany:
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         def as_list(value: Any) -> Any:
             if value in ([], ()):
-                raise ValueError("names no attack")
+                raise ValueError("lists no attack")
             return [value] if isinstance(value, (dict, AttackSpec)) else value
 
         return core_schema.no_info_before_validator_function(as_list, handler(source))
@@ -216,7 +220,7 @@ def attack_spec(keys: Mapping[str, Any]) -> AttackSpec:
         return AttackSpec.model_validate(keys)
     except ValidationError as error:
         first = error.errors()[0]
-        place = ".".join(cut(str(part)) for part in first["loc"])
-        message = cut(first["msg"].removeprefix("Value error, "), 1000)
-        given = "" if isinstance(first["input"], dict) else f", not {shown(first['input'])}"
+        place = ".".join(shorten(str(part)) for part in first["loc"])
+        message = shorten(first["msg"].removeprefix("Value error, "), 1000)
+        given = "" if isinstance(first["input"], dict) else f", not {short_repr(first['input'])}"
         raise AdvpipeError(f"attack: {f'{place}: ' if place else ''}{message}{given}") from None

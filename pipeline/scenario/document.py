@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from advpipe.pipeline.core.shown import cut, shown
+from advpipe.pipeline.core.short_repr import short_repr, shorten
 
 if TYPE_CHECKING:
     from yaml import SafeLoader as _Fastest
@@ -79,7 +79,7 @@ def read_document(text: str) -> ScenarioText:
     not of plain values, a key given twice, a value that does not exist, and a character that cannot be shown.
     """
     if len(text) > LIMIT_BYTES:
-        raise DocumentError(f"{len(text)} characters are too many; at most {LIMIT_BYTES} are read")
+        raise DocumentError(f"{len(text)} characters; at most {LIMIT_BYTES} are read")
     if found := (yaml.reader.Reader.NON_PRINTABLE.search(text) or _UNPRINTED.search(text)):
         raise DocumentError(_unprinted(found[0]), text.count("\n", 0, found.start()) + 1)
     try:
@@ -90,7 +90,7 @@ def read_document(text: str) -> ScenarioText:
         problem = getattr(error, "problem", None) or "it cannot be read"
         last = text.count("\n") + 1
         raise DocumentError(
-            f"not YAML: {cut(str(problem))}", min(mark.line + 1, last) if mark else None
+            f"not YAML: {shorten(str(problem))}", min(mark.line + 1, last) if mark else None
         ) from None
     if root is None:
         return ScenarioText(None, None)
@@ -106,13 +106,13 @@ def _check_events(text: str) -> None:
         count += isinstance(event, yaml.NodeEvent)
         level += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
         if level > MOST_LEVELS:
-            raise DocumentError(f"is nested too deeply: more than {MOST_LEVELS} levels", line)
+            raise DocumentError(f"is nested more than {MOST_LEVELS} levels deep", line)
         if count > MOST_NODES:
             raise DocumentError(f"holds more than {MOST_NODES} keys and values", line)
 
 
 class _Sizes:
-    """How many nodes and characters a node stands for once its aliases are written out."""
+    """How many nodes and characters a node stands for once its aliases are expanded."""
 
     def __init__(self) -> None:
         self._of: dict[int, tuple[int, int, int] | None] = {}
@@ -122,7 +122,7 @@ class _Sizes:
         if id(node) in self._of:
             known = self._of[id(node)]
             if known is None:
-                raise DocumentError("an alias stands for a value that holds the alias itself", _line(node))
+                raise DocumentError("an alias refers to a value that contains the alias itself", _line(node))
             return known
         self._of[id(node)] = None
         nodes, characters, levels = 1, 0, 1
@@ -139,7 +139,7 @@ class _Sizes:
         ):
             if count > most:
                 raise DocumentError(
-                    f"holds more than {most} {what} once its aliases are written out", _line(node)
+                    f"holds more than {most} {what} once its aliases are expanded", _line(node)
                 )
         self._of[id(node)] = nodes, characters, levels
         return nodes, characters, levels
@@ -153,7 +153,7 @@ class _Plain(yaml.SafeLoader):
             return self._scalar(node)
         kind = "map" if isinstance(node, yaml.MappingNode) else "seq"
         if node.tag != f"{_YAML}{kind}":
-            raise DocumentError(f"the tag {shown(node.tag)} is not read here; leave it out", _line(node))
+            raise DocumentError(f"the tag {short_repr(node.tag)} is not supported; leave it out", _line(node))
         if isinstance(node, yaml.MappingNode):
             return self._mapping(node)
         return [self.value_of(item) for item in node.value]
@@ -168,11 +168,13 @@ class _Plain(yaml.SafeLoader):
             key = self._scalar(key_node) if isinstance(key_node, yaml.ScalarNode) else None
             if not isinstance(key, str):
                 what = (
-                    shown(key_node.value) if isinstance(key_node, yaml.ScalarNode) else "a list or a mapping"
+                    short_repr(key_node.value)
+                    if isinstance(key_node, yaml.ScalarNode)
+                    else "a list or a mapping"
                 )
-                raise DocumentError(f"{what} is no name of a key; put a name in quotes", _line(key_node))
+                raise DocumentError(f"{what} is not a valid key; write the key in quotes", _line(key_node))
             if key in own:
-                raise DocumentError(f"{shown(key)} is given twice", _line(key_node))
+                raise DocumentError(f"{short_repr(key)} is given twice", _line(key_node))
             own[key] = self.value_of(value_node)
         return {**merged, **own}
 
@@ -186,19 +188,23 @@ class _Plain(yaml.SafeLoader):
 
     def _scalar(self, node: yaml.ScalarNode) -> Any:
         if node.tag not in _PLAIN:
-            raise DocumentError(f"the tag {shown(node.tag)} is not read here; leave it out", _line(node))
+            raise DocumentError(f"the tag {short_repr(node.tag)} is not supported; leave it out", _line(node))
         if found := _UNPRINTED.search(node.value):
             raise DocumentError(_unprinted(found[0]), _line(node))
         if node.tag in _NUMBERS and ":" in node.value and not node.style:
             return node.value  # YAML 1.1 counts in sixties: to it 1:30 is 90, to everybody else a word
         if node.tag in _NUMBERS and len(node.value) > LONGEST_NUMBER:
-            raise DocumentError(f"a number of {len(node.value)} characters is too long", _line(node))
+            raise DocumentError(
+                f"a number has {len(node.value)} characters; at most {LONGEST_NUMBER} are read", _line(node)
+            )
         try:
             return self.construct_object(node)
         except (yaml.YAMLError, *_BAD_VALUES) as error:
             kind = node.tag.removeprefix(_YAML)
-            reason = f" ({cut(str(error))})" if isinstance(error, ValueError) else ""
-            raise DocumentError(f"{shown(node.value)} is no {kind}{reason}", _line(node)) from None
+            reason = f" ({shorten(str(error))})" if isinstance(error, ValueError) else ""
+            raise DocumentError(
+                f"{short_repr(node.value)} is not a valid {kind}{reason}", _line(node)
+            ) from None
 
 
 def _parts(node: yaml.Node) -> list[yaml.Node]:

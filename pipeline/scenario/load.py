@@ -15,7 +15,7 @@ from pydantic import BaseModel, ValidationError
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.section import IsFile
-from advpipe.pipeline.core.shown import cut, shown
+from advpipe.pipeline.core.short_repr import short_repr, shorten
 from advpipe.pipeline.scenario.document import LIMIT_BYTES, DocumentError, ScenarioText, read_document
 from advpipe.pipeline.scenario.map import MAP_SOURCES
 from advpipe.pipeline.scenario.models import Scenario
@@ -54,7 +54,7 @@ def load_scenario(
     try:
         return Scenario.model_validate(tree)
     except ValidationError as error:
-        raise AdvpipeError(_explain(error, path, document, overridden)) from None
+        raise AdvpipeError(_error_line(error, path, document, overridden)) from None
 
 
 def dump_scenario(scenario: Scenario) -> str:
@@ -87,15 +87,15 @@ def _find(name_or_path: str) -> Path:
         return path
     if os.path.isdir(path):
         raise AdvpipeError(f"{path} is a folder; give a scenario file")
-    hint = _nearest(cut(name_or_path), list(shipped), otherwise="")
+    hint = _nearest(shorten(name_or_path), list(shipped), otherwise="")
     raise AdvpipeError(
-        f"no scenario {shown(name_or_path)}: neither a file nor one of {', '.join(shipped)}{hint}"
+        f"no scenario {short_repr(name_or_path)}: neither a file nor one of {', '.join(shipped)}{hint}"
     )
 
 
 def _read(path: Path) -> ScenarioText:
     if path.stat().st_size > LIMIT_BYTES:
-        raise AdvpipeError(f"{path} is over {LIMIT_BYTES // 1_000_000} MB; that is no scenario file")
+        raise AdvpipeError(f"{path} is over {LIMIT_BYTES // 1_000_000} MB, too large for a scenario file")
     try:
         document = read_document(path.read_text(encoding="utf-8"))
     except (UnicodeDecodeError, OSError) as error:
@@ -170,11 +170,11 @@ def _setting(override: str) -> tuple[str, object]:
     """Place and value of an override that is a text."""
     place, equals, text = override.partition("=")
     if not equals or not _is_place(place):
-        raise AdvpipeError(f"--set {shown(override)}: write section.key=value")
+        raise AdvpipeError(f"--set {short_repr(override)}: write section.key=value")
     try:
         return place, read_document(text).tree
     except DocumentError as error:
-        raise AdvpipeError(f"--set {shown(override)}: the value cannot be read: {error}") from None
+        raise AdvpipeError(f"--set {short_repr(override)}: the value cannot be read: {error}") from None
 
 
 def _is_place(place: str) -> bool:
@@ -185,12 +185,12 @@ def _is_place(place: str) -> bool:
 def _apply(tree: dict[str, Any], place: str, value: object) -> tuple[str, ...]:
     """Sets one key, and returns its place."""
     if not _is_place(place):
-        raise AdvpipeError(f"{shown(place)} is no place in a scenario; write section.key")
+        raise AdvpipeError(f"{short_repr(place)} is not a key of a scenario; write section.key")
     keys, section = place.strip().split("."), tree
     for key in keys[:-1]:
         section = section.setdefault(key, {})
         if not isinstance(section, dict):
-            raise AdvpipeError(f"--set {shown(place)}: {cut(key)} is a value, not a section")
+            raise AdvpipeError(f"--set {short_repr(place)}: {shorten(key)} is a value, not a section")
     if keys[:-1] == ["map"] and keys[-1] in MAP_SOURCES:
         for other in MAP_SOURCES:
             section.pop(other, None)
@@ -202,20 +202,20 @@ def _apply(tree: dict[str, Any], place: str, value: object) -> tuple[str, ...]:
     return tuple(keys)
 
 
-def _explain(
+def _error_line(
     error: ValidationError, path: Path, document: ScenarioText, overridden: Sequence[tuple[str, ...]]
 ) -> str:
     """The first problem in one line: file and line or `--set`, place, what is wrong, nearest key."""
     first = error.errors()[0]
     place = tuple(str(part) for part in first["loc"] if part != "[key]")
-    message = cut(first["msg"].removeprefix("Value error, "), LONGEST_MESSAGE)
+    message = shorten(first["msg"].removeprefix("Value error, "), LONGEST_MESSAGE)
     if first["type"] == "extra_forbidden":
-        message = f"unknown key{_nearest(cut(place[-1]), _keys_at(place[:-1]))}"
+        message = f"unknown key{_nearest(shorten(place[-1]), _keys_at(place[:-1]))}"
     elif first["type"] == "missing":
         message = "is missing"
     elif not isinstance(first["input"], dict):
-        message = f"{message}, not {shown(first['input'])}"
-    where = ".".join(map(cut, place)) + ": " if place else ""
+        message = f"{message}, not {short_repr(first['input'])}"
+    where = ".".join(map(shorten, place)) + ": " if place else ""
     if place and any(all(map(str.__eq__, keys, place)) for keys in overridden):
         where = f"--set {where}"
     else:

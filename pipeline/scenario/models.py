@@ -64,7 +64,7 @@ class Scenario(Section):
     def _bodies(self) -> Scenario:
         clashes = sorted(set(self.bodies) & {*BODIES, *PEOPLE})
         if clashes:
-            raise ValueError(f"bodies.{clashes[0]} has the name of a body that comes with advpipe; rename it")
+            raise ValueError(f"bodies.{clashes[0]} has the name of a built-in body; rename it")
         known = (*BODIES, *self.bodies)
         for place, body in (
             *((f"traffic.mix.{body}", body) for body in self.traffic.mix),
@@ -74,7 +74,7 @@ class Scenario(Section):
             ),
         ):
             if body not in known:
-                raise ValueError(f"{place} is no body; known: {', '.join(known)}")
+                raise ValueError(f"{place} is not a known body; known: {', '.join(known)}")
         return self
 
     @model_validator(mode="after")
@@ -85,7 +85,7 @@ class Scenario(Section):
             if sensor.vehicle not in self.vehicles:
                 known = ", ".join(sorted(self.vehicles))
                 raise ValueError(
-                    f"sensors.{place}.vehicle {sensor.vehicle!r} is none of the vehicles ({known})"
+                    f"sensors.{place}.vehicle {sensor.vehicle!r} is not one of the vehicles ({known})"
                 )
         self.sensors.check(self.simulation.step_s)
         for name, vehicle in self.vehicles.items():
@@ -102,12 +102,15 @@ class Scenario(Section):
     def _attacks(self) -> Scenario:
         for name, specs in self.attacks.items():
             if name in TAKEN_NAMES:
-                raise ValueError(f"attacks.{name} has the name of another folder of a data set; rename it")
+                raise ValueError(f"attacks.{name} has a name that data sets reserve; rename it")
             for spec in specs:
                 place = f"attacks.{name}: {spec.type}"
                 if spec.victim is not None and spec.victim not in self.vehicles:
                     known = ", ".join(sorted(self.vehicles))
-                    raise ValueError(f"{place} has the victim {spec.victim!r}; vehicles are {known}")
+                    raise ValueError(
+                        f"{place} names the victim {spec.victim!r}, which is not one of the vehicles "
+                        f"({known})"
+                    )
                 if spec.schedule.from_s >= self.simulation.duration_s:
                     raise ValueError(
                         f"{place} begins at {spec.schedule.from_s:g} s, but the recording ends at "
@@ -122,6 +125,6 @@ class Scenario(Section):
             if round(steps) < 1 or abs(steps - round(steps)) > 1e-6:
                 raise ValueError(
                     f"v2x.ldm.rate_hz {self.v2x.ldm.rate_hz:g} makes {1 / self.v2x.ldm.rate_hz:g} s between "
-                    f"snapshots, which is no multiple of simulation.step_s {self.simulation.step_s:g}"
+                    f"snapshots, which is not a multiple of simulation.step_s {self.simulation.step_s:g}"
                 )
         return self

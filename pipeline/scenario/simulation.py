@@ -28,14 +28,14 @@ class Simulation(Section):
         step_ms = self.step_s * 1000
         if round(step_ms) < 1 or abs(step_ms - round(step_ms)) > 1e-6:
             raise ValueError(
-                f"step_s {self.step_s:g} is no whole number of milliseconds, to which SUMO would round it"
+                f"step_s {self.step_s:g} is not a whole number of milliseconds, SUMO's resolution"
             )
         if self.duration_s < self.step_s:
             raise ValueError(f"duration_s {self.duration_s:g} is shorter than one step_s {self.step_s:g}")
         if self.start.tzinfo is None:
             raise ValueError("start has no time zone; write it like 2026-01-01T12:00:00Z")
         if not 2000 <= self.start.year <= 2037:  # a ROS time stamp ends in January 2038
-            raise ValueError(f"start is in {self.start.year}; it has to be in the years 2000 to 2037")
+            raise ValueError(f"start is in {self.start.year}; it must be between 2000 and 2037")
         return self
 
     @property

@@ -58,7 +58,10 @@ class SumoServer(Section):
     @model_validator(mode="after")
     def _whose(self) -> SumoServer:
         if self.join is not None and (self.port is not None or self.clients > 1):
-            raise ValueError("port and clients are of a server of ours; leave them out beside join")
+            raise ValueError(
+                "port and clients apply only to a SUMO server that advpipe starts; leave them out "
+                "when join is given"
+            )
         return self
 
 
@@ -111,7 +114,7 @@ class Traffic(Section):
         if self.routes is not None and self.sumo_config is not None:
             raise ValueError("give at most one of routes and sumo_config")
         if self.server != SumoServer() and self.transport != "traci":
-            raise ValueError("server is of transport traci; set transport: traci beside it")
+            raise ValueError("server needs transport: traci; set it too")
         return self
 
 

@@ -1,1 +1,2 @@
-"""Vehicle-to-everything messages: CAMs by ETSI's rules, the radio that carries them, what receivers keep."""
+"""Vehicle-to-everything messages: CAMs by ETSI's rules, the radio channel, and receivers' Local Dynamic
+Maps."""

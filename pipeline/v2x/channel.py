@@ -1,7 +1,7 @@
-"""Messages through the air: from what stations send to what listeners receive and know.
+"""The channel: from the messages that stations send to what listeners receive and store.
 
-The simulation sends a drive's messages through it as they are made; an attack sends a recorded drive's
-again, with some of them changed. The same messages meet the same outcomes.
+The simulation transmits a drive's messages as they are generated; an attack transmits those of a recorded
+drive again, with some of them changed. The same messages have the same outcomes.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from advpipe.pipeline.v2x.statistics import Statistics, Tally
 class Sent:
     """A message that a station hands to its radio.
 
-    number: different for each message of a drive. key: of its random draws, see `draws.message_keys`.
-    station_id: the radio's own, whatever the payload claims. payload: a CAM in UPER, or what poses as one.
+    number: unique within a drive. key: of its random draws, see `draws.message_keys`.
+    station_id: the radio's true id, whatever the payload claims. payload: a CAM in UPER, or other bytes.
     """
 
     number: int
@@ -49,9 +49,9 @@ class Sent:
 
 @dataclass(frozen=True, slots=True)
 class Received:
-    """A message at one listener; `verdict` is what its Local Dynamic Map made of it.
+    """A message received by one listener; `verdict` is the result of its Local Dynamic Map.
 
-    tree: the CAM's ASN.1 values (see `codec.py`); None for bytes that are no CAM.
+    tree: the CAM's ASN.1 values (see `codec.py`); None for bytes that are not a CAM.
     """
 
     listener: str
@@ -65,18 +65,18 @@ class Received:
 
 @dataclass(frozen=True)
 class ChannelResult:
-    """What became known in one step: messages received by listeners, in order of arrival, and loads."""
+    """The results of one step: messages received by listeners, in order of arrival, and channel loads."""
 
     received: tuple[Received, ...] = ()
     loads: tuple[ChannelLoad, ...] = ()
 
 
 class Channel:
-    """The radio medium, and the Local Dynamic Maps of those who listen.
+    """The radio medium, and the Local Dynamic Maps of the listeners.
 
-    listeners: station ids of the vehicles whose receptions count, with their names. Everybody else's
-    reception is decided as well, for the statistics, but not decoded. decoder: as `codec.decode`, which it is
-    if left out; whoever has decoded what was sent may hand out its values again.
+    listeners: names by station id of the vehicles whose receptions are returned. The receptions of all other
+    stations are simulated as well, for the statistics, but not decoded. decoder: like `codec.decode`, the
+    default; a caller that has decoded the messages already may pass one that returns those values.
     """
 
     def __init__(
@@ -95,13 +95,13 @@ class Channel:
         self._ids = np.array(sorted(listeners), np.int64)
         self._maps = {name: LocalDynamicMap(v2x.ldm) for name in listeners.values()}
         self._on_air: dict[int, Sent] = {}
-        self._on_their_way: list[Reception] = []
+        self._in_transit: list[Reception] = []
         self._tally = Tally()
 
     def advance(self, until_ns: int, stations: Stations, sent: Sequence[Sent]) -> ChannelResult:
-        """Goes on to this time, with all that was handed to the radios before it; see `Medium.advance`.
+        """Advance to this time with all messages handed to the radios before it; see `Medium.advance`.
 
-        What still waits in the receiver of a listener that has left is lost.
+        Messages still in transit to a listener that has left are lost.
         """
         self._on_air.update((message.number, message) for message in sent)
         step = self._medium.advance(until_ns, stations, _transmissions(sent))
@@ -109,9 +109,9 @@ class Channel:
         return ChannelResult(self._receive(step.outcomes, until_ns, stations), step.loads)
 
     def finish(self, now_ns: int, stations: Stations) -> ChannelResult:
-        """Goes on, with nobody sending any more, until every message has met its fate.
+        """Advance without new messages until the outcome of every message is known.
 
-        The channel load of that silence counts for nothing.
+        The channel load of this period is not counted.
         """
         received: list[Received] = []
         while self._on_air:
@@ -126,27 +126,27 @@ class Channel:
         return self._maps[listener].snapshot(now_ns)
 
     def statistics(self) -> Statistics:
-        """All that has happened so far, or since `restart_statistics`."""
+        """The statistics so far, or since `restart_statistics`."""
         return self._tally.statistics()
 
     def restart_statistics(self) -> None:
-        """Counts from now on; what is on the air stays there."""
+        """Reset the counts; messages on the air stay there."""
         self._tally = Tally()
 
     def _receive(
         self, outcomes: ReceptionOutcomes, until_ns: int, stations: Stations
     ) -> tuple[Received, ...]:
-        """Those who listen get what has arrived until now; forgets the messages that are through."""
+        """The messages that reached listeners by now; forgets the completed ones."""
         present = set(stations.ids.tolist())
-        arriving = [*self._on_their_way, *outcomes.receptions(self._ids)]
+        arriving = [*self._in_transit, *outcomes.receptions(self._ids)]
         arriving = [reception for reception in arriving if reception.receiver in present]
         arriving.sort(key=lambda reception: (reception.arrival_ns, reception.receiver, reception.message))
         due = [reception for reception in arriving if reception.arrival_ns <= until_ns]
-        before, self._on_their_way = self._on_their_way, arriving[len(due) :]
+        before, self._in_transit = self._in_transit, arriving[len(due) :]
         received = tuple(self._read(due))
-        waiting = {reception.message for reception in self._on_their_way}
-        through = {*outcomes.messages.tolist(), *outcomes.dropped.tolist()}
-        for number in through.union(reception.message for reception in before) - waiting:
+        waiting = {reception.message for reception in self._in_transit}
+        completed = {*outcomes.messages.tolist(), *outcomes.dropped.tolist()}
+        for number in completed.union(reception.message for reception in before) - waiting:
             del self._on_air[number]
         return received
 
@@ -162,13 +162,13 @@ class Channel:
     def _open(
         self, first_arrivals_ns: Mapping[int, int]
     ) -> dict[int, tuple[CamTree | None, LdmReport | None]]:
-        """What messages say, by their numbers: each is decoded once, however many receive it."""
+        """The decoded messages by number: each is decoded once, however many stations receive it."""
         opened: dict[int, tuple[CamTree | None, LdmReport | None]] = {}
         cams: dict[int, CamCore] = {}
-        opens = self._decoder or decode_cam_tree
+        decode = self._decoder or decode_cam_tree
         for number in first_arrivals_ns:
             try:
-                tree = opens(self._on_air[number].payload)
+                tree = decode(self._on_air[number].payload)
                 cams[number] = core_of_tree(tree)
             except CamError:
                 opened[number] = None, None

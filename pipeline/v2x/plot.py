@@ -1,4 +1,4 @@
-"""A drive's V2X as a picture."""
+"""A plot of a drive's V2X statistics."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def draw_statistics(statistics: Statistics, title: str = "") -> Figure:
 
 
 def _draw_rates(axes: Axes, statistics: Statistics) -> None:
-    rates_hz = np.minimum(statistics.rates_hz, 10.0)  # more is against the rules; the last bar holds it
+    rates_hz = np.minimum(statistics.rates_hz, 10.0)  # the last bar also holds higher, invalid rates
     axes.hist(rates_hz, bins=np.arange(0, 10.75, 0.5).tolist(), color=COLOUR)
     axes.set(xlabel="CAMs a second", ylabel="stations", xlim=(0, 10.5))
 
@@ -47,7 +47,7 @@ def _draw_delivery(axes: Axes, statistics: Statistics) -> None:
 
 def _draw_intervals(axes: Axes, statistics: Statistics) -> None:
     begin_s = np.arange(len(statistics.intervals)) * INTERVAL_BIN_S
-    # A CAM falls due after whole tenths of a second: half a bin to the left, bars stand on them.
+    # CAMs come after whole tenths of a second: bars shifted half a bin to the left are centred on them.
     axes.bar(begin_s, statistics.intervals, 0.9 * INTERVAL_BIN_S, color=COLOUR)
     axes.set(xlabel="time since the station's last CAM [s]", ylabel="CAMs", xlim=(0, None))
 

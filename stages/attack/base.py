@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.labels.declaration import Family
 from advpipe.pipeline.labels.quantity import Quantity
 
@@ -64,7 +64,7 @@ def checked_bounds(
     for name, (least, most) in bounds.items():
         if name not in kind.quantities:
             known = ", ".join(kind.quantities)
-            raise UsageError(f"{attack} bounds {shown(name)}, which nobody measures; known: {known}")
+            raise UsageError(f"{attack} bounds {short_repr(name)}, which nobody measures; known: {known}")
         if not math.isfinite(float(least) - float(most)):
             raise UsageError(f"{attack} bounds {name} by {least} to {most}, which are no finite numbers")
         checked[name] = float(least), float(most)

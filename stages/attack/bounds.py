@@ -7,7 +7,7 @@ from collections.abc import Collection
 from typing import Any
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.core.short_repr import short_repr
 
 
 def checked_number(attack: str, parameter: str, value: Any, low: float, high: float = math.inf) -> float:
@@ -15,7 +15,7 @@ def checked_number(attack: str, parameter: str, value: Any, low: float, high: fl
     number or outside of [low, high]."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not is_within(value, low, high):
         limits = f"at least {low:g}" if high == math.inf else f"{low:g} to {high:g}"
-        raise UsageError(f"{attack}: {parameter} is {shown(value)}; it takes a number, {limits}")
+        raise UsageError(f"{attack}: {parameter} is {short_repr(value)}; it takes a number, {limits}")
     return value
 
 
@@ -23,14 +23,16 @@ def is_within(value: float, low: float, high: float) -> bool:
     return math.isfinite(value) and low <= value <= high
 
 
-def whole(attack: str, parameter: str, value: Any, low: int, high: int) -> int:
+def checked_integer(attack: str, parameter: str, value: Any, low: int, high: int) -> int:
     """The same for whole numbers."""
     if int(checked_number(attack, parameter, value, low, high)) != value:
-        raise UsageError(f"{attack}: {parameter} is {shown(value)}; it takes a whole number")
+        raise UsageError(f"{attack}: {parameter} is {short_repr(value)}; it takes a whole number")
     return int(value)
 
 
-def span(attack: str, parameter: str, low: Any, high: Any, least: float, most: float) -> tuple[float, float]:
+def checked_range(
+    attack: str, parameter: str, low: Any, high: Any, least: float, most: float
+) -> tuple[float, float]:
     """Both ends of a range to draw from, in order; `{}` in the parameter's name stands for min and max."""
     names = parameter.format("min"), parameter.format("max")
     ends = (
@@ -42,8 +44,8 @@ def span(attack: str, parameter: str, low: Any, high: Any, least: float, most: f
     return ends
 
 
-def one_of(attack: str, parameter: str, value: Any, known: Collection[str]) -> str:
+def checked_choice(attack: str, parameter: str, value: Any, known: Collection[str]) -> str:
     """One of the known words."""
     if value not in known:
-        raise UsageError(f"{attack}: {parameter} is {shown(value)}; known: {', '.join(known)}")
+        raise UsageError(f"{attack}: {parameter} is {short_repr(value)}; known: {', '.join(known)}")
     return str(value)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
 from advpipe.pipeline.core.seeding import named_generator
-from advpipe.pipeline.detector.batching import run_together
+from advpipe.pipeline.detector.batching import run_batched
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.protocol import BatchDetector, ObjectDetector
 from advpipe.pipeline.detector.registry import load_detector
@@ -20,8 +20,8 @@ from advpipe.stages.attack.clouds import AttackedCloud
 from advpipe.stages.attack.job import Job
 from advpipe.stages.attack.lidar.base import LidarAttack, LidarResult
 from advpipe.stages.attack.lidar.build import build_lidar_attack
-from advpipe.stages.attack.lidar.refusal import refuse_beyond, refuse_wrong
 from advpipe.stages.attack.lidar.registry import LIDAR_ATTACKS
+from advpipe.stages.attack.lidar.result_checks import refuse_invalid, refuse_out_of_bounds
 from advpipe.stages.attack.parameters import resolved_recipe
 
 Group = tuple[int, ...]
@@ -77,8 +77,8 @@ def cloud_attacker(
         recipe = resolved_recipe(spec, LIDAR_ATTACKS.find(spec.type))
         rng = named_generator(seed, "attack", spec.type, recipe, cloud.frame, *named)
         result = attack(frame.cloud, frame.boxes, detector, rng)
-        refuse_wrong(spec.type, frame.cloud, result)
-        refuse_beyond(spec.type, attack.bounds, frame.cloud, result)
+        refuse_invalid(spec.type, frame.cloud, result)
+        refuse_out_of_bounds(spec.type, attack.bounds, frame.cloud, result)
         return result
 
     def attack_group(number: int) -> None:
@@ -91,7 +91,7 @@ def cloud_attacker(
                     partial(attack_cloud, place, attacker(attack, member))
                     for member, place in enumerate(places)
                 ]
-                for place, result in zip(places, run_together(detector, works), strict=True):
+                for place, result in zip(places, run_batched(detector, works), strict=True):
                     job.store(place, result)
                 return
             for place in places:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from advpipe.pipeline.core.plugins import mistakes_reported, plugin_names
+from advpipe.pipeline.core.plugins import plugin_errors, plugin_names
 from advpipe.pipeline.labels.declaration import Declaration
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.base import checked_bounds
@@ -19,7 +19,7 @@ def declaration_of(spec: AttackSpec) -> Declaration:
     """The declaration of an attack. Raises AdvpipeError for a bad parameter, and for a class that declares
     what is none."""
     kind = find_attack(spec.type)
-    with mistakes_reported(plugin_names([spec.type])):
+    with plugin_errors(plugin_names([spec.type])):
         if issubclass(kind, V2xAttack):
             return declaration_of_messages(spec, kind)
         if issubclass(kind, LidarAttack):

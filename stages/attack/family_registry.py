@@ -9,7 +9,7 @@ from typing import Generic, TypeVar, cast
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.labels.declaration import Family
 from advpipe.stages.attack.base import Attack, refuse_undeclared
-from advpipe.stages.attack.own import own_attack
+from advpipe.stages.attack.plugin import plugin_attack
 
 A = TypeVar("A", bound=Attack)
 
@@ -56,7 +56,7 @@ class FamilyRegistry(Mapping[str, type[A]], Generic[A]):
             raise UsageError(
                 f"unknown attack {word!r}; known: {', '.join(self)}, or module:Class of your own"
             )
-        kind = own_attack(word)
+        kind = plugin_attack(word)
         if kind.family != self.family:
             raise ValueError(f"{word} is an attack of the family {kind.family}, not {self.family}")
         return cast("type[A]", kind)

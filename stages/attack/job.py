@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.core.lock import LOCK_NAME, lock_of_dead, one_at_a_time, remove_folder, take_lock
+from advpipe.pipeline.core.lock import LOCK_NAME, one_at_a_time, remove_folder, take_lock, take_stale_lock
 from advpipe.pipeline.labels.points import PointLabels
 from advpipe.stages.attack.lidar.base import LidarResult
 
@@ -119,6 +119,6 @@ def _remove_empty(folders: Iterable[Path]) -> None:
 def _remove_leftovers(out: Path, own: Path) -> None:
     any_hash = "?" * _HASH_LENGTH
     for folder in out.parent.glob(f".{glob.escape(out.name)}.{any_hash}.job"):
-        if folder != own and (lock := lock_of_dead(folder / LOCK_NAME)):
+        if folder != own and (lock := take_stale_lock(folder / LOCK_NAME)):
             with lock:
                 remove_folder(folder)

@@ -10,13 +10,13 @@ from pydantic import TypeAdapter, ValidationError
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.section import leaves, written_number
-from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.scenario.attacks import AttackSpec, Value
 from advpipe.stages.attack.base import Attack
 
 REQUIRED = inspect.Parameter.empty
 
-MOST_BY_UNIT: dict[str, float] = {
+MAX_BY_UNIT: dict[str, float] = {
     "m": 1e6,  # farther than any map
     "cm": 1e4,
     "s": 1e6,  # longer than any drive
@@ -28,7 +28,7 @@ MOST_BY_UNIT: dict[str, float] = {
 }
 """The largest magnitude of a parameter, by the unit that its name ends in."""
 
-MOST_WITHOUT_UNIT = 1e6
+MAX_WITHOUT_UNIT = 1e6
 """Of counts, shares, factors and weights: a million rounds for each cloud would take days."""
 
 
@@ -52,7 +52,7 @@ def resolved_parameters(spec: AttackSpec, kind: type[Attack]) -> dict[str, Any]:
     for name in spec.parameters:
         if name not in known:
             choice = f"known: {', '.join(known)}" if known else "it has none"
-            raise UsageError(f"{spec.type}: unknown parameter {shown(name)}; {choice}")
+            raise UsageError(f"{spec.type}: unknown parameter {short_repr(name)}; {choice}")
     for name, default in known.items():
         if default is REQUIRED and name not in spec.parameters:
             raise UsageError(f"{spec.type}: {name} is missing; pass --set {name}=VALUE")
@@ -65,7 +65,7 @@ def resolved_recipe(spec: AttackSpec, kind: type[Attack]) -> str:
     """The attack's recipe: its best one if none is named, "" for an attack that has none."""
     recipe = _keywords(kind).get("recipe")
     if recipe is None and spec.recipe is not None:
-        raise UsageError(f"{spec.type} has no recipes; leave out {shown(spec.recipe)}")
+        raise UsageError(f"{spec.type} has no recipes; leave out {short_repr(spec.recipe)}")
     if spec.recipe == "":
         raise UsageError(f"{spec.type}: the recipe is empty; name one, or leave it out")
     if recipe is None:
@@ -114,7 +114,7 @@ def _checked(attack: str, name: str, value: Value, types: Mapping[str, Any]) -> 
     if name not in types:
         return value
     if types[name] == tuple[str, ...]:
-        value = _words(value)
+        value = _strings(value)
     try:
         if isinstance(value, tuple):
             _refuse_other_kinds(value, kinds)
@@ -122,9 +122,9 @@ def _checked(attack: str, name: str, value: Value, types: Mapping[str, Any]) -> 
         _refuse_beyond(attack, name, found)
     except ValidationError as error:
         problem = error.errors()[0]["msg"].removeprefix("Value error, ")
-        raise UsageError(f"{attack}: {name} is {shown(value)}: {problem}") from None
+        raise UsageError(f"{attack}: {name} is {short_repr(value)}: {problem}") from None
     except ValueError as error:
-        raise UsageError(f"{attack}: {name} is {shown(value)}: {error}") from None
+        raise UsageError(f"{attack}: {name} is {short_repr(value)}: {error}") from None
     return found
 
 
@@ -134,18 +134,18 @@ def _refuse_other_kinds(value: Value, kinds: set[Any]) -> None:
         for item in value:
             _refuse_other_kinds(item, kinds)
     elif kinds <= {int, float} and isinstance(value, (bool, str)):
-        raise ValueError(f"{shown(value)} is no number")
+        raise ValueError(f"{short_repr(value)} is no number")
 
 
 def _refuse_beyond(attack: str, name: str, value: Any) -> None:
     """ValueError for a number that its unit forbids; a user's own attack bounds its own."""
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    most = MOST_BY_UNIT.get(name.rpartition("_")[2], MOST_WITHOUT_UNIT)
+    most = MAX_BY_UNIT.get(name.rpartition("_")[2], MAX_WITHOUT_UNIT)
     if is_number and ":" not in attack and not abs(value) <= most:
         raise ValueError(f"it may be {most:g} at most")
 
 
-def _words(value: Value) -> tuple[Value, ...]:
+def _strings(value: Value) -> tuple[Value, ...]:
     """A list of words, also from one alone; ids such as 7, that YAML takes for numbers, are words."""
     items = value if isinstance(value, tuple) else (value,)
     return tuple(str(item) if type(item) is int else item for item in items)

@@ -11,7 +11,7 @@ from advpipe.stages.attack.gnss.base import GnssAttack
 from advpipe.stages.attack.gnss.registry import GNSS_ATTACKS
 from advpipe.stages.attack.lidar.base import LidarAttack, lidar_traits
 from advpipe.stages.attack.lidar.registry import LIDAR_ATTACKS
-from advpipe.stages.attack.own import own_attack
+from advpipe.stages.attack.plugin import plugin_attack
 from advpipe.stages.attack.v2x.base import V2xAttack
 from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
 
@@ -43,7 +43,7 @@ def find_attack(word: str) -> type[Attack]:
     """The class of a name, or of `module:Class`; raises `AdvpipeError` with the known names for any other,
     and for a class that is no attack."""
     if ":" in word:
-        return own_attack(word)
+        return plugin_attack(word)
     if word in ATTACKS:
         return ATTACKS[word]
     raise UsageError(f"unknown attack {word!r}; known: {', '.join(ATTACKS)}, or module:Class of your own")
@@ -69,7 +69,7 @@ def refuse_foreign_keys(spec: AttackSpec) -> None:
                 raise UsageError(f"{spec.type} has no use for {key}; leave it out")
 
 
-def usual_budget(word: str) -> dict[str, float]:
+def default_budget(word: str) -> dict[str, float]:
     """The parameter that bounds an attack on clouds, at what it is where the user names none; else nothing.
 
     Raises AdvpipeError for an unknown attack.

@@ -19,8 +19,8 @@ from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.stages.attack.declared import declaration_of
 from advpipe.stages.attack.lidar.base import LidarAttack
-from advpipe.stages.attack.own import source_sha256
 from advpipe.stages.attack.parameters import known_parameters, resolved_parameters, resolved_recipe
+from advpipe.stages.attack.plugin import source_sha256
 from advpipe.stages.attack.registry import BASES, find_attack, refuse_foreign_keys, resolved_name
 
 

@@ -12,7 +12,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.jobs import run_jobs
-from advpipe.pipeline.core.plugins import mistakes_reported, plugin_names, reporting_mistakes
+from advpipe.pipeline.core.plugins import plugin_errors, plugin_names, with_plugin_errors
 from advpipe.pipeline.detector.device import frames_at_once
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.labels.clouds import LabelledFrame, PointTables
@@ -68,7 +68,7 @@ def attack(
     resolved = resolved_text(provenance)
     summary = AttackSummary(out)
     gnss, v2x = request.of("gnss"), request.of("v2x")
-    with mistakes_reported(plugin_names(spec.type for spec in (*gnss, *v2x))), open_job(out, resolved) as job:
+    with plugin_errors(plugin_names(spec.type for spec in (*gnss, *v2x))), open_job(out, resolved) as job:
         changes = change_messages(reader, gnss, v2x, request.seed)
         if plan is not None:
             _attack_clouds(reader.path, plan, request, job, workers)
@@ -96,7 +96,7 @@ def _attack_clouds(
         cloud_attacker, clean, request.lidar, plan.attacked, groups, request.seed, job, request.device
     )
     if own := plugin_names(word for spec in request.lidar for word in (spec.type, spec.detector)):
-        attacker = partial(reporting_mistakes, attacker, own)
+        attacker = partial(with_plugin_errors, attacker, own)
     description = f"attacking: {attack_id(request)}"
     if at_once > 1:
         workers, description = workers or 1, f"{description}, {at_once} clouds at once"

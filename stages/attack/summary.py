@@ -11,7 +11,7 @@ import numpy as np
 from advpipe.pipeline.core.tabular import Rows, Tabular
 from advpipe.stages.attack.lidar.base import LidarResult
 
-MOST_NOTES = 8
+MAX_NOTES = 8
 """More lines nobody reads: some notes hold numbers that are others in every frame."""
 
 
@@ -82,7 +82,7 @@ class AttackSummary(Tabular):
 
     def _notes(self) -> list[str]:
         """A line for each of the most frequent notes, in the order of their words."""
-        shown = sorted(self.notes.most_common(MOST_NOTES))
+        shown = sorted(self.notes.most_common(MAX_NOTES))
         lines = [f"  {count} of {self.frames} frames: {note}" for note, count in shown]
         rest = self.notes.total() - sum(count for _, count in shown)
         return [*lines, f"  {rest} of {self.frames} frames: others, see frames.parquet"] if rest else lines

@@ -64,7 +64,7 @@ class Bags:
     def refuse_another_parent(self, clean_sha256: str) -> None:
         """Raises UsageError for an adversarial bag that says that it was made from another bag."""
         for bag, provenance in self.provenances.items():
-            said = provenance.said.parent_sha256
+            said = provenance.fields.parent_sha256
             if said is not None and said != clean_sha256:
                 raise UsageError(
                     f"{bag} was made from another bag than {self.clean} (parent SHA-256 {said[:12]}…, "

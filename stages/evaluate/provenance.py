@@ -101,7 +101,7 @@ def transfer_remark(comparison: Comparison) -> list[str]:
 
 def topic_remark(comparison: Comparison, topic: str) -> list[str]:
     """A remark if the clouds that are scored, those of a topic, are not the ones that were attacked."""
-    attacked = comparison.provenance.said.lidar_topics
+    attacked = comparison.provenance.fields.lidar_topics
     if not attacked or topic in attacked:
         return []
     return [f"Attacked were the clouds of {', '.join(attacked)}, evaluated were those of {topic}."]

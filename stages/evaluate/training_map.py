@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from advpipe.pipeline.detector.protocol import ObjectDetector
-from advpipe.pipeline.detector.training_maps import KnowsItsMaps, is_training_map, map_of
+from advpipe.pipeline.detector.training_maps import ReportsTrainingMaps, is_training_map, map_of
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ def map_status(name: str, detector: ObjectDetector, clean: Mapping[str, str]) ->
         )
     if known is False:
         return MapStatus(False, "")
-    listed = detector.training_maps_sha256 if isinstance(detector, KnowsItsMaps) else None
+    listed = detector.training_maps_sha256 if isinstance(detector, ReportsTrainingMaps) else None
     if map_sha256 is None:
         reason = "the clean bag names no map"
     elif listed is None:

@@ -30,7 +30,7 @@ def write_additions(
     sums: Mapping[str, str],
     sha256_of_bags: Mapping[str, str],
     options: ShareOptions,
-    remarks: Sequence[str],
+    warnings: Sequence[str],
 ) -> None:
     """Write them below the folder `made`; bags: the clean one first. sha256_of_bags: by the bag's name."""
     clean = bags[0]
@@ -48,7 +48,7 @@ def write_additions(
         _write_messages(made / names.MESSAGES / _OWN_PACKAGE)
     drives = {sha256_of_bags[bag.path.name]: bag for bag in bags if not bag.is_attack}
     pictures = _draw(bags, drives, made / names.FIGURES)
-    text = write_card(name, found, bags, sums, drives, options, remarks, pictures)
+    text = write_card(name, found, bags, sums, drives, options, warnings, pictures)
     (made / CARD_NAME).write_text(text, encoding="utf-8")
 
 
@@ -72,7 +72,7 @@ def _draw(bags: Sequence[BagFacts], drives: Mapping[str, BagFacts], folder: Path
         topic = clean.lidars[0].name
         pictures.append(draw_clean(clean.path, topic, folder))
         for bag in track([bag for bag in bags if bag.is_attack], "drawing"):
-            parent = drives.get(bag.provenance.said.parent_sha256 or "", clean)
+            parent = drives.get(bag.provenance.fields.parent_sha256 or "", clean)
             if all(any(lidar.name == topic for lidar in one.lidars) for one in (bag, parent)):
                 picture = draw_attack(parent.path, bag.path, topic, folder)
                 pictures += [picture] if picture else []

@@ -20,7 +20,7 @@ from advpipe.pipeline.core.errors import one_line
 from advpipe.pipeline.dataset.layout import Layout
 from advpipe.pipeline.sensors.registry import SENSORS
 from advpipe.stages.share import names
-from advpipe.stages.share.effects import banners, effect_tables
+from advpipe.stages.share.effects import effect_tables, report_warnings
 from advpipe.stages.share.facts import BagFacts, TopicFacts
 from advpipe.stages.share.markdown import Markdown, authors_text, block, code, escaped, link, literal
 from advpipe.stages.share.options import ShareOptions
@@ -115,7 +115,7 @@ def write_card(
     sums: Mapping[str, str],
     drives: Mapping[str, BagFacts],
     options: ShareOptions,
-    remarks: Sequence[str],
+    warnings: Sequence[str],
     pictures: Sequence[SharedPicture],
 ) -> str:
     """The card's text; bags: the clean one first.
@@ -135,8 +135,8 @@ def write_card(
         mark=Markdown(names.CARD_MARK),
         name=name,
         description=scenario.description,
-        is_simulated=clean.provenance.said.kind == "clean",
-        version=clean.provenance.said.versions.get("advpipe", ""),
+        is_simulated=clean.provenance.fields.kind == "clean",
+        version=clean.provenance.fields.versions.get("advpipe", ""),
         clean=clean,
         bags=bags,
         attacks=[_attack(bag) for bag in attacks],
@@ -149,7 +149,7 @@ def write_card(
         lidars=[{"name": name, **dict(lidar)} for name, lidar in scenario.sensors.lidars.items()],
         sensors=_sensors(clean),
         origin=_origin(clean, scenario),
-        banners=banners(found.reports),
+        warnings=report_warnings(found.reports),
         effects=effect_tables(found.reports),
         has_messages=any(topic.type.startswith("advpipe_msgs/") for topic in clean.topics.values()),
         first_topic=first.name,
@@ -158,7 +158,7 @@ def write_card(
         is_signed=options.sign is not None,
         licence=options.licence or "None stated: ask the author before you use the data.",
         citation=block(options.citation) if options.citation else "None given.",
-        remarks=remarks,
+        notes=warnings,
         own_words=_own_words(found),
     )
 
@@ -189,7 +189,7 @@ def _scenario(clean: BagFacts) -> RecordedScenario:
 
     Raises AdvpipeError for a text that is no scenario.
     """
-    text = clean.provenance.said.scenario
+    text = clean.provenance.fields.scenario
     if not text.strip():
         return RecordedScenario()
     where = f"{clean.path}: the provenance record: scenario"
@@ -223,7 +223,7 @@ def _origin(clean: BagFacts, scenario: RecordedScenario) -> dict[str, str]:
     if place.origin is not None:
         origin = place.origin
         facts["origin"] = f"{origin.latitude_deg}° N, {origin.longitude_deg}° E, {origin.altitude_m} m"
-    versions = about.said.versions
+    versions = about.fields.versions
     facts["versions"] = ", ".join(f"{package} {number}" for package, number in versions.items() if number)
     return {key: value for key, value in facts.items() if value} or {
         "recorded by": "another tool than advpipe"
@@ -241,7 +241,7 @@ def _attack(bag: BagFacts) -> _Attack:
 
 def _aims(bag: BagFacts) -> Iterator[str]:
     """Of each attack in a bag: who lies, whom it harms, which detector it looked at, and when it acts."""
-    attacks = bag.provenance.said.attacks
+    attacks = bag.provenance.fields.attacks
     for one in attacks:
         facts = {f"attackers' {key}": value for key, value in (one.attackers or {}).items()}
         facts |= {"victim": one.victim, "lidar": one.lidar, "detector": one.detector}
@@ -283,7 +283,7 @@ def _chain(attacks: Sequence[BagFacts], drives: Mapping[str, BagFacts]) -> Markd
     """What ties the adversarial bags to a drive; run.py refused any that states another parent."""
     lines = []
     for sha256, drive in drives.items():
-        tied = [code(bag.path.name) for bag in attacks if bag.provenance.said.parent_sha256 == sha256]
+        tied = [code(bag.path.name) for bag in attacks if bag.provenance.fields.parent_sha256 == sha256]
         if tied:
             place = code(drive.path.name)
             lines.append(

@@ -22,14 +22,15 @@ def check_chain(layout: Layout, sha256_of_bags: Mapping[str, str]) -> list[str]:
     if layout.clean in attacks:
         raise AdvpipeError(f"{layout.clean} is an adversarial bag; a data set's clean bag is no attack")
     drives = {sha256_of_bags[bag.name] for bag in records if bag not in attacks}
-    remarks = [remark for bag, record in attacks.items() if (remark := _check_bag(bag, record, drives))]
+    warnings = [warning for bag, record in attacks.items() if (warning := _check_bag(bag, record, drives))]
     for report in layout.reports:
         _check_report(report / REPORT_NAME, sha256_of_bags)
-    return remarks
+    return warnings
 
 
 def _check_report(path: Path, sha256_of_bags: Mapping[str, str]) -> None:
-    for bag, stated in read_report(path).bags.items():
+    report = read_report(path)
+    for bag, stated in report.bags.items():
         if bag not in sha256_of_bags:
             raise AdvpipeError(
                 f"{path} compares {bag}, which is not in the data set; move the report elsewhere"
@@ -39,10 +40,14 @@ def _check_report(path: Path, sha256_of_bags: Mapping[str, str]) -> None:
                 f"{path} was made from another {bag} than the one in the data set; evaluate again with "
                 "--overwrite"
             )
+    if report.clean_sha256s - set(sha256_of_bags.values()):
+        raise AdvpipeError(
+            f"{path} was made from another clean bag than the one in the data set; move the report elsewhere"
+        )
 
 
 def _check_bag(bag: Path, record: Provenance, drives: Collection[str]) -> str:
-    stated = record.said.parent_sha256
+    stated = record.fields.parent_sha256
     if stated is None:
         return f"{bag.name} does not say which bag it was made from"
     if stated not in drives:

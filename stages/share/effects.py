@@ -24,7 +24,7 @@ class EffectTable(NamedTuple):
 def effect_tables(reports: Sequence[Path]) -> list[EffectTable]:
     """Of each report: detection, localisation and V2X, as far as it has them.
 
-    Raises AdvpipeError for a report.json that is none.
+    Raises AdvpipeError for a file that is no report.
     """
     tables = []
     for report in reports:
@@ -40,18 +40,18 @@ def effect_tables(reports: Sequence[Path]) -> list[EffectTable]:
     return tables
 
 
-def banners(reports: Sequence[Path]) -> list[str]:
-    """What the reports want to be read before any figure, such as that the detector was trained on the map.
+def report_warnings(reports: Sequence[Path]) -> list[str]:
+    """The warnings of the reports, such as that the detector was trained on the map.
 
-    Raises AdvpipeError for a report.json that is none.
+    Raises AdvpipeError for a file that is no report.
     """
-    told: dict[str, None] = {}
+    found: dict[str, None] = {}
     for report in reports:
-        told |= dict.fromkeys(read_report(report / REPORT_NAME).banners)
-    return list(told)
+        found |= dict.fromkeys(read_report(report / REPORT_NAME).warnings)
+    return list(found)
 
 
-def _figure(key: str, digits: int, factor: float = 1.0) -> Any:
+def _value(key: str, digits: int, factor: float = 1.0) -> Any:
     def show(record: Document) -> str:
         value = getattr(record, key)
         return NOTHING if value is None else f"{value * factor:.{digits}f}"
@@ -78,14 +78,14 @@ _TABLES: tuple[tuple[str, str, dict[str, Any]], ...] = (
         "Effect on detection",
         "rows",
         {
-            "frames": _figure("frames", 0),
-            "mAP clean": _figure("map_clean", 3),
-            "mAP attacked": _figure("map_adv", 3),
+            "frames": _value("frames", 0),
+            "mAP clean": _value("map_clean", 3),
+            "mAP attacked": _value("map_adv", 3),
             "mAP ratio % (95 %)": _ratio,
-            "one random draw, same budget": _figure("baseline_map_ratio_percent", 1),
+            "one random draw, same budget": _value("baseline_map_ratio_percent", 1),
             "objects lost, loose overlap": _lost,
-            "score at least": _figure("working_score", 2),
-            "Chamfer distance m²": _figure("chamfer_distance_m2", 4),
+            "score at least": _value("working_score", 2),
+            "Chamfer distance m²": _value("chamfer_distance_m2", 4),
         },
     ),
     (
@@ -93,9 +93,9 @@ _TABLES: tuple[tuple[str, str, dict[str, Any]], ...] = (
         "localisation",
         {
             "vehicle": lambda record: record.vehicle,
-            "mean error clean m": _figure("clean_mean_m", 2),
-            "mean error attacked m": _figure("adv_mean_m", 2),
-            "found by the innovation test %": _figure("detection_rate", 1, 100),
+            "mean error clean m": _value("clean_mean_m", 2),
+            "mean error attacked m": _value("adv_mean_m", 2),
+            "found by the innovation test %": _value("detection_rate", 1, 100),
         },
     ),
     (
@@ -103,9 +103,9 @@ _TABLES: tuple[tuple[str, str, dict[str, Any]], ...] = (
         "v2x",
         {
             "receiver": lambda record: record.vehicle,
-            "messages": _figure("messages", 0),
-            "lies": _figure("lies", 0),
-            "F1 of misbehaviour detection": _figure("f1", 3),
+            "messages": _value("messages", 0),
+            "false messages": _value("false_messages", 0),
+            "F1 of misbehaviour detection": _value("f1", 3),
         },
     ),
 )

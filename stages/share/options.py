@@ -30,7 +30,7 @@ class ShareOptions:
             )
 
 
-NOTHING_SAID = ShareOptions()
+DEFAULT_OPTIONS = ShareOptions()
 
 
 def citation_text(text_or_file: str | None) -> str | None:

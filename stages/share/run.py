@@ -14,14 +14,14 @@ from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.dataset import checksums, layout, signature
 from advpipe.pipeline.dataset.archive import pack, refuse_existing
-from advpipe.pipeline.dataset.lay_out import lay_out, refuse_folder
+from advpipe.pipeline.dataset.lay_out import refuse_folder, write_folder
 from advpipe.pipeline.dataset.layout import Layout, read_layout
 from advpipe.stages.share import names
 from advpipe.stages.share.additions import write_additions
 from advpipe.stages.share.chain import check_chain
 from advpipe.stages.share.facts import read_facts
-from advpipe.stages.share.options import NOTHING_SAID, ShareOptions
-from advpipe.stages.share.remarks import remarks_on
+from advpipe.stages.share.options import DEFAULT_OPTIONS, ShareOptions
+from advpipe.stages.share.warnings import sharing_warnings
 
 __all__ = ["ShareOptions", "ShareSummary", "share"]
 
@@ -30,15 +30,15 @@ _OTHER_ARCHIVES = (".gz", ".tgz", ".zip", ".xz", ".bz2", ".zst", ".7z")
 
 @dataclass(frozen=True)
 class ShareSummary:
-    """made: the folder, or the archive's files. remarks: what its reader should know, or its author mend."""
+    """made: the folder, or the archive's files. warnings: what its reader should know, or its author mend."""
 
     made: tuple[Path, ...]
     files: int
     bytes: int
-    remarks: tuple[str, ...]
+    warnings: tuple[str, ...]
 
 
-def share(dataset: Path, out: Path, options: ShareOptions = NOTHING_SAID) -> ShareSummary:
+def share(dataset: Path, out: Path, options: ShareOptions = DEFAULT_OPTIONS) -> ShareSummary:
     """Make a folder, or with a name in .tar an archive, that holds a data set and all that explains it.
 
     Beside the bags, reports and scenario, which are taken as they are, lie a card (README.md), pictures,
@@ -61,10 +61,10 @@ def share(dataset: Path, out: Path, options: ShareOptions = NOTHING_SAID) -> Sha
     bags = [read_facts(bag) for bag in track(found.bags, "describing the bags")]
     if not bags[0].topics:
         raise UsageError(f"{found.clean} holds no messages")
-    remarks = (*unchecked, *remarks_on(found, bags, options))
+    warnings = (*unchecked, *sharing_warnings(found, bags, options))
     name = out.stem if _is_archive(out) else out.resolve().name
     with scratch_folder() as made:
-        write_additions(made, name, found, bags, sums, sha256_of_bags, options, remarks)
+        write_additions(made, name, found, bags, sums, sha256_of_bags, options, warnings)
         sums |= {added: sha256_of(made / added) for added in layout.files(made)}
         _write_sums(made, sums, options)
         files |= {added: made / added for added in layout.files(made)}
@@ -72,14 +72,14 @@ def share(dataset: Path, out: Path, options: ShareOptions = NOTHING_SAID) -> Sha
         if _is_archive(out):
             outputs = tuple(pack(files, out, options.split_size_bytes, overwrite=options.overwrite))
         else:
-            lay_out(files, out, overwrite=options.overwrite)
+            write_folder(files, out, overwrite=options.overwrite)
             outputs = (out,)
     left = [
         f"{leftover.path.relative_to(dataset)} was left by a killed run and is not shared; "
         "`advpipe clean` tells what it is good for"
         for leftover in found.leftovers
     ]
-    return ShareSummary(outputs, len(files), size_bytes, (*remarks, *left))
+    return ShareSummary(outputs, len(files), size_bytes, (*warnings, *left))
 
 
 def _is_archive(out: Path) -> bool:
@@ -96,7 +96,7 @@ def _refuse_outputs(found: Layout, out: Path, options: ShareOptions) -> None:
         )
     if options.split_size_bytes is not None and not _is_archive(out):
         raise UsageError(f"only an archive can be split: end the output's name in .tar, as in {out.name}.tar")
-    if not layout.is_plain(target.name):
+    if not layout.is_portable(target.name):
         raise UsageError(f"{str(out)!r}: a name of signs that not every system takes; choose another")
     if _is_archive(out):
         refuse_existing(out, options.overwrite)

@@ -31,7 +31,7 @@ from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.v2x.facilities.ldm import LdmSnapshot as LdmSnapshot
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.instrumented import Instrumented, VehicleSnapshot
-from advpipe.stages.simulate.network.protocol import Exchange
+from advpipe.stages.simulate.network.protocol import NetworkStep
 
 
 class Recorder:
@@ -72,20 +72,20 @@ class Recorder:
 
     def record(
         self,
-        exchange: Exchange,
+        network_step: NetworkStep,
         snapshots: Sequence[VehicleSnapshot],
         radios: Sequence[RadioPlace],
         local_dynamic_maps: Sequence[tuple[str, LdmSnapshot]],
     ) -> None:
         """One step: what went over the air until then, all instrumented vehicles, all radios on the road."""
-        stamp_ns = exchange.stamp_ns
+        stamp_ns = network_step.stamp_ns
         self._write(topics.CLOCK, build.clock(stamp_ns), stamp_ns)
         estimates = [
             (MAP_FRAME, VehicleTopics(s.vehicle).base_frame, s.onboard.estimate.map_SE3_base)
             for s in snapshots
         ]
         self._write(topics.TF, build.transforms(stamp_ns, estimates), stamp_ns)
-        self._record_exchange(exchange)
+        self._record_network_step(network_step)
         for snapshot in snapshots:
             self._record_onboard(snapshot)
             self._record_truth(stamp_ns, snapshot)
@@ -96,11 +96,11 @@ class Recorder:
             self._record_maps(stamp_ns, local_dynamic_maps)
         self._flush()
 
-    def finish(self, exchange: Exchange, statistics: Statistics | None) -> None:
+    def finish(self, network_step: NetworkStep, statistics: Statistics | None) -> None:
         """What still came over the air after the last step, and the sum of it all."""
-        self._record_exchange(exchange)
+        self._record_network_step(network_step)
         if statistics is not None:
-            stamp_ns = max((message[2] for message in self._step), default=exchange.stamp_ns)
+            stamp_ns = max((message[2] for message in self._step), default=network_step.stamp_ns)
             self._step.append(statistics_message(stamp_ns, statistics))
         self._flush()
 
@@ -112,12 +112,12 @@ class Recorder:
     def _write(self, topic: Topic, message: Any, stamp_ns: int) -> None:
         self._step.append((topic, serialise(message, topic.type), stamp_ns))
 
-    def _record_exchange(self, exchange: Exchange) -> None:
-        for sent in exchange.sent:
+    def _record_network_step(self, network_step: NetworkStep) -> None:
+        for sent in network_step.sent:
             self._step.append(sent_message(sent))
             if sent.station_id in self._own_radios:
                 self._step += own_messages(self._own_radios[sent.station_id], sent)
-        for received in exchange.received:
+        for received in network_step.received:
             self._step += received_messages(received)
 
     def _record_radios(self, stamp_ns: int, radios: Sequence[RadioPlace]) -> None:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.provenance import clean_provenance
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.core.errors import wrong_use
-from advpipe.pipeline.core.garbage import gc_frozen
+from advpipe.pipeline.core.errors import as_usage_error
+from advpipe.pipeline.core.gc_freeze import gc_frozen
 from advpipe.pipeline.core.partial import FolderKind, staged_folder
-from advpipe.pipeline.core.plugins import mistakes_reported, plugin_names
+from advpipe.pipeline.core.plugins import plugin_errors, plugin_names
 from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.core.seeding import named_generator
@@ -106,10 +106,10 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
     with (
         staged_folder(out, overwrite, DATA_SET) as folder,
         scratch_folder() as scratch,
-        mistakes_reported(own),
+        plugin_errors(own),
     ):
         (folder / "scenario.yaml").write_text(text, encoding="utf-8")
-        with wrong_use():  # nothing but what the scenario names has been read so far
+        with as_usage_error():  # nothing but what the scenario names has been read so far
             roads = load_network(scenario.map, scratch, seed)
             variants = draw_variants(named_generator(seed, "bodies"), scenario.bodies)
             place = _Place(roads, build_world(scenario, roads, variants), variants)
@@ -140,19 +140,19 @@ def _drive(
     recorder.start(clock.stamp_ns(0), vehicles, place.roads.lanes_m, footprints)
     tally = _Tally()
     for frame in track(range(clock.frames), f"simulating {scenario.name}"):
-        exchange = network.simulate_until(clock.stamp_ns(frame))  # and steps the traffic
+        network_step = network.simulate_until(clock.stamp_ns(frame))  # and steps the traffic
         drivers = traffic.road_users()
         users = [*drivers.values(), *(walker.at(frame * clock.step_s) for walker in walkers)]
         snapshots = [
-            vehicle.sense(exchange.stamp_ns, frame, drivers[vehicle.name], users, world)
+            vehicle.sense(network_step.stamp_ns, frame, drivers[vehicle.name], users, world)
             for vehicle in vehicles
             if vehicle.name in drivers  # one that follows a trajectory comes and goes with it
         ]
         network.update(drivers, {s.vehicle: s.onboard.estimate for s in snapshots})
         is_due = scenario.v2x.is_ldm_due(frame, clock.step_s)
         maps = network.local_dynamic_maps() if is_due else ()
-        recorder.record(exchange, snapshots, network.radios, maps)
+        recorder.record(network_step, snapshots, network.radios, maps)
         tally.add(snapshots)
-    exchange, v2x = network.finish(), network.statistics()
-    recorder.finish(exchange, v2x)
+    network_step, v2x = network.finish(), network.statistics()
+    recorder.finish(network_step, v2x)
     return tally, v2x

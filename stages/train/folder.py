@@ -10,10 +10,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from advpipe.pipeline.core import plain_json
+from advpipe.pipeline.core.atomic_file import write_atomically
 from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError, UsageError
-from advpipe.pipeline.core.leftover_names import has_leftover_name
-from advpipe.pipeline.core.lock import LOCK_NAME, lock_of_dead, take_lock
-from advpipe.pipeline.core.whole_file import write_whole
+from advpipe.pipeline.core.leftover_names import is_leftover_name
+from advpipe.pipeline.core.lock import LOCK_NAME, take_lock, take_stale_lock
 from advpipe.pipeline.detector.device import device_record
 from advpipe.stages.train.config import TrainConfig
 
@@ -120,7 +120,7 @@ class RunFolder:
                 f"{self.path} holds an unfinished run with another configuration or other bags; "
                 "pass --overwrite to start anew, or choose another folder"
             )
-        write_whole(self.config, wanted.encode())
+        write_atomically(self.config, wanted.encode())
 
     def _is_run(self) -> bool:
         """Whether the folder's config.json is one of ours; others use that name too."""
@@ -133,7 +133,7 @@ class RunFolder:
     def _foreign(self) -> str | None:
         """Something in the folder that no killed run left there."""
         names = (path.name for path in sorted(self.path.iterdir()))
-        return next((name for name in names if name != LOCK_NAME and not has_leftover_name(name)), None)
+        return next((name for name in names if name != LOCK_NAME and not is_leftover_name(name)), None)
 
     def _discard(self) -> None:
         """Remove all that a run made."""
@@ -146,7 +146,7 @@ class RunFolder:
         is_untidy = any(path.exists() for path in (self.state, self.latest, self.frames))
         if not self.checkpoint.exists() or not is_untidy:
             return
-        if lock := lock_of_dead(self.path / LOCK_NAME):
+        if lock := take_stale_lock(self.path / LOCK_NAME):
             with lock:
                 self.tidy()
                 (self.path / LOCK_NAME).unlink(missing_ok=True)

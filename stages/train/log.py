@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from advpipe.pipeline.core.whole_file import whole_file
+from advpipe.pipeline.core.atomic_file import atomic_file
 from advpipe.pipeline.geometry.boxes import CLASSES
 
 VALIDATIONS = ("step", *CLASSES)
@@ -30,7 +30,7 @@ class Log:
         if path.is_file() and first_step:
             with path.open(newline="") as file:
                 rows = [row for row in list(csv.reader(file))[1:] if len(row) == len(columns)]
-        with whole_file(path) as beside, beside.open("w", newline="") as file:
+        with atomic_file(path) as beside, beside.open("w", newline="") as file:
             kept = (row for row in rows if int(row[0]) < first_step)
             csv.writer(file, lineterminator="\n").writerows([columns, *kept])
         self.path = path
@@ -69,5 +69,5 @@ def plot_training(steps: Path, validations: Path, picture: Path) -> None:
         one.grid(alpha=0.3)
         one.legend()
     (below or [axes])[-1].set_xlabel("step")
-    with whole_file(picture) as beside:
+    with atomic_file(picture) as beside:
         FigureCanvasAgg(figure).print_png(beside)  # type: ignore[no-untyped-call]

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import torch
 
+from advpipe.pipeline.core.atomic_file import write_atomically
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.core.whole_file import write_whole
 from advpipe.pipeline.detector.common.network import DetectionNetwork
 
 
@@ -55,7 +55,7 @@ class TrainState:
         }
         buffer = io.BytesIO()
         torch.save(state, buffer)  # to a file, it hides why a disk refused to be written
-        write_whole(path, buffer.getvalue())
+        write_atomically(path, buffer.getvalue())
 
     def restore(self, path: Path) -> None:
         """Go on from a saved state."""

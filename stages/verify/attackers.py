@@ -8,7 +8,7 @@ from typing import NamedTuple
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.labels.declaration import Declaration, Family, Terms
 from advpipe.pipeline.localisation.geodesy import Geodesy
-from advpipe.pipeline.replay.recorded_filter import usual_victim, vehicles_with_filter
+from advpipe.pipeline.replay.recorded_filter import default_victim, vehicles_with_filter
 from advpipe.pipeline.replay.v2x_attackers import AttackerSelection
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.acting import Acting, acting_on_messages, drawn_parts
@@ -40,7 +40,7 @@ class DeclaredAttacker(NamedTuple):
 
     @property
     def is_undeclared(self) -> bool:
-        """Whether the bag is of a version in which attacks did not declare themselves."""
+        """Whether the bag comes from a version that did not record attack declarations."""
         return self.is_sender and self.declared is None
 
 
@@ -92,7 +92,7 @@ class DeclaredAttackers:
 
 def victims(clean: BagReader, attacks: Sequence[MessageAttack]) -> dict[str, list[MessageAttack]]:
     """The attacks on GPS by the vehicle that they strike, in the order in which it was named first."""
-    usual, found = usual_victim(vehicles_with_filter(clean)), dict[str, list[MessageAttack]]()
+    usual, found = default_victim(vehicles_with_filter(clean)), dict[str, list[MessageAttack]]()
     for one in attacks:
         if one.family == "gnss":
             found.setdefault(one.spec.victim or usual or "", []).append(one)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from advpipe.pipeline.labels.quantity import Quantity, Range
-from advpipe.stages.verify.result import Gap
+from advpipe.stages.verify.result import Unchecked
 
 
 def measurable(bounds: Mapping[str, Range], quantities: Mapping[str, Quantity[Any]]) -> dict[str, Range]:
@@ -16,7 +16,7 @@ def measurable(bounds: Mapping[str, Range], quantities: Mapping[str, Quantity[An
 
 def unmeasurable(
     place: str, attack: str, bounds: Mapping[str, Range], quantities: Mapping[str, Quantity[Any]]
-) -> Iterator[Gap]:
+) -> Iterator[Unchecked]:
     """The others."""
     for name in sorted(bounds.keys() - quantities.keys()):
-        yield Gap(place, f"{name} of {attack} not checked: this version measures no such")
+        yield Unchecked(place, f"{name} of {attack} not checked: unknown quantity in this version")

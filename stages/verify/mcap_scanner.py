@@ -39,7 +39,7 @@ from advpipe.pipeline.mcap.records import (
     read_records,
 )
 from advpipe.pipeline.mcap.unpacking import UnpackBudget
-from advpipe.stages.verify.claims import check_claims
+from advpipe.stages.verify.summary_check import check_summary
 
 FIRST_PRIVATE_OPCODE = 0x80
 
@@ -78,7 +78,7 @@ class McapScanner:
         except OSError as error:
             self.faults.append(f"cannot be read: {error.strerror or error}")
         except DAMAGE as error:
-            self.faults.append(f"damaged or cut off: {error}" if str(error) else "damaged or cut off")
+            self.faults.append(f"damaged or truncated: {error}" if str(error) else "damaged or truncated")
         except AdvpipeError as error:  # channels of another kind than ROS 2's
             self.faults.append(str(error))
 
@@ -88,22 +88,22 @@ class McapScanner:
         end, crc = size - len(MCAP0_MAGIC), zlib.crc32(MCAP0_MAGIC)
         with self.path.open("rb") as stream:
             if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
-                raise ValueError("wrong first bytes")
+                raise ValueError("wrong magic bytes at the start")
             stream.seek(max(end, 0))
             if stream.read() != MCAP0_MAGIC or end < len(MCAP0_MAGIC):
                 raise ValueError("the end is missing")
             for record in read_records(stream, len(MCAP0_MAGIC), end):
                 if record.opcode == Opcode.DATA_END:
                     self._end_chunk(record.start)
-                    told = parse_record(record.opcode, record.body)
-                    if isinstance(told, DataEnd) and told.data_section_crc not in (0, crc):
+                    parsed = parse_record(record.opcode, record.body)
+                    if isinstance(parsed, DataEnd) and parsed.data_section_crc not in (0, crc):
                         self.faults.append("the checksum of the data section is wrong")
-                    self.check_bytes(record, told)
-                    check_claims(self, read_records(stream, record.end, end), record.end)
+                    self.check_bytes(record, parsed)
+                    check_summary(self, read_records(stream, record.end, end), record.end)
                     return
                 crc = zlib.crc32(record.body, zlib.crc32(HEAD.pack(record.opcode, len(record.body)), crc))
                 yield from self._record(record)
-        raise ValueError("the data section does not end")
+        raise ValueError("the data section has no end record")
 
     def _record(self, record: Record) -> Iterator[RawMessage]:
         if record.start == len(MCAP0_MAGIC) and record.opcode != Opcode.HEADER:
@@ -117,44 +117,47 @@ class McapScanner:
         elif record.opcode == Opcode.MESSAGE:
             yield from self._message(memoryview(record.body))
         else:
-            told = parse_record(record.opcode, record.body)
-            self.check_bytes(record, told)
-            self._define(record, told)
+            parsed = parse_record(record.opcode, record.body)
+            self.check_bytes(record, parsed)
+            self._define(record, parsed)
 
-    def _define(self, record: Record, told: McapRecord | None) -> None:
-        if isinstance(told, Header):
-            if told.profile != "ros2":
-                self.faults.append(f"the profile is {told.profile!r}, not ros2")
-        elif isinstance(told, (Schema, Channel)):
-            self._add_definition(told)
-        elif isinstance(told, Metadata):
-            if told.name in self.records:
-                self.faults.append(f"there are two metadata records {told.name!r}")
-            self.records[told.name] = told.metadata
-            self.metadata.append(MetadataIndex(record.start, record.end - record.start, told.name))
-        elif isinstance(told, Attachment):
+    def _define(self, record: Record, parsed: McapRecord | None) -> None:
+        if isinstance(parsed, Header):
+            if parsed.profile != "ros2":
+                self.faults.append(f"the profile is {parsed.profile!r}, not ros2")
+        elif isinstance(parsed, (Schema, Channel)):
+            self._add_definition(parsed)
+        elif isinstance(parsed, Metadata):
+            if parsed.name in self.records:
+                self.faults.append(f"there are two metadata records {parsed.name!r}")
+            self.records[parsed.name] = parsed.metadata
+            self.metadata.append(MetadataIndex(record.start, record.end - record.start, parsed.name))
+        elif isinstance(parsed, Attachment):
             self.attachments += 1
-        elif told is not None or record.opcode < FIRST_PRIVATE_OPCODE:
-            self.faults.append(f"a record of kind {record.opcode:#04x} at {record.start} has no place there")
+        elif parsed is not None or record.opcode < FIRST_PRIVATE_OPCODE:
+            self.faults.append(
+                f"a record with opcode {record.opcode:#04x} at {record.start} does not belong in the "
+                "data section"
+            )
 
-    def _add_definition(self, told: Schema | Channel) -> None:
-        """A schema or a channel; what is told twice must be told alike."""
-        if told.id not in (self.schemas if isinstance(told, Schema) else self.channels):
-            self._definitions_bytes += len(_bytes_of(told))
+    def _add_definition(self, definition: Schema | Channel) -> None:
+        """A schema or a channel; repeated definitions must be equal."""
+        if definition.id not in (self.schemas if isinstance(definition, Schema) else self.channels):
+            self._definitions_bytes += len(_bytes_of(definition))
             if self._definitions_bytes > DEFINITIONS_LIMIT_BYTES:
-                raise ValueError(f"definitions of more than {DEFINITIONS_LIMIT_BYTES} bytes")
-        if isinstance(told, Schema):
-            if self.schemas.setdefault(told.id, told) != told:
-                self.faults.append(f"schema {told.id} is defined in two ways")
+                raise ValueError(f"type and channel definitions exceed {DEFINITIONS_LIMIT_BYTES} bytes")
+        if isinstance(definition, Schema):
+            if self.schemas.setdefault(definition.id, definition) != definition:
+                self.faults.append(f"schema {definition.id} is defined in two ways")
             return
-        if self.channels.setdefault(told.id, told) != told:
-            self.faults.append(f"channel {told.id} is defined in two ways")
-        elif told.id not in self.topics:
-            schema = self.schemas.get(told.schema_id)
+        if self.channels.setdefault(definition.id, definition) != definition:
+            self.faults.append(f"channel {definition.id} is defined in two ways")
+        elif definition.id not in self.topics:
+            schema = self.schemas.get(definition.schema_id)
             if schema is None:
-                raise ValueError(f"{told.topic} has a schema that nothing defines")
-            self.topics[told.id] = ros2_topic(self.path, told, schema)
-            self._texts[told.id] = schema.data.decode()
+                raise ValueError(f"{definition.topic} refers to a schema that is not defined")
+            self.topics[definition.id] = ros2_topic(self.path, definition, schema)
+            self._texts[definition.id] = schema.data.decode()
 
     def _chunk(self, record: Record) -> Iterator[RawMessage]:
         try:
@@ -171,14 +174,16 @@ class McapScanner:
                     places.extend((raw.log_time_ns, offset))
                     yield raw
             else:
-                told = parse_record(opcode, body)
-                if not isinstance(told, (Schema, Channel)) or _bytes_of(told)[HEAD.size :] != body:
-                    raise ValueError(f"a record in the chunk at {record.start} is none that belongs there")
-                self._add_definition(told)
+                parsed = parse_record(opcode, body)
+                if not isinstance(parsed, (Schema, Channel)) or _bytes_of(parsed)[HEAD.size :] != body:
+                    raise ValueError(
+                        f"the chunk at {record.start} holds a record that does not belong in a chunk"
+                    )
+                self._add_definition(parsed)
         times_ns = [places[::2] for places in self._places.values()]
         span_ns = (min(map(min, times_ns)), max(map(max, times_ns))) if times_ns else (0, 0)
         if (chunk.message_start_time, chunk.message_end_time) != span_ns:
-            self.faults.append(f"the chunk at {record.start} states other times than its messages have")
+            self.faults.append(f"the chunk at {record.start} states times that differ from its messages'")
         self.chunks.append(
             ChunkIndex(
                 chunk_length=record.end - record.start,
@@ -198,7 +203,7 @@ class McapScanner:
         self._budget.count_message()
         if message.channel_id not in self.topics:
             if message.channel_id not in self._undefined:
-                self.faults.append(f"a message of channel {message.channel_id}, which nothing defines")
+                self.faults.append(f"a message belongs to channel {message.channel_id}, which is not defined")
             self._undefined.add(message.channel_id)
             return
         schema = self.schemas[self.channels[message.channel_id].schema_id]
@@ -224,7 +229,7 @@ class McapScanner:
             return
         real = self._places.pop(channel_id, array("Q"))
         if not np.array_equal(_sorted(entries), _sorted(np.frombuffer(real, np.uint64).reshape(-1, 2))):
-            self.faults.append(f"the message index at {record.start} is not that of its chunk")
+            self.faults.append(f"the message index at {record.start} does not match its chunk")
         chunk = self.chunks[-1]
         chunk.message_index_offsets[channel_id] = record.start
         chunk.message_index_length += record.end - record.start
@@ -235,12 +240,12 @@ class McapScanner:
             self.faults.append(f"a message index is missing before {place}")
         self._places = {}
 
-    def check_bytes(self, record: Record, told: McapRecord | None) -> None:
+    def check_bytes(self, record: Record, parsed: McapRecord | None) -> None:
         """Each record has one spelling, so that no bit of it can change unseen."""
-        if told is None or (isinstance(told, Attachment) and record.body[-4:] == bytes(4)):
+        if parsed is None or (isinstance(parsed, Attachment) and record.body[-4:] == bytes(4)):
             return
-        if _bytes_of(told) != record.bytes:
-            self.faults.append(f"the record at {record.start} holds bytes that say nothing")
+        if _bytes_of(parsed) != record.bytes:
+            self.faults.append(f"the record at {record.start} holds bytes that are not part of its fields")
 
 
 def _bytes_of(record: McapRecord) -> bytes:

@@ -16,13 +16,13 @@ from advpipe.pipeline.scenario.attacks import NS_PER_S
 from advpipe.pipeline.v2x.facilities.cam_values import (
     FIELDS,
     OTHER,
-    SEVERAL,
+    SEPARATOR,
     Values,
     changed_fields,
     places_m,
     values_of_payload,
 )
-from advpipe.pipeline.v2x.facilities.effect import matters
+from advpipe.pipeline.v2x.facilities.effect import has_effect
 from advpipe.stages.verify.attackers import DeclaredAttackers
 from advpipe.stages.verify.message_bounds import beyond_declared
 from advpipe.stages.verify.message_store import Message, MessageDiff, MessageStore, Row
@@ -90,7 +90,7 @@ class MessageLabels:
             if row is diff.labels[-1]:
                 yield from self._end(diff, after)
             elif after is None:
-                yield "is labelled again after it was dropped"
+                yield "has another label after it was dropped"
             yield from self._places(row)
             declared = self.attackers.declared(row["attack"], row["station_id"], row.get("part", ""))
             yield from self._judged(row, before, declared)
@@ -103,25 +103,25 @@ class MessageLabels:
         number, name = row["station_id"], row["attack"]
         sender = self.attackers.names.get(number, "")
         if row["sender"] != sender:
-            yield f"is from {sender or 'nobody'}, not {row['sender']}"
+            yield f"was sent by {sender or 'an unknown station'}, but its label says {row['sender']}"
         named = self.attackers.named(name)
         if not named:
-            yield f"is labelled {name}, which is none of the bag's attacks"
+            yield f"is labelled {name}, which is not one of the bag's attacks"
         attackers = [one for one in named if number in one.senders]
         if not attackers:
-            yield f"is from {sender}, whose messages {name} does not touch"
+            yield f"was sent by {sender}, whose messages {name} does not attack"
         if row["attacker"] not in {sender if one.is_sender else "" for one in attackers}:
-            yield f"is not by {row['attacker'] or 'nobody'}, as its attacker says"
+            yield f"has the wrong attacker in its label: {row['attacker'] or 'none'}"
         attackers = [
             one
             for one in attackers
             if "part" not in row or one.is_undeclared or row["part"] == one.parts.get(number, "")
         ]
         if not attackers:
-            yield f"is not by part {row['part']!r} of {name}"
+            yield f"is labelled with part {row['part']!r} of {name}, which its sender does not carry out"
         time_ns = row["time_ns"] if before is None else before.request_ns
         if not any(one.acts(time_ns) for one in attackers):
-            yield f"was touched at {time_ns} ns, when {name} was not on"
+            yield f"was attacked at {time_ns} ns, when {name} was not active"
 
     def _honest(self, row: Row, origin: _State | None) -> Values | None:
         """What an honest one would have said: of a new or late one, the last of who it claims to be."""
@@ -131,21 +131,21 @@ class MessageLabels:
         payload = None if station_id is None else self.store.last_of(station_id, row["sent_ns"])
         return None if payload is None else values_of_payload(payload)
 
-    def _end(self, diff: MessageDiff, told: _State | None) -> Iterator[str]:
+    def _end(self, diff: MessageDiff, stated: _State | None) -> Iterator[str]:
         """Whether the adversarial bag holds what the last label tells."""
         row, clean, forged = diff.labels[-1], diff.clean, diff.forged
         if forged is None:
-            if told is not None and not self.is_held_back(told.station_id):
-                yield "is missing, and no label says that it was dropped"
+            if stated is not None and not self.is_held_back(stated.station_id):
+                yield "is missing, but no label says that it was dropped"
             return
-        if told is None:
-            yield "is labelled dropped, and was sent"
+        if stated is None:
+            yield "is labelled dropped, but was sent"
             return
-        if told.request_ns != forged.request_ns:
-            yield f"was sent at {forged.request_ns} ns, not {told.request_ns}"
+        if stated.request_ns != forged.request_ns:
+            yield f"was sent at {forged.request_ns} ns, but its label says {stated.request_ns}"
         is_same = clean is not None and clean.payload == forged.payload
         if len(diff.labels) == 1 and is_same == (row["action"] == CHANGED) and row["action"] in _BYTES:
-            yield f"is labelled {row['action']}, which it is not"
+            yield f"is labelled {row['action']}, but was not"
         yield from _values(row, "false", values_of_payload(forged.payload))
 
     def _beyond(
@@ -157,41 +157,45 @@ class MessageLabels:
         delay_s = (after.request_ns - before.request_ns) / NS_PER_S
         change = MessageChange(self.attackers.geodesy, before.values, after.values, delay_s)
         if what := beyond_declared(change, declared):
-            yield f"is beyond the bounds of {row.get('part') or row['attack']}: {what}"
+            yield f"exceeds the bounds of {row.get('part') or row['attack']}: {what}"
 
     def _places(self, row: Row) -> Iterator[str]:
         """x and y, which follow from latitude and longitude."""
-        expected_m = places_m(self.attackers.geodesy, [_told(row, "true"), _told(row, "false")])
+        expected_m = places_m(
+            self.attackers.geodesy, [_label_values(row, "true"), _label_values(row, "false")]
+        )
         for kind, place_m in zip(("true", "false"), expected_m.T.tolist(), strict=True):
             for axis, value_m in zip(AXES, place_m, strict=True):
-                told_m = _number(row[f"{kind}_{axis}"])
-                if math.isnan(told_m) != math.isnan(value_m) or abs(told_m - value_m) > ROUNDING_M:
-                    yield f"is not where {kind}_{axis} tells"
+                stated_m = _number(row[f"{kind}_{axis}"])
+                if math.isnan(stated_m) != math.isnan(value_m) or abs(stated_m - value_m) > ROUNDING_M:
+                    yield f"has a position that differs from its label's {kind}_{axis}"
 
     def _judged(self, row: Row, before: _State | None, declared: Sequence[Terms] | None) -> Iterator[str]:
         """`fields` and `mattered`, which follow from the other columns."""
-        true, false = _told(row, "true"), _told(row, "false")
+        true, false = _label_values(row, "true"), _label_values(row, "false")
         fields, said = "", None if before is None else before.values
         if row["action"] == CHANGED and said is not None and false is not None:
             fields = changed_fields(said, false)
         if row.get("fields", fields) != fields:
-            yield f"has its {fields or 'nothing'} changed, not {row['fields'] or 'nothing'}"
+            yield f"had {fields or 'nothing'} changed, but its label says {row['fields'] or 'nothing'}"
         always = any(one.every_message_matters for one in declared or ())
         mattered = row["action"] == DROPPED or always
         if not mattered:
             moved_m = math.hypot(*(_number(row[f"true_{a}"]) - _number(row[f"false_{a}"]) for a in AXES))
-            mattered = matters(true, false, moved_m, self.attackers.expiry_s)
+            mattered = has_effect(true, false, moved_m, self.attackers.expiry_s)
         if declared is None and not mattered:
             return
         if row["mattered"] is not (mattered and row["action"] != CORRUPT):
-            yield f"mattered: {row['mattered']} is told, the rule says {not row['mattered']}"
+            yield (
+                f"is labelled mattered={row['mattered']}, but by the rule it should be {not row['mattered']}"
+            )
 
 
 def _undeclared(row: Row, before: _State | None, declared: Sequence[Terms]) -> Iterator[str]:
     """The fields of a message that were changed, and that no attack that could have done it makes untrue."""
     if row["action"] not in (CHANGED, DELAYED) or before is None or not declared:
         return
-    said, says = before.values, _told(row, "false")
+    said, says = before.values, _label_values(row, "false")
     if row["action"] == DELAYED and said == says:
         return
     changed = OTHER if said is None or says is None else changed_fields(said, says)
@@ -199,41 +203,41 @@ def _undeclared(row: Row, before: _State | None, declared: Sequence[Terms]) -> I
     if all(found):
         what = f"only the {', '.join(declared[0].untrue)}" if declared[0].untrue else "nothing"
         name = row.get("part") or row["attack"]
-        yield f"has its {SEVERAL.join(found[0])} changed; {name} declares {what} untrue"
+        yield f"had {SEPARATOR.join(found[0])} changed; {name} declares {what} untrue"
 
 
 def _action(row: Row, before: _State | None, forged: Message | None) -> Iterator[str]:
     """What happened to it, as far as its being there tells, and from whose radio it is."""
     action, known = row["action"], before or forged
     if action not in ACTIONS:
-        yield f"is labelled {action}, which is none of {', '.join(ACTIONS)}"
+        yield f"is labelled {action}, which is not one of {', '.join(ACTIONS)}"
     if (action == ADDED) != (before is None):
-        yield f"is labelled {action}; the clean bag disagrees"
+        yield f"is labelled {action}, which contradicts the clean bag"
     if known is None:
-        yield "is told of, and neither bag holds it"
+        yield "is labelled, but neither bag holds it"
     elif row["station_id"] != known.station_id:
-        yield f"is from {known.station_id}, not {row['station_id']}"
+        yield f"was sent by station {known.station_id}, but its label says {row['station_id']}"
     if action == CORRUPT and before is not None and before.values is not None:
-        yield "is labelled corrupt, and is a CAM"
+        yield "is labelled corrupt, but is a valid CAM"
 
 
 def _times(row: Row, origin: _State | None) -> Iterator[str]:
     action, time_ns, sent_ns = row["action"], row["time_ns"], row["sent_ns"]
     if (sent_ns is None) != (action == DROPPED):
-        yield f"is labelled {action}, and was sent at {sent_ns} ns"
+        yield f"is labelled {action}, but with sent_ns {sent_ns}"
     if origin is not None and time_ns != origin.request_ns:
-        yield f"was recorded at {origin.request_ns} ns, not {time_ns}"
+        yield f"was recorded at {origin.request_ns} ns, but its label says {time_ns}"
     if action in (ADDED, CORRUPT) and sent_ns != time_ns:
-        yield f"is labelled {action}, recorded at {time_ns} ns and sent at {sent_ns} ns"
+        yield f"is labelled {action}, but with time_ns {time_ns} and sent_ns {sent_ns}"
     if action == DELAYED and sent_ns <= time_ns:
-        yield f"is labelled delayed, from {time_ns} ns to {sent_ns} ns"
+        yield f"is labelled delayed, but from {time_ns} ns to {sent_ns} ns"
 
 
 def _values(row: Row, kind: str, said: Values | None) -> Iterator[str]:
     """The first field that a label tells otherwise than a message."""
     for name in FIELDS:
         if row[f"{kind}_{name}"] != (None if said is None else said[name]):
-            yield f"does not say what {kind}_{name} tells"
+            yield f"differs from its label's {kind}_{name}"
 
 
 def _state(message: Message) -> _State:
@@ -241,10 +245,10 @@ def _state(message: Message) -> _State:
 
 
 def _after(row: Row) -> _State:
-    return _State(row["station_id"], row["sent_ns"], _told(row, "false"))
+    return _State(row["station_id"], row["sent_ns"], _label_values(row, "false"))
 
 
-def _told(row: Row, kind: str) -> Values | None:
+def _label_values(row: Row, kind: str) -> Values | None:
     """The fields of a label; None where it is of no CAM."""
     if row[f"{kind}_station_id"] is None:
         return None

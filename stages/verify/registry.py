@@ -1,4 +1,4 @@
-"""The checks by name, in the order in which they run and are told."""
+"""The checks by name, in the order in which they run and are reported."""
 
 from __future__ import annotations
 

@@ -12,9 +12,9 @@ from advpipe.pipeline.core.errors import one_line
 from advpipe.pipeline.core.tabular import Rows, Tabular
 
 FAULTS_A_PLACE = 5
-"""Of faults of one check at one place, so many are told one by one; the others are counted."""
+"""Of faults of one check at one place, so many are reported one by one; the others are counted."""
 
-NOT_DECLARED = "not checked: the bag is of a version in which attacks did not declare themselves"
+NOT_DECLARED = "not checked: the bag comes from a version that did not record attack declarations"
 
 
 class Fault(NamedTuple):
@@ -24,14 +24,14 @@ class Fault(NamedTuple):
     what: str
 
 
-class Gap(NamedTuple):
+class Unchecked(NamedTuple):
     """Something cannot be checked, and why."""
 
     where: str
     what: str
 
 
-Result = Fault | Gap
+Result = Fault | Unchecked
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Finding:
 
 @dataclass(repr=False)
 class Verification(Tabular):
-    """findings: what is wrong. unchecked: what could not be told. checks: those that ran.
+    """findings: what is wrong. unchecked: what could not be checked. checks: those that ran.
 
     scratch: where an archive lies unpacked; findings leave it out.
 
@@ -90,7 +90,7 @@ class Verification(Tabular):
         for (kind, check, where), count in self._counts.items():
             if count > FAULTS_A_PLACE:
                 kept = self.findings if kind is Fault else self.unchecked
-                kept.append(Finding(check, where, f"and {count - FAULTS_A_PLACE} more of the kind"))
+                kept.append(Finding(check, where, f"and {count - FAULTS_A_PLACE} more like this"))
         self._counts.clear()
 
     def to_json(self) -> str:

@@ -13,15 +13,15 @@ from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.dataset import archive
 from advpipe.pipeline.dataset.parts import existing_parts, whole_name
 from advpipe.pipeline.mcap.reader import DAMAGE
-from advpipe.stages.verify.checks.base import BagCheck, FolderCheck, MessageCheck, Seen
+from advpipe.stages.verify.checks.base import BagCheck, FolderCheck, MessageCheck, MessageView
 from advpipe.stages.verify.mcap_scanner import McapScanner
 from advpipe.stages.verify.registry import CHECKS, QUICK, QUICK_ALONE
-from advpipe.stages.verify.result import Fault, Gap, Result, Verification
+from advpipe.stages.verify.result import Fault, Result, Unchecked, Verification
 from advpipe.stages.verify.subject import Bag, Subject, find_subject
 
 __all__ = ["verify"]
 
-NONSENSE = (*DAMAGE, TypeError, AttributeError, ArithmeticError)
+MALFORMED = (*DAMAGE, TypeError, AttributeError, ArithmeticError)
 """What looking into records, messages and tables of another shape, or with absurd values, raises."""
 
 
@@ -77,7 +77,9 @@ def _run(subject: Subject, quick: bool, result: Verification) -> None:
     if subject.layout is not None:
         for leftover in subject.layout.leftovers:
             what = "a run is still writing it" if leftover.is_running else "was left by a killed run"
-            result.add("container", [Gap(subject.place(leftover.path), f"{what}: no part of the data set")])
+            result.add(
+                "container", [Unchecked(subject.place(leftover.path), f"{what}; not part of the data set")]
+            )
     for name in result.checks:
         made = CHECKS[name]
         if issubclass(made, FolderCheck):
@@ -85,7 +87,9 @@ def _run(subject: Subject, quick: bool, result: Verification) -> None:
     if quick:
         return
     if not subject.bags:
-        result.add("container", [Gap(subject.root.name, "the clean bag cannot be read: no more is checked")])
+        result.add(
+            "container", [Unchecked(subject.root.name, "the clean bag cannot be read, so no more is checked")]
+        )
     for bag in subject.bags:
         _check_bag(bag, result)
 
@@ -103,7 +107,7 @@ def _check_bag(bag: Bag, result: Verification) -> None:
     bag.scanners = [McapScanner(file) for file in files]
     messages = (raw for scanner in bag.scanners for raw in scanner.messages())
     for raw in track(messages, f"checking {bag.place}", count):
-        seen = Seen(bag, raw)
+        seen = MessageView(bag, raw)
         for name, watcher in watching:
             result.add(name, _safely(watcher.see(seen), seen.where))
     for name, check in checks.items():
@@ -124,6 +128,6 @@ def _safely(results: Iterator[Result], where: str) -> Iterator[Result]:
         yield Fault(where, str(error))
     except OSError as error:
         yield Fault(where, os_error_line(error))
-    except NONSENSE as error:
+    except MALFORMED as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        yield Fault(where, f"what it says of itself cannot be understood: {reason}")
+        yield Fault(where, f"its records or messages are malformed: {reason}")

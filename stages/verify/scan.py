@@ -63,7 +63,7 @@ def scan(path: Path) -> FileScan:
                 spans, is_own = list(_spans(stream)), _is_own(stream)
                 covered = all(span.crc for span in spans)
             except DAMAGE as error:
-                fault = f"no whole MCAP file: {error}" if str(error) else "no whole MCAP file"
+                fault = f"not a complete MCAP file: {error}" if str(error) else "not a complete MCAP file"
         stream.seek(0)
         sha256, crcs = _sums(stream, spans)
     faults = [fault] if fault else []
@@ -71,7 +71,7 @@ def scan(path: Path) -> FileScan:
         if span.crc and crc != span.crc:
             faults.append(f"the checksum of the {span.name} is wrong")
         elif not span.crc and is_own:
-            faults.append(f"the checksum of the {span.name} is missing, which advpipe always writes")
+            faults.append(f"the checksum of the {span.name} is missing, though advpipe always writes one")
     return FileScan(sha256, tuple(faults), covered)
 
 
@@ -110,14 +110,14 @@ def _spans(stream: IO[bytes]) -> Iterator[_Span]:
         raise ValueError("its end is missing")
     stream.seek(0)
     if stream.read(_MAGIC_BYTES) != MCAP0_MAGIC:
-        raise ValueError("wrong first bytes")
+        raise ValueError("wrong magic bytes at the start")
     footer_start, end = size - _MAGIC_BYTES - FOOTER_BYTES, size - _MAGIC_BYTES
     footer = parse_record(*_record(stream, footer_start, end))
     if not isinstance(footer, Footer):
         raise ValueError("its footer is missing")
     data_end_start = (footer.summary_start or footer_start) - _DATA_END_BYTES
     if data_end_start < _MAGIC_BYTES:
-        raise ValueError("its footer names a place that is none")
+        raise ValueError("its footer states an invalid offset")
     data_end = parse_record(*_record(stream, data_end_start, data_end_start + _DATA_END_BYTES))
     if not isinstance(data_end, DataEnd):
         raise ValueError("the data section does not end where the summary begins")
@@ -130,7 +130,7 @@ def _record(stream: IO[bytes], start: int, end: int) -> tuple[int, bytes]:
     """The one record between two places."""
     record = next(read_records(stream, start, end))
     if record.end != end:
-        raise struct.error(f"the record at {start} has another length than its kind")
+        raise struct.error(f"the record at {start} has an unexpected length")
     return record.opcode, record.body
 
 

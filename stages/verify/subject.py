@@ -14,7 +14,7 @@ from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.document import read_yaml
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
-from advpipe.pipeline.core.leftover_names import has_leftover_name
+from advpipe.pipeline.core.leftover_names import is_leftover_name
 from advpipe.pipeline.dataset import checksums
 from advpipe.pipeline.dataset.layout import Layout, read_layout
 from advpipe.stages.verify.mcap_scanner import McapScanner
@@ -58,7 +58,7 @@ class Bag:
     def scenario(self) -> dict[str, Any] | None:
         """The resolved scenario as plain values; None in another tool's bag, and where it is unreadable."""
         try:
-            found: dict[str, Any] = read_yaml(self.provenance.said.scenario, dict[str, Any], self.place, "")
+            found: dict[str, Any] = read_yaml(self.provenance.fields.scenario, dict[str, Any], self.place, "")
         except AdvpipeError:
             return None
         return found
@@ -76,7 +76,7 @@ class Bag:
     @cached_property
     def parent(self) -> Bag | None:
         """The bag that an attack was made from: the one with the right checksum; None if it is not here."""
-        wanted = self.provenance.said.parent_sha256
+        wanted = self.provenance.fields.parent_sha256
         for bag in self.subject.candidates:
             if bag.path != self.path and bag.sha256 is not None and bag.sha256 == wanted:
                 return bag
@@ -125,8 +125,10 @@ def find_subject(path: Path) -> Subject:
     path = Path(path)
     if not path.exists():
         raise UsageError(f"{path} does not exist; give a data set, a bag, an .mcap file or an archive")
-    if has_leftover_name(path.resolve().name):
-        raise UsageError(f"{path} is what an unfinished run left; finish that, or see `advpipe clean {path}`")
+    if is_leftover_name(path.resolve().name):
+        raise UsageError(
+            f"{path} was left by an unfinished run; finish that run, or see `advpipe clean {path}`"
+        )
     has_clean, has_sums = (path / CLEAN_NAME).is_dir(), (path / checksums.FILE).is_file()
     if has_clean or (has_sums and not (path / METADATA_NAME).is_file()):
         return _dataset(path)
@@ -134,13 +136,14 @@ def find_subject(path: Path) -> Subject:
         return _lone(path)
     if path.suffix == ".mcap":
         return _lone(path)
-    raise UsageError(f"{path} is no data set, no bag, no .mcap file and no archive")
+    raise UsageError(f"{path} is not a data set, a bag, an .mcap file or an archive")
 
 
 def _lone(path: Path) -> Subject:
     if path.is_dir() and not (path / METADATA_NAME).is_file():
         raise UsageError(
-            f"{path} is no data set (no {CLEAN_NAME}/) and no bag (no {METADATA_NAME}); give one of them"
+            f"{path} is neither a data set (no {CLEAN_NAME}/) nor a bag (no {METADATA_NAME}); give "
+            "one of them"
         )
     root = path if path.is_dir() else path.parent
     subject = Subject(root, None)
@@ -157,7 +160,7 @@ def _dataset(path: Path) -> Subject:
     elif (path / checksums.FILE).is_file():
         layout = None  # the list of checksums tells what is missing
     else:
-        raise UsageError(f"{path} is no data set: {CLEAN_NAME}/{METADATA_NAME} is missing")
+        raise UsageError(f"{path} is not a data set: {CLEAN_NAME}/{METADATA_NAME} is missing")
     subject = Subject(path, layout)
     if layout is not None:
         subject.bags = [Bag(bag, subject.place(bag), subject) for bag in layout.bags]

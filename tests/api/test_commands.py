@@ -95,7 +95,7 @@ def test_a_bag_gives_clouds_boxes_cams_and_fixes(done: Path) -> None:
 
 def test_mistakes_are_one_line(done: Path, tmp_path: Path) -> None:
     bag = advpipe.open_bag(done / "drive")
-    with pytest.raises(advpipe.UsageError, match="bus receives no CAMs; who does: ego"):
+    with pytest.raises(advpipe.UsageError, match="bus receives no CAMs; vehicles that do: ego"):
         bag.cams("bus")
     with pytest.raises(advpipe.UsageError, match="does not exist"):
         advpipe.open_bag(tmp_path / "nothing")
@@ -103,7 +103,7 @@ def test_mistakes_are_one_line(done: Path, tmp_path: Path) -> None:
         bag.frames("one")
     with pytest.raises(advpipe.UsageError, match="ratio' is given twice"):
         advpipe.attack(done / "drive", ratio=0.1, parameters={"ratio": 0.2})
-    with pytest.raises(advpipe.UsageError, match="give them to load_scenario"):
+    with pytest.raises(advpipe.UsageError, match="pass them to load_scenario"):
         advpipe.simulate(advpipe.load_scenario("smoke"), settings=["simulation.duration_s=1"])
-    with pytest.raises(advpipe.UsageError, match="exists already"):
+    with pytest.raises(advpipe.UsageError, match="already exists"):
         advpipe.simulate("smoke", out=done / "drive")

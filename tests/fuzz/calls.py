@@ -12,7 +12,7 @@ from advpipe.pipeline.bag.inspect import describe
 from advpipe.pipeline.bag.localisation import read_measurements
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.recover import recover
-from advpipe.pipeline.core.text import spelt_out
+from advpipe.pipeline.core.text import escape_unprintable
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.replay.recorded_filter import read_filter, vehicles_with_filter
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
@@ -29,7 +29,7 @@ def shown(print_it: Callable[[], object]) -> str:
     """What would stand on a terminal: the command line spells out what a terminal obeys."""
     with redirect_stdout(io.StringIO()) as text:
         print_it()
-    return spelt_out(text.getvalue())
+    return escape_unprintable(text.getvalue())
 
 
 def read(bag: Path, out: Path) -> None:

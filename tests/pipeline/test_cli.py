@@ -77,7 +77,7 @@ def test_the_help_of_attacks_says_what_the_attacker_knows_and_what_a_miss_is(run
     assert "knows the detector, the true boxes and the rule that matches detections to them" in help_text
     assert "a miss from 13 cm along all three axes at once, 32 cm sideways" in help_text
     assert '"hide" objects: no box that overlaps them loosely is left' in help_text
-    assert "random-best (the strongest baseline)" in help_text
+    assert "random-best (the strongest)" in help_text
 
 
 MISTAKES = {

@@ -257,7 +257,7 @@ def test_run_over_files_that_are_none(drive: Path, tmp_path: Path, monkeypatch: 
     settings = [word for one in SMALL for word in ("--set", one)]
     result = CliRunner().invoke(app, ["run", "smoke", "-o", str(folder), *settings])
     assert result.exit_code == 1
-    assert "scenario.yaml is not a text file in UTF-8" in result.stderr
+    assert "scenario.yaml is not a UTF-8 text file" in result.stderr
     assert (folder / "scenario.yaml").read_bytes() == BINARY
 
 

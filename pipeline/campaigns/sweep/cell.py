@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass, fields
+from pathlib import Path
 from typing import Any
 
 from advpipe.pipeline.core import plain_json
 from advpipe.pipeline.detector.device import CPU
+from advpipe.pipeline.results.deprecated import with_new_keys
 from advpipe.pipeline.results.evaluation import plain_value
 from advpipe.pipeline.results.figures import CloudFigures
 from advpipe.pipeline.results.row import ResultRow
@@ -93,9 +95,9 @@ class Cell:
         return record | {"settings": asdict(self.settings), "row": plain_value(self.row.record())}
 
     @staticmethod
-    def from_json(text: str) -> Cell:
-        """Raises ValueError, KeyError or TypeError for what is no cell."""
-        stored = plain_json.load_json(text, LIMIT_BYTES)
+    def from_json(text: str, folder: Path) -> Cell:
+        """A cell stored in this folder. Raises ValueError, KeyError or TypeError for invalid text."""
+        stored = with_new_keys(plain_json.load_json(text, LIMIT_BYTES), folder)
         settings = Settings(**stored.pop("settings"))
         for key in ("frames", "found_objects", "lost_objects", "map_ratio_draws"):
             stored[key] = tuple(stored[key])

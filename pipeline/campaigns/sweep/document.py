@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from advpipe.pipeline.campaigns.sweep.budgets import AXES
+from advpipe.pipeline.campaigns.sweep.caveats import sweep_caveats
 from advpipe.pipeline.campaigns.sweep.cell import Cell
 from advpipe.pipeline.campaigns.sweep.curves import draw_budget_curves, draw_convergence
 from advpipe.pipeline.campaigns.sweep.ingredients import ingredients_tables, measured
-from advpipe.pipeline.campaigns.sweep.remarks import sweep_warnings
 from advpipe.pipeline.campaigns.sweep.tables import (
     ON_THE_TERMINAL,
     baselines_table,
@@ -23,7 +23,8 @@ from advpipe.pipeline.campaigns.sweep.tables import (
     table_one,
     table_two,
 )
-from advpipe.pipeline.core.whole_file import write_whole
+from advpipe.pipeline.core.atomic_file import write_atomically
+from advpipe.pipeline.results.deprecated import with_deprecated_keys
 from advpipe.stages.evaluate.report.page import rendered
 from advpipe.stages.evaluate.report.pictures import to_png
 from advpipe.stages.evaluate.report.report import FORMULAS
@@ -38,19 +39,19 @@ def write_document(
     recipes: Sequence[str],
     command: str,
     panels: Sequence[ReportPicture] = (),
-    banners: Sequence[str] = (),
+    warnings: Sequence[str] = (),
 ) -> None:
     """Write report.json, report.html and figures/ of all cells; those of an earlier run are replaced.
 
-    command: that made them. panels: pictures of a frame, if they were drawn. banners: what must be read
-    before any figure.
+    command: that made them. panels: pictures of a frame, if they were drawn. warnings: what must be read
+    before any value.
     """
     pictures = [*panels, *_curves(cells)]
     (folder / "figures").mkdir(exist_ok=True)
     for picture in pictures:
-        write_whole(folder / "figures" / picture.file_name, picture.png)
-    write_whole(folder / "report.json", to_json(cells, recipes, command, banners).encode())
-    write_whole(folder / "report.html", _html(cells, recipes, command, pictures, banners).encode())
+        write_atomically(folder / "figures" / picture.file_name, picture.png)
+    write_atomically(folder / "report.json", to_json(cells, recipes, command, warnings).encode())
+    write_atomically(folder / "report.html", _html(cells, recipes, command, pictures, warnings).encode())
 
 
 def _curves(cells: Sequence[Cell]) -> list[ReportPicture]:
@@ -67,19 +68,19 @@ def _curves(cells: Sequence[Cell]) -> list[ReportPicture]:
     return pictures
 
 
-def to_json(cells: Sequence[Cell], recipes: Sequence[str], command: str, banners: Sequence[str] = ()) -> str:
+def to_json(cells: Sequence[Cell], recipes: Sequence[str], command: str, warnings: Sequence[str] = ()) -> str:
     """The text of report.json."""
     formulas = {key: FORMULAS[key] for key in _SHOWN}
     document: dict[str, Any] = {
-        "banners": list(banners),
+        "warnings": list(warnings),
         "command": command,
         "formulas": formulas,
-        "remarks": sweep_warnings(cells),
+        "caveats": sweep_caveats(cells),
         "provenance": provenance(cells),
         "cells": records(cells, recipes),
         "ingredients": measured(cells),
     }
-    return json.dumps(document, indent=1, sort_keys=True, allow_nan=False) + "\n"
+    return json.dumps(with_deprecated_keys(document), indent=1, sort_keys=True, allow_nan=False) + "\n"
 
 
 def provenance(cells: Sequence[Cell]) -> list[dict[str, Any]]:
@@ -104,7 +105,7 @@ def _html(
     recipes: Sequence[str],
     command: str,
     pictures: Sequence[ReportPicture],
-    banners: Sequence[str],
+    warnings: Sequence[str],
 ) -> str:
     details = (
         *(baselines_table(cells), loose_table(cells), budget_table(cells), convergence_table(cells)),
@@ -112,8 +113,8 @@ def _html(
     )
     return rendered(
         TEMPLATE.read_text(encoding="utf-8"),
-        banners=banners,
-        remarks=sweep_warnings(cells),
+        warnings=warnings,
+        caveats=sweep_caveats(cells),
         tables=paper_tables(cells, recipes),
         details=[table for table in details if table.lines],
         pictures=pictures,
@@ -124,25 +125,25 @@ def _html(
 
 
 _SHOWN = (
-    *("ap", "map", "map_ratio", "iou", "ignored", "chamfer", "interval", "baseline", "beats_random"),
+    *("ap", "map", "map_ratio", "iou", "ignored", "chamfer", "interval", "baseline", "significant_vs_random"),
     *("lost", "white_box"),
 )
 
 
-def print_document(cells: Sequence[Cell], recipes: Sequence[str], banners: Sequence[str] = ()) -> None:
+def print_document(cells: Sequence[Cell], recipes: Sequence[str], warnings: Sequence[str] = ()) -> None:
     """Both tables on the terminal; of Table II the columns that fit there."""
     from advpipe.pipeline.core.streams import plain_console
 
     console = plain_console()
-    for banner in banners:
-        console.print(banner, style="bold yellow", highlight=False, markup=False)
+    for warning in warnings:
+        console.print(warning, style="bold yellow", highlight=False, markup=False)
     console.print(_rich(_transposed(table_one(cells, recipes))))
     for attack in AXES:
         table = table_two(cells, recipes, attack)
         lines = tuple(tuple(line[place] for place in ON_THE_TERMINAL) for line in table.lines)
         console.print(_rich(Table(table.title, tuple(ON_THE_TERMINAL.values()), lines)))
-    for remark in sweep_warnings(cells):
-        console.print(remark, highlight=False, markup=False)
+    for caveat in sweep_caveats(cells):
+        console.print(caveat, highlight=False, markup=False)
 
 
 def _transposed(table: Table) -> Table:

@@ -18,7 +18,7 @@ from advpipe.pipeline.campaigns.sweep.settings import sweep_settings
 from advpipe.pipeline.campaigns.sweep.store import Store
 from advpipe.pipeline.campaigns.sweep.tables import paper_tables, recipes_of, records
 from advpipe.pipeline.campaigns.sweep.variants import steps_factor
-from advpipe.pipeline.core.errors import wrong_use
+from advpipe.pipeline.core.errors import as_usage_error
 from advpipe.pipeline.core.tabular import Rows, Tabular, html_paragraph, html_table
 from advpipe.pipeline.core.verbosity import detail, say
 from advpipe.pipeline.detector.registry import load_detector
@@ -41,12 +41,12 @@ class Sweep:
     @classmethod
     def prepared(cls, clean: Path, out: Path, options: SweepOptions) -> Sweep:
         """Raises AdvpipeError for whatever can be refused now rather than hours later."""
-        with wrong_use():
+        with as_usage_error():
             budgets = tuple(choose_budgets(options.table, list(options.cells)))
         settings = sweep_settings(clean, options)
         bench = Bench(clean, out, options.detector, options.workers, options.keep_bags, options.device)
         prepared = cls(clean, Store(out), bench, settings, budgets, options)
-        with wrong_use():
+        with as_usage_error():
             for recipe, budget in prepared.places():
                 bench.request(budget, recipe, settings).check()
         count = len(options.recipes) * len(budgets)
@@ -77,7 +77,7 @@ class Sweep:
         of_map = map_status(self.options.detector, detector, BagReader(self.clean).provenance)
         report = SweepReport(self.store.folder, done, shown, [of_map.text] if of_map.text else [])
         commands = commands_of(self.clean, self.options.table, done)
-        write_document(report.folder, done, shown, commands, pictures, report.banners)
+        write_document(report.folder, done, shown, commands, pictures, report.warnings)
         return report
 
     def _run_missing(self, recipe: str, budget: SweepBudget) -> bool:
@@ -97,7 +97,7 @@ class SweepReport(Tabular):
     folder: Path
     cells: Sequence[Cell]
     recipes: Sequence[str]
-    banners: Sequence[str]
+    warnings: Sequence[str]
 
     def __str__(self) -> str:
         names = ", ".join(cell.name for cell in self.cells)
@@ -122,7 +122,7 @@ class SweepReport(Tabular):
 
     def show(self) -> None:
         """The tables on the terminal."""
-        print_document(self.cells, self.recipes, self.banners)
+        print_document(self.cells, self.recipes, self.warnings)
 
 
 def _line(cell: Cell, budget: SweepBudget, times: Times) -> str:

@@ -16,8 +16,8 @@ from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
-from advpipe.stages.evaluate.detection.arm import Arm
 from advpipe.stages.evaluate.detection.comparison import FrameResult
+from advpipe.stages.evaluate.detection.condition import Arm
 from advpipe.stages.evaluate.detection.detection_run import DetectionRun
 from advpipe.stages.evaluate.detection.figures import ratio_draws
 from advpipe.stages.evaluate.detection.scoring import known_classes

@@ -13,9 +13,9 @@ from pathlib import Path
 from advpipe.pipeline.campaigns.sweep.budgets import TABLES
 from advpipe.pipeline.campaigns.sweep.cell import Cell, Settings, Times
 from advpipe.pipeline.core import plain_json
+from advpipe.pipeline.core.atomic_file import write_atomically
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
-from advpipe.pipeline.core.leftover_names import has_leftover_name
-from advpipe.pipeline.core.whole_file import write_whole
+from advpipe.pipeline.core.leftover_names import is_leftover_name
 
 CELLS, TIMES = "cells", "times.json"
 
@@ -43,8 +43,8 @@ class Store:
         path.parent.mkdir(parents=True, exist_ok=True)
         taken = {name: asdict(each) for name, each in (self.times() | {cell.name: times}).items()}
         text = json.dumps(taken, indent=1, sort_keys=True)
-        write_whole(self.folder / TIMES, f"{text}\n".encode())
-        write_whole(path, cell.to_json().encode())
+        write_atomically(self.folder / TIMES, f"{text}\n".encode())
+        write_atomically(path, cell.to_json().encode())
 
     def times(self) -> dict[str, Times]:
         """What the cells took, by their names; raises AdvpipeError for a file that does not say so."""
@@ -70,7 +70,7 @@ class Store:
         if self.folder.exists() and not self.folder.is_dir():
             raise UsageError(f"{self.folder} is no folder; choose another --out")
         names = [path.name for path in self.folder.iterdir()] if self.folder.is_dir() else []
-        strangers = [name for name in names if not has_leftover_name(name)]
+        strangers = [name for name in names if not is_leftover_name(name)]
         if strangers and not (self.folder / CELLS).is_dir():
             raise UsageError(
                 f"{self.folder} holds {min(strangers)} but no {CELLS}/, so it is no sweep; "
@@ -109,7 +109,7 @@ def _short(value: object) -> str:
 
 def _read(path: Path) -> Cell:
     try:
-        cell = Cell.from_json(path.read_text(encoding="utf-8"))
+        cell = Cell.from_json(path.read_text(encoding="utf-8"), path.parent)
         if path.stem != cell.name or cell.budget not in {budget.name for budget in TABLES["paper"]}:
             raise ValueError(f"holds {cell.name}")
         return cell

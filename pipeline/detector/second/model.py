@@ -99,24 +99,24 @@ class Second(NetworkDetector[SecondNet]):
         return self._losses(voxels, inputs, None)
 
     def occupancy_loss(
-        self, points: Tensor, boxes: Tensor, labels: Tensor, ghosts: Tensor | None = None
+        self, points: Tensor, boxes: Tensor, labels: Tensor, probes: Tensor | None = None
     ) -> tuple[Tensor, Tensor, Tensor]:
         """The loss as a function of voxel occupancy, as `VoxelDetector.occupancy_loss`.
 
         As returned it is `loss`; with a voxel at zero it is `loss` without that voxel's points, and with a
-        ghost's voxel at one it is `loss` with the ghosts there among the points.
+        ghost's voxel at one it is `loss` with the probes there among the points.
         """
-        voxels = self._voxels(points, ghosts)
+        voxels = self._voxels(points, probes)
         occupancy = voxels.holds_points.to(points.device, voxels.features.dtype).requires_grad_()
         loss = self._loss(voxels, boxes, labels, occupancy.to(self.device))
         return loss.to(points.device), occupancy, voxels.point_to_voxel.to(points.device)
 
     def occupancy_loss_batch(self, inputs: Sequence[LossInput]) -> list[tuple[Tensor, Tensor, Tensor]]:
         """What `occupancy_loss` says of each cloud."""
-        voxels = self._voxels_of([each.points for each in inputs], [each.ghosts for each in inputs])
-        # A cloud's voxels follow one another, and so do its points, with its ghosts behind them.
+        voxels = self._voxels_of([each.points for each in inputs], [each.probes for each in inputs])
+        # A cloud's voxels follow one another, and so do its points, with its probes behind them.
         counts = torch.bincount(voxels.sites.bzyx()[0], minlength=len(inputs)).tolist()
-        sizes = [sum(len(part) for part in (each.points, each.ghosts) if part is not None) for each in inputs]
+        sizes = [sum(len(part) for part in (each.points, each.probes) if part is not None) for each in inputs]
         first, rows, occupancies = 0, [], []
         for each, count, row in zip(inputs, counts, torch.split(voxels.point_to_voxel, sizes), strict=True):
             held = voxels.holds_points[first : first + count]
@@ -126,17 +126,17 @@ class Second(NetworkDetector[SecondNet]):
         together = torch.cat([occupancy.to(self.device) for occupancy in occupancies])
         return list(zip(self._losses(voxels, inputs, together), occupancies, rows, strict=True))
 
-    def _voxels(self, points: Tensor, ghosts: Tensor | None = None) -> Voxels:
-        return self._voxels_of([points], [ghosts])
+    def _voxels(self, points: Tensor, probes: Tensor | None = None) -> Voxels:
+        return self._voxels_of([points], [probes])
 
-    def _voxels_of(self, clouds: Sequence[Tensor], ghosts: Sequence[Tensor | None]) -> Voxels:
+    def _voxels_of(self, clouds: Sequence[Tensor], probes: Sequence[Tensor | None]) -> Voxels:
         given = [
             cloud if extra is None else torch.cat([cloud, extra])
-            for cloud, extra in zip(clouds, ghosts, strict=True)
+            for cloud, extra in zip(clouds, probes, strict=True)
         ]
         require_finite(given)
         counts = [len(each) - len(cloud) for each, cloud in zip(given, clouds, strict=True)]
-        return voxelise([each.to(self.device) for each in given], self.preset, ghosts=counts)
+        return voxelise([each.to(self.device) for each in given], self.preset, probes=counts)
 
     def _loss(self, voxels: Voxels, boxes: Tensor, labels: Tensor, occupancy: Tensor | None) -> Tensor:
         grid = self.net.anchor_grid()

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.core.hashing import sha256_of
-from advpipe.pipeline.core.shown import cut
+from advpipe.pipeline.core.short_repr import shorten
 from advpipe.pipeline.detector.second.backbone3d import STRIDED
 from advpipe.pipeline.detector.second.model import SecondNet
 from advpipe.pipeline.detector.second.presets import KITTI
@@ -100,7 +100,7 @@ def _some(names: Iterable[str], shown: int = 3) -> str:
     """The first names and how many more there are."""
     ordered = sorted(names)
     more = f" and {len(ordered) - shown} more" if len(ordered) > shown else ""
-    return ", ".join(map(cut, ordered[:shown])) + more
+    return ", ".join(map(shorten, ordered[:shown])) + more
 
 
 def _load(path: Path) -> object:

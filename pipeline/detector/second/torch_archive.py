@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import IO
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.core.shown import cut
+from advpipe.pipeline.core.short_repr import shorten
 
 MOST_BYTES = 1 << 28
 """A SECOND for KITTI has 21 MB of weights, and three times that with its optimiser."""
@@ -110,7 +110,7 @@ def _check_pickle(path: Path, file: IO[bytes]) -> None:
         for operation, argument, _ in pickletools.genops(file):
             named = str(argument) if operation.name == "GLOBAL" else ""
             if operation.name in ("STACK_GLOBAL", "INST") or (named and not PLAIN.fullmatch(named)):
-                what = cut(named.replace(" ", ".")) or "a name that is made up"
+                what = shorten(named.replace(" ", ".")) or "a name that is made up"
                 raise AdvpipeError(
                     f"{path} holds {what}, and what is no plain tensor is not loaded, since it could run "
                     "code; if you trust the file, save its `model_state` alone, as {'model_state': ...}, "

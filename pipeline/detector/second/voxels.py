@@ -19,7 +19,7 @@ class Voxels:
     features: (V, 4) mean x, y, z, intensity of the points inside that count.
     sites: where they are.
     point_to_voxel: (N,) int64 row of each point of the concatenated clouds, -1 if in no voxel that is read.
-    holds_points: (V,) bool; the other voxels hold only ghosts.
+    holds_points: (V,) bool; the other voxels hold only probes.
     """
 
     features: Tensor
@@ -29,7 +29,7 @@ class Voxels:
 
 
 def voxelise(
-    clouds: Sequence[Tensor], preset: SecondPreset, *, training: bool = False, ghosts: Sequence[int] = ()
+    clouds: Sequence[Tensor], preset: SecondPreset, *, training: bool = False, probes: Sequence[int] = ()
 ) -> Voxels:
     """The voxels of clouds (N_i, 4) x, y, z, intensity, one batch entry each.
 
@@ -37,7 +37,7 @@ def voxelise(
     points does not matter and each has a gradient; except where the preset limits the points of a voxel
     or, in `training` to another number, the voxels of a cloud: the first ones then count, as in OpenPCDet.
 
-    ghosts: of each cloud, how many of its last points are none yet: a voxel that holds a point besides is as
+    probes: of each cloud, how many of its last points are none yet: a voxel that holds a point besides is as
     if they were not there, and one without a point has them as its features.
     """
     points = torch.cat(list(clouds))
@@ -59,10 +59,10 @@ def voxelise(
     point_to_voxel = torch.full((len(points),), -1, dtype=torch.int64, device=points.device)
     point_to_voxel[rows] = voxel
     holds_points = torch.ones(len(keys), dtype=torch.bool, device=points.device)
-    if any(ghosts):
-        is_ghost = _last_of_each(clouds, ghosts)[rows]
-        holds_points = torch.zeros_like(holds_points).index_fill(0, voxel[~is_ghost], True)
-        counts = ~is_ghost | ~holds_points[voxel]
+    if any(probes):
+        is_probe = _last_of_each(clouds, probes)[rows]
+        holds_points = torch.zeros_like(holds_points).index_fill(0, voxel[~is_probe], True)
+        counts = ~is_probe | ~holds_points[voxel]
         rows, voxel = rows[counts], voxel[counts]
     if preset.points_per_voxel is not None:
         counts = _place_in_voxel(voxel) < preset.points_per_voxel

@@ -89,7 +89,7 @@ class Lidar:
         rays, range_m = rays[kept], range_m[kept] + noise[rays[kept]] * stddev_m[kept]
         points = _Points(rays, range_m, answer[kept], hits.objects[rays])
         if self._air is not None:
-            points = _outshone(points, self._air.echoes(len(hits.range_m), rng), hits.range_m)
+            points = _with_stronger_echoes(points, self._air.echoes(len(hits.range_m), rng), hits.range_m)
         return self._cloud(points, velocities_mps)
 
     def undistorted(self, cloud: Cloud, base_twist: Float64) -> npt.NDArray[np.floating[Any]]:
@@ -150,7 +150,7 @@ class _Points(NamedTuple):
     objects: npt.NDArray[np.int32]
 
 
-def _outshone(points: _Points, echoes: Echoes, reach_m: Float32) -> _Points:
+def _with_stronger_echoes(points: _Points, echoes: Echoes, reach_m: Float32) -> _Points:
     """The points, where the air answers stronger replaced by its echo: a sensor gives the strongest return.
 
     reach_m: (R,), how far the air goes along each of all rays.

@@ -25,10 +25,10 @@ class Lidars(MountedSensor[LidarSensor]):
     needs = frozenset({"road users", "rays"})
 
     def __init__(self, vehicle: str, sections: Mapping[str, LidarSensor], drive: DriveSettings) -> None:
-        from advpipe.pipeline.sensors.lidar.rig import Rig
+        from advpipe.pipeline.sensors.lidar.rig import LidarRig
 
         self._vehicle, self._drive = vehicle, drive
-        self._rig = Rig(vehicle, sections, drive)
+        self._rig = LidarRig(vehicle, sections, drive)
         self.mounts = {name: lidar.base_SE3_lidar for name, lidar in self._rig.lidars.items()}
 
     def sense(self, instant: Instant) -> Reading:

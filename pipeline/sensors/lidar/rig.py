@@ -31,7 +31,7 @@ class LidarView:
     occlusion: Float64
 
 
-class Rig:
+class LidarRig:
     """The LiDARs of one vehicle, by name."""
 
     def __init__(self, vehicle: str, sections: Mapping[str, LidarSensor], drive: DriveSettings) -> None:

@@ -23,7 +23,7 @@ from advpipe.pipeline.core.section import (
     Whole,
     Word,
 )
-from advpipe.pipeline.core.shown import cut, shown
+from advpipe.pipeline.core.short_repr import short_repr, shorten
 from advpipe.pipeline.sensors.lidar.presets import LIDAR_PRESETS
 from advpipe.pipeline.sensors.sensor import MountedSection
 
@@ -89,10 +89,10 @@ class LidarSensor(MountedSection):
         name, given = keys.get("preset"), dict(keys)
         if isinstance(name, str):
             if name not in LIDAR_PRESETS:
-                close = difflib.get_close_matches(cut(name.lower()), LIDAR_PRESETS, n=1)
+                close = difflib.get_close_matches(shorten(name.lower()), LIDAR_PRESETS, n=1)
                 hint = f"did you mean {close[0]!r}? " if close else ""
                 raise ValueError(
-                    f"preset {shown(name)} is no known sensor; {hint}known: {', '.join(LIDAR_PRESETS)}"
+                    f"preset {short_repr(name)} is no known sensor; {hint}known: {', '.join(LIDAR_PRESETS)}"
                 )
             if any(key in given for key in _FAN):  # another fan than the preset's: its angles do not fit
                 given.setdefault("vertical_angles_deg", None)

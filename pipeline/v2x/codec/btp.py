@@ -14,7 +14,7 @@ HEADER_BYTES = 4
 
 
 class BtpPacket(NamedTuple):
-    """A BTP-B packet, taken apart."""
+    """The parts of a BTP-B packet."""
 
     destination_port: int
     destination_port_info: int
@@ -22,14 +22,14 @@ class BtpPacket(NamedTuple):
 
 
 def btp_packet(payload: bytes, destination_port: int = CAM_PORT, destination_port_info: int = 0) -> bytes:
-    """The header of four bytes, then the payload."""
+    """A BTP-B packet: the header of four bytes, then the payload."""
     return struct.pack(">HH", destination_port, destination_port_info) + payload
 
 
 def parse_btp_packet(data: bytes) -> BtpPacket:
-    """Raises CamError when there is not even a header."""
+    """Split a BTP-B packet. Raises CamError for fewer bytes than a header."""
     if len(data) < HEADER_BYTES:
-        raise CamError(f"{len(data)} bytes are no BTP-B packet: its header alone has {HEADER_BYTES}")
+        raise CamError(f"{len(data)} bytes are too few for a BTP-B packet, whose header has {HEADER_BYTES}")
     port, info = struct.unpack_from(">HH", data)
     return BtpPacket(port, info, bytes(data[HEADER_BYTES:]))
 
@@ -38,5 +38,5 @@ def cam_payload(data: bytes) -> bytes:
     """The CAM in a BTP-B packet. Raises CamError where the packet is for another port."""
     packet = parse_btp_packet(data)
     if packet.destination_port != CAM_PORT:
-        raise CamError(f"BTP-B port {packet.destination_port} is not that of CAMs, {CAM_PORT}")
+        raise CamError(f"BTP-B port {packet.destination_port} is not the CAM port, {CAM_PORT}")
     return packet.payload

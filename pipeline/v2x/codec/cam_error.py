@@ -1,4 +1,4 @@
-"""What is wrong with a CAM, on sending or on reception."""
+"""The error for invalid CAMs, on sending or on reception."""
 
 from __future__ import annotations
 
@@ -6,4 +6,4 @@ from advpipe.pipeline.core.errors import AdvpipeError
 
 
 class CamError(AdvpipeError):
-    """These bytes are no CAM, or these values make none."""
+    """The bytes are not a valid CAM, or the values cannot be encoded as one."""

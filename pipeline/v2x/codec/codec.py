@@ -1,7 +1,7 @@
-"""CAMs between bytes and values: unaligned PER after pycrate's compiled EN 302 637-2 v1.4.1.
+"""Encoding and decoding of CAMs: unaligned PER from pycrate's compiled EN 302 637-2 v1.4.1.
 
-`uper.py` takes the plain cases, nearly all, several times as fast; pycrate takes the rest and says what is
-wrong with bad ones. Where both can, they agree to the bit.
+`uper.py` handles the plain cases, nearly all, several times faster; pycrate handles the rest and reports what
+is wrong with invalid ones. Where both apply, they agree bit for bit.
 
 The values are pycrate's: a dict for a SEQUENCE, (name, value) for a CHOICE, a list for a SEQUENCE OF, a
 name for an ENUMERATED, (bits, number of bits) for a BIT STRING.
@@ -23,12 +23,12 @@ MESSAGE_ID_CAM = 2
 CamTree = dict[str, Any]
 
 _LOCK = Lock()
-"""pycrate's type object holds the value it works on: one call at a time."""
+"""pycrate's type object holds the value it processes, so only one call may run at a time."""
 
 
 @cache
 def asn1_cam() -> Any:
-    """pycrate's object of the ASN.1 type CAM."""
+    """pycrate's object for the ASN.1 type CAM."""
     from pycrate_asn1dir import ITS_CAM_2  # 0.05 s
 
     return ITS_CAM_2.CAM_PDU_Descriptions.CAM
@@ -40,23 +40,23 @@ def _uper() -> Uper:
 
 
 def encode_cam_tree(tree: CamTree) -> bytes:
-    """The CAM in UPER. Raises CamError for values that the ASN.1 does not allow."""
-    with suppress(Exception):  # whatever it is, pycrate finds it again
+    """Encode a CAM in UPER. Raises CamError for values that the ASN.1 does not allow."""
+    with suppress(Exception):  # pycrate raises it again, with the reason
         return _uper().encode(tree)
     asn1 = asn1_cam()
     with _LOCK:
         try:
             return bytes(asn1.to_uper(tree))
-        except Exception as error:  # pycrate's own, and any other for values of another type
-            raise CamError(f"these values make no CAM: {_reason(error)}") from None
+        except Exception as error:  # pycrate's own errors, and others for values of a wrong type
+            raise CamError(f"cannot encode these values as a CAM: {_reason(error)}") from None
 
 
 def decode_cam_tree(payload: bytes) -> CamTree:
-    """The values of a CAM in UPER.
+    """Decode a CAM in UPER to its ASN.1 values.
 
-    Raises CamError for anything but one whole CAM of this protocol version: truncated or malformed
-    bytes, another message, or bytes after the end. The bits that pad the last byte are not looked at, and
-    what later releases added to a SEQUENCE is passed over, as a receiver of this release does.
+    Raises CamError for anything but one complete CAM of this protocol version: truncated or malformed
+    bytes, another message, or bytes after the end. The padding bits of the last byte are ignored, and
+    extensions of later releases in a SEQUENCE are skipped, as a receiver of this release does.
     """
     tree: CamTree | None = None
     with suppress(Exception):
@@ -75,8 +75,8 @@ def _decode_slowly(payload: bytes) -> CamTree:
         try:
             asn1.from_uper(stream)
             tree: CamTree = asn1.get_val()
-        except Exception as error:  # pycrate raises several kinds, and some by accident
-            raise CamError(f"{len(payload)} bytes are no CAM: {_reason(error)}") from None
+        except Exception as error:  # pycrate raises several classes, and some by accident
+            raise CamError(f"{len(payload)} bytes are not a CAM: {_reason(error)}") from None
     _refuse_other_messages(tree["header"])
     if stream.len_bit():
         raise CamError(f"{stream.len_bit() // 8} bytes follow a CAM of {len(payload)} bytes")
@@ -85,7 +85,7 @@ def _decode_slowly(payload: bytes) -> CamTree:
 
 
 def _without_additions(value: Any) -> Any:
-    """pycrate decodes unknown additions to `_ext_...`, but encodes those without their bytes."""
+    """Drops unknown extensions: pycrate decodes them to `_ext_...`, but cannot encode them again."""
     if isinstance(value, dict):
         return {
             name: _without_additions(part) for name, part in value.items() if not name.startswith("_ext_")
@@ -101,7 +101,7 @@ def _refuse_other_messages(header: CamTree) -> None:
     version, message = header["protocolVersion"], header["messageID"]
     if (version, message) != (PROTOCOL_VERSION, MESSAGE_ID_CAM):
         raise CamError(
-            f"message {message} of protocol version {version} is no CAM, which is message "
+            f"message {message} of protocol version {version} is not a CAM, which is message "
             f"{MESSAGE_ID_CAM} of version {PROTOCOL_VERSION}"
         )
 

@@ -1,7 +1,7 @@
-"""How ETSI's common data dictionary (TS 102 894-2) writes each quantity of a CAM as a whole number.
+"""How ETSI's common data dictionary (TS 102 894-2) codes each quantity of a CAM as an integer.
 
-On our side a value is in SI units and radians, None where it is unavailable, and infinite where it is
-"out of range", that is larger than the largest that the field can tell.
+Values are in SI units and radians, None where unavailable, and infinite where
+"out of range", which means larger than the largest value that the field can code.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from advpipe.pipeline.v2x.codec.cam_error import CamError
 
 _PER_DEGREE = 180 / math.pi
 _ROUNDING_NOISE = 1e-6
-"""Of a unit: a value this little above a whole number of units is meant to be that number."""
+"""Share of a unit: a value this little above a whole number of units is rounded down to it."""
 
 
 @dataclass(frozen=True)
 class CamQuantity:
     """A number: `code = value * per_unit`, rounded to the nearest, or up where `ceil` is set.
 
-    low, high: the codes of plain values. beyond: the code of values above `high`; without one, values
-    outside are written as the nearest end where `clamp` is set (the dictionary reads the ends as "or
+    low, high: the codes of plain values. beyond: the code of values above `high`. Without one, values
+    outside are coded as the nearest end where `clamp` is set (the dictionary defines the ends as "or
     more") and are refused elsewhere. cycle: an angle's codes in a full turn.
     """
 
@@ -37,16 +37,16 @@ class CamQuantity:
     cycle: int | None = None
 
     def code(self, value: float | None) -> int:
-        """Raises CamError for NaN, and for what the field cannot tell."""
+        """The code of a value. Raises CamError for NaN, and for values that the field cannot code."""
         if value is None:
             if self.unavailable is None:
-                raise CamError(f"{self.name} is missing, and a CAM cannot leave it out")
+                raise CamError(f"{self.name} is missing, but a CAM requires it")
             return self.unavailable
         steps = value * self.per_unit
         if not math.isfinite(steps):
             if steps > 0 and (self.beyond is not None or self.clamp):
                 return self.high if self.beyond is None else self.beyond
-            raise CamError(f"{self.name} is {value}, which no CAM can tell")
+            raise CamError(f"{self.name} is {value}, which a CAM cannot represent")
         code = math.ceil(steps - _ROUNDING_NOISE) if self.ceil else round(steps)
         if self.cycle is not None:
             return code % self.cycle
@@ -56,7 +56,7 @@ class CamQuantity:
             return self.beyond
         if self.clamp or (code < self.low and self.beyond is not None and value >= 0):
             return self.low if code < self.low else self.high
-        raise CamError(f"{self.name} {value:g} is outside of what a CAM can tell, {self._range}")
+        raise CamError(f"{self.name} {value:g} is outside the range of a CAM, {self._range}")
 
     def value(self, code: int) -> float | None:
         """The value that a code stands for."""
@@ -81,11 +81,11 @@ class Classes:
     names: tuple[str, ...]
 
     def code(self, value: float | None) -> str:
-        """Raises CamError for NaN and negative values."""
+        """The name of a value's class. Raises CamError for NaN and negative values."""
         if value is None:
             return _UNAVAILABLE
         if not value >= 0:
-            raise CamError(f"{self.name} is {value}; a confidence is not negative")
+            raise CamError(f"{self.name} is {value}; a confidence cannot be negative")
         place = bisect_left(self.bounds, value * (1 - _ROUNDING_NOISE))
         return self.names[place] if place < len(self.bounds) else _OUT_OF_RANGE
 
@@ -114,7 +114,7 @@ ALTITUDE_CONFIDENCE = _classes(
     *("000-01", "000-02", "000-05", "000-10", "000-20", "000-50", "001-00"),
     *("002-00", "005-00", "010-00", "020-00", "050-00", "100-00", "200-00"),
 )
-HEADING = CamQuantity("heading_rad", 10 * _PER_DEGREE, 0, 3599, 3601, cycle=3600)  # 3600 is never to be used
+HEADING = CamQuantity("heading_rad", 10 * _PER_DEGREE, 0, 3599, 3601, cycle=3600)  # the standard forbids 3600
 HEADING_CONFIDENCE = CamQuantity(
     "heading_confidence_rad", 10 * _PER_DEGREE, 1, 125, 127, beyond=126, ceil=True
 )

@@ -1,8 +1,8 @@
-"""Unaligned PER (ITU-T X.691) without detours, for the plain cases of a compiled ASN.1 type.
+"""A fast codec in unaligned PER (ITU-T X.691) for the plain cases of a compiled ASN.1 type.
 
-pycrate interprets its type object afresh for every value; here, each part of the type becomes one
-function, once. What is not plain (extensions used, values out of range, malformed bytes) raises `NotPlain`,
-and pycrate decides.
+pycrate interprets its type object anew for every value; here, each part of the type is compiled once to a
+function. Other cases (extensions used, values out of range, malformed bytes) raise `NotPlain`,
+and pycrate handles them.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 
-class NotPlain(Exception):  # noqa: N818  no error: pycrate goes on from here
+class NotPlain(Exception):  # noqa: N818  not an error: pycrate takes over
     """This value or these bytes need pycrate."""
 
 
 Write = Callable[[Any, int], int]
 """(value, bits so far) to bits; a leading one marks where they begin."""
 Read = Callable[[int, int], tuple[Any, int]]
-"""(all bits, how many are left) to value and how many are left then."""
+"""(all bits, number of bits left) to value and number of bits left afterwards."""
 
 
 class _Part(NamedTuple):
@@ -36,7 +36,7 @@ class Uper:
         self._part = _part(asn1)
 
     def encode(self, value: Any) -> bytes:
-        """Raises NotPlain, or any error of Python's for a value of another shape."""
+        """Encode a value. Raises NotPlain, or any Python error for a value of another shape."""
         bits = self._part.write(value, 1)
         padding = -(bits.bit_length() - 1) % 8
         bits <<= padding
@@ -44,7 +44,7 @@ class Uper:
         return (bits ^ (1 << 8 * size)).to_bytes(size, "big")
 
     def decode(self, data: bytes) -> Any:
-        """Raises NotPlain, ValueError for too few bytes."""
+        """Decode a value. Raises NotPlain, and ValueError for too few bytes."""
         value, left = self._part.read(int.from_bytes(data, "big"), 8 * len(data))
         if left >= 8:
             raise NotPlain

@@ -1,4 +1,5 @@
-"""A Cooperative Awareness Message (EN 302 637-2 v1.4.1) in SI units, and how a station fills one."""
+"""A Cooperative Awareness Message (EN 302 637-2 v1.4.1) in SI units, and its values from a station's
+state."""
 
 from __future__ import annotations
 
@@ -18,30 +19,30 @@ from advpipe.pipeline.v2x.codec.timestamps import generation_delta_time_ms
 from advpipe.pipeline.v2x.facilities.station_state import StationState
 
 MAX_PATH_POINTS = 23
-"""In a vehicle's CAM; the ASN.1 allows 40."""
+"""The maximum in a vehicle's CAM; the ASN.1 allows 40."""
 
 SIGMAS_95 = 1.959964
 """Half-width of a normal distribution's 95 % interval, the confidence level of the dictionary."""
 ELLIPSE_SIGMAS_95 = math.sqrt(-2 * math.log(0.05))
-"""The same of a 95 % ellipse in two dimensions: 2.4477."""
+"""Semi-axis of a 95 % ellipse in two dimensions, in sigma: 2.4477."""
 
 
 class PathPoint(NamedTuple):
-    """A place passed before, relative to the point before it in the list, which was passed later.
+    """A past position, relative to the previous point in the list, which is more recent.
 
-    The first is relative to the CAM's reference position. None: not told.
+    The first is relative to the CAM's reference position. None: not stated.
     """
 
     delta_latitude_deg: float | None
     delta_longitude_deg: float | None
     delta_altitude_m: float | None
     delta_time_s: float | None
-    """How much earlier; the point before was passed later by as much."""
+    """How much earlier than the previous point in the list."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LowFrequency:
-    """What a vehicle tells every half second only."""
+    """The container that a vehicle sends at most every half second."""
 
     vehicle_role: VehicleRole = VehicleRole.DEFAULT
     exterior_lights: ExteriorLights = ExteriorLights.NONE
@@ -52,10 +53,10 @@ class LowFrequency:
 class Cam:
     """A CAM: None where a field is unavailable or left out, infinity where it is out of range.
 
-    Units, frames and signs are those of `StationState`. Confidences (`_confidence_`, `semi_..._m`) hold
-    with 95 %; the semi-major axis points `semi_major_rad` clockwise from north.
-    roadside, special_vehicle, toll_zone: ASN.1 values that are carried along as they are; a CAM with
-    `roadside` is a road-side unit's and tells nothing of what a vehicle's `BasicVehicleContainer` does.
+    Units, frames and signs are those of `StationState`. Confidences (`_confidence_`, `semi_..._m`) are given
+    at 95 %; the semi-major axis points `semi_major_rad` clockwise from north.
+    roadside, special_vehicle, toll_zone: ASN.1 values that are kept unchanged; a CAM with
+    `roadside` comes from a road-side unit and has no values of a vehicle's `BasicVehicleContainer`.
     """
 
     station_id: int
@@ -99,7 +100,7 @@ class Cam:
 
 
 class CamCore(NamedTuple):
-    """What a Local Dynamic Map takes of a CAM; fields as in `Cam`."""
+    """The fields of a CAM that a Local Dynamic Map uses; as in `Cam`."""
 
     station_id: int
     station_type: int
@@ -114,7 +115,7 @@ class CamCore(NamedTuple):
 
 
 def cam_of_state(state: StationState, low_frequency: LowFrequency | None = None) -> Cam:
-    """The CAM of a vehicle in this state; its time is that of the state, not that of sending."""
+    """The CAM of a vehicle in this state; it carries the time of the state, not of sending."""
     semi_major_m, semi_minor_m, semi_major_rad = confidence_ellipse(state.east_north_covariance_m2)
     acceleration_confidence = _confidence(state.acceleration_std_mps2)
     lateral, vertical = state.lateral_acceleration_mps2, state.vertical_acceleration_mps2
@@ -160,8 +161,8 @@ def confidence_ellipse(
 ) -> tuple[float, float, float] | tuple[None, None, None]:
     """Semi-axes in metres of the 95 % ellipse, and the major one's direction clockwise from north.
 
-    The axes are the covariance's eigenvectors, in closed form for two dimensions. No axis is told
-    shorter than a centimetre, the smallest that a CAM knows.
+    The axes are the covariance's eigenvectors, in closed form for two dimensions. No axis is
+    shorter than a centimetre, the smallest value of a CAM.
     """
     if east_north_covariance_m2 is None:
         return None, None, None

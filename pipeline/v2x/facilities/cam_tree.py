@@ -1,4 +1,4 @@
-"""`Cam` in SI units to the ASN.1 values of a CAM, and back."""
+"""Conversion between `Cam` in SI units and the ASN.1 values of a CAM."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _ENUMERATED: dict[type[IntEnum], tuple[str, ...]] = {
         *("reserved1", "reserved2", "reserved3"),
     ),
 }
-"""What the ASN.1 calls the members, in order."""
+"""The ASN.1 names of the members, in order."""
 
 
 class _Measured(NamedTuple):
@@ -99,19 +99,19 @@ _OPTIONAL = (
 
 
 def encode_cam(cam: Cam) -> bytes:
-    """The CAM in UPER. Raises CamError for a value that a CAM cannot tell."""
+    """Encode a CAM in UPER. Raises CamError for a value that a CAM cannot represent."""
     return encode_cam_tree(cam_tree(cam))
 
 
 def decode_cam(payload: bytes) -> Cam:
-    """Raises CamError for bytes that are no CAM (see `codec.decode`)."""
+    """Decode a CAM in UPER. Raises CamError for bytes that are not a CAM (see `codec.decode_cam_tree`)."""
     return cam_of_tree(decode_cam_tree(payload))
 
 
 def cam_tree(cam: Cam) -> CamTree:
-    """The ASN.1 values (see `codec.py`). Raises CamError for a value that a CAM cannot tell.
+    """The ASN.1 values of a CAM (see `codec.py`). Raises CamError for a value that a CAM cannot represent.
 
-    An optional field is left out where neither its value nor its confidence is known.
+    An optional field is omitted where neither its value nor its confidence is known.
     """
     longitude = q.LONGITUDE.code(cam.longitude_deg)
     parameters: CamTree = {
@@ -119,7 +119,7 @@ def cam_tree(cam: Cam) -> CamTree:
             "stationType": int(cam.station_type),
             "referencePosition": {
                 "latitude": q.LATITUDE.code(cam.latitude_deg),
-                # The westernmost code is never to be used; 180 degrees east is the same meridian.
+                # The standard forbids the westernmost code; 180 degrees east is the same meridian.
                 "longitude": -longitude if longitude == q.LONGITUDE.low else longitude,
                 "positionConfidenceEllipse": {
                     "semiMajorConfidence": q.SEMI_AXIS.code(cam.semi_major_m),
@@ -148,7 +148,7 @@ def cam_tree(cam: Cam) -> CamTree:
 
 
 def cam_of_tree(tree: CamTree) -> Cam:
-    """Raises CamError for a container of a later release, which has no meaning here."""
+    """The CAM of ASN.1 values. Raises CamError for a container of a later release, which is not supported."""
     parameters = tree["cam"]["camParameters"]
     basic = parameters["basicContainer"]
     position = basic["referencePosition"]
@@ -174,7 +174,7 @@ def cam_of_tree(tree: CamTree) -> Cam:
 
 
 def core_of_tree(tree: CamTree) -> CamCore:
-    """Some fields of `cam_of_tree`, in a fraction of its time; raises CamError where that does."""
+    """Some fields of `cam_of_tree`, in a fraction of its time; raises the same errors."""
     parameters = tree["cam"]["camParameters"]
     _refuse_later_releases(parameters)
     basic = parameters["basicContainer"]
@@ -200,10 +200,10 @@ def core_of_tree(tree: CamTree) -> CamCore:
 
 def _refuse_later_releases(parameters: CamTree) -> None:
     if parameters["highFrequencyContainer"][0] not in (_VEHICLE_HIGH, _ROADSIDE_HIGH):
-        raise CamError("the high-frequency container is of a later release than this one, v1.4.1")
+        raise CamError("the high-frequency container is of a later release than v1.4.1")
     low = parameters.get("lowFrequencyContainer")
     if low is not None and low[0] != _VEHICLE_LOW:
-        raise CamError("the low-frequency container is of a later release than this one, v1.4.1")
+        raise CamError("the low-frequency container is of a later release than v1.4.1")
 
 
 def _vehicle_tree(cam: Cam) -> CamTree:
@@ -237,7 +237,7 @@ def _vehicle_fields(tree: CamTree) -> dict[str, Any]:
         tree.get("accelerationControl"),
     )
     if mode not in _ENUMERATED[CurvatureCalculationMode]:
-        mode = "unavailable"  # one of a later release says as much as none
+        mode = "unavailable"  # a value of a later release is unknown
     fields: dict[str, Any] = {
         "drive_direction": _member(DriveDirection, tree["driveDirection"]),
         "length_m": q.LENGTH.value(length["vehicleLengthValue"]),

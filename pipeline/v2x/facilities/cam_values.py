@@ -1,4 +1,4 @@
-"""What a vehicle's CAM says, field by field, as labels of attacks repeat it."""
+"""The values of a vehicle's CAM, field by field, as attack labels record them."""
 
 from __future__ import annotations
 
@@ -33,25 +33,25 @@ QUANTITIES: dict[str, tuple[tuple[str, ...], q.CamQuantity]] = {
     "curvature_per_m": ((*_FAST, "curvature", "curvatureValue"), q.CURVATURE),
     "yaw_rate_radps": ((*_FAST, "yawRate", "yawRateValue"), q.YAW_RATE),
 }
-"""Where in a CAM a quantity lies, and how it is coded."""
+"""The path of each quantity in a CAM, and its coding."""
 PLAIN: dict[str, tuple[str, ...]] = {
     "station_id": ("header", "stationID"),
     "generation_delta_time_ms": ("cam", "generationDeltaTime"),
     "station_type": ("cam", "camParameters", "basicContainer", "stationType"),
 }
-"""The same of whole numbers."""
+"""The path of each uncoded integer."""
 PEDALS = (*_FAST, "accelerationControl")
 FIELDS = (*PLAIN, *QUANTITIES, "acceleration_control")
-"""By the names of `cam.Cam`."""
+"""All fields, by the names in `cam.Cam`."""
 
 Values = Mapping[str, Any]
-"""All of `FIELDS`: as in `Cam`, None where one is unavailable or left out."""
+"""All of `FIELDS`: as in `Cam`, None where one is unavailable or missing."""
 
-SEVERAL, OTHER = ",", "other"
+SEPARATOR, OTHER = ",", "other"
 
 
 def is_vehicle(tree: CamTree) -> bool:
-    """Whether it is a vehicle's CAM, not a roadside unit's."""
+    """Whether this is a vehicle's CAM and not a roadside unit's."""
     return bool(tree["cam"]["camParameters"][HIGH][0] == VEHICLE_HIGH)
 
 
@@ -82,7 +82,7 @@ def values(tree: CamTree) -> dict[str, Any]:
 
 
 def values_of_payload(payload: bytes) -> Values | None:
-    """The same of a message's bytes; None for what is no vehicle's CAM."""
+    """All of `FIELDS` of a message's bytes; None for bytes that are not a vehicle's CAM."""
     try:
         tree = decode_cam_tree(payload)
     except CamError:
@@ -91,20 +91,20 @@ def values_of_payload(payload: bytes) -> Values | None:
 
 
 def changed_fields(before: Values, after: Values) -> str:
-    """Which of `FIELDS` differ, in their order, with `SEVERAL` between them; `OTHER` for none of them."""
-    return SEVERAL.join(name for name in FIELDS if before[name] != after[name]) or OTHER
+    """Names of the `FIELDS` that differ, in order, joined by `SEPARATOR`; `OTHER` where none differs."""
+    return SEPARATOR.join(name for name in FIELDS if before[name] != after[name]) or OTHER
 
 
-def places_m(geodesy: Geodesy, said: Sequence[Values | None]) -> Float64:
-    """x and y (2, N) in the map's frame of what messages say, NaN where they say no place."""
+def places_m(geodesy: Geodesy, messages: Sequence[Values | None]) -> Float64:
+    """Claimed x and y (2, N) of messages in the map's frame, NaN where they claim no position."""
     names = ("latitude_deg", "longitude_deg")
     degrees = np.array(
-        [[math.nan, math.nan] if one is None else [_number(one[name]) for name in names] for one in said]
+        [[math.nan, math.nan] if one is None else [_number(one[name]) for name in names] for one in messages]
     ).reshape(-1, 2)
-    is_told = (np.abs(degrees[:, 0]) < 90) & (np.abs(degrees[:, 1]) <= 180)
-    found_m = np.full((2, len(said)), math.nan)
-    told_deg = degrees[is_told].T
-    found_m[:, is_told] = geodesy.to_map([*told_deg, np.zeros(told_deg.shape[1])])[:2]
+    is_valid = (np.abs(degrees[:, 0]) < 90) & (np.abs(degrees[:, 1]) <= 180)
+    found_m = np.full((2, len(messages)), math.nan)
+    valid_deg = degrees[is_valid].T
+    found_m[:, is_valid] = geodesy.to_map([*valid_deg, np.zeros(valid_deg.shape[1])])[:2]
     found_m[~np.isfinite(found_m)] = math.nan
     return found_m
 

@@ -1,4 +1,4 @@
-"""Reactive decentralised congestion control (ETSI TS 102 687 v1.1.1): a busy channel, fewer messages."""
+"""Reactive decentralised congestion control (ETSI TS 102 687 v1.1.1): fewer messages on a busy channel."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from advpipe.pipeline.core.errors import AdvpipeError
 
 SAMPLE_INTERVAL_S = 0.1
 UP_SAMPLES = 10
-"""Load has to stay high for one second before a station slows down."""
+"""Load has to stay high for one second before a station sends less."""
 DOWN_SAMPLES = 50
-"""Load has to stay low for five seconds before it speeds up."""
+"""Load has to stay low for five seconds before a station sends more."""
 
 STATES = {
     "relaxed": 0.060,
@@ -22,7 +22,7 @@ STATES = {
     "active 5": 0.420,
     "restrictive": 0.460,
 }
-"""Least seconds between two messages of a station, for each state."""
+"""Minimum seconds between two messages of a station in each state."""
 
 _NAMES = tuple(STATES)
 _RELAXED, _RESTRICTIVE = 0, len(_NAMES) - 1
@@ -40,7 +40,7 @@ class ReactiveDcc:
     """
 
     def __init__(self) -> None:
-        # A station that has just begun to listen has heard nothing.
+        # A station that has just been switched on has measured no load.
         self._loads = deque([0.0] * DOWN_SAMPLES, maxlen=DOWN_SAMPLES)
         self._state = _RELAXED
 
@@ -50,7 +50,7 @@ class ReactiveDcc:
         Raises AdvpipeError outside of [0, 1].
         """
         if not 0 <= channel_load <= 1:
-            raise AdvpipeError(f"channel load {channel_load} is no share of time, which lies in [0, 1]")
+            raise AdvpipeError(f"channel load {channel_load} is not a share of time in [0, 1]")
         self._loads.append(channel_load)
         if self._state == _RELAXED and channel_load < _RELAXED_BELOW:
             return
@@ -76,5 +76,5 @@ class ReactiveDcc:
 
     @property
     def interval_s(self) -> float:
-        """Least time between two messages."""
+        """Minimum time between two messages."""
         return STATES[_NAMES[self._state]]

@@ -1,7 +1,9 @@
-"""Whether a lie mattered: how far a message, or a fix, is from what an honest one would have said.
+"""Whether a falsification has an effect: how far a message or a fix is from the honest one.
 
-Effect-based, as in VeReMi NextGen: a zero-speed report of a standing car is no lie. One rule for messages and
-fixes: whoever tells a place that a spoofed receiver gave it lies exactly where the receiver was lied to.
+Effect-based, as in VeReMi NextGen: a zero-speed report of a standing car is not false. One rule for messages
+and
+fixes: a station that sends the position of its spoofed receiver sends a false message exactly where the fix
+is false.
 """
 
 from __future__ import annotations
@@ -23,18 +25,19 @@ THRESHOLDS: dict[str, float] = {
     "length_m": 0.5,
     "width_m": 0.5,
 }
-"""A difference above it matters, as one above `POSITION_M` on the ground does."""
+"""A larger difference has an effect, as one above `POSITION_M` on the ground does."""
 ALWAYS = ("station_id", "station_type", "acceleration_control")
-"""Any difference matters."""
+"""Any difference has an effect."""
 _PLACE = ("latitude_deg", "longitude_deg")
 
 
-def matters(true: Values | None, false: Values | None, moved_m: float, expiry_s: float) -> bool:
-    """Whether receivers who believe `false` know something else than with `true`.
+def has_effect(true: Values | None, false: Values | None, moved_m: float, expiry_s: float) -> bool:
+    """Whether a receiver that trusts `false` has other information than with `true`.
 
-    None stands for bytes that are no vehicle's CAM. moved_m: how far the positions are apart on the ground;
-    NaN where one of them tells none. expiry_s: how long a Local Dynamic Map keeps a message: one whose time
-    is wrong by more is lost to it. A value that is told in one of them only, or out of range, matters too.
+    None stands for bytes that are not a vehicle's CAM. moved_m: distance of the positions on the ground;
+    NaN where one of them states none. expiry_s: how long a Local Dynamic Map keeps a message: it discards one
+    whose time is wrong by more. A value that only one of them states, or that is out of range, has an effect
+    too.
     """
     if true is None or false is None:
         return True
@@ -49,8 +52,8 @@ def matters(true: Values | None, false: Values | None, moved_m: float, expiry_s:
     return _time_apart_ms(true, false) > 1000 * expiry_s
 
 
-def fix_matters(east_m: float, north_m: float, up_m: float) -> bool:
-    """The same of a fix: whether it is that far off as matters in a message that tells it."""
+def fix_has_effect(east_m: float, north_m: float, up_m: float) -> bool:
+    """Whether a fix is so far off that a message with its position has an effect."""
     return math.hypot(east_m, north_m) > POSITION_M or abs(up_m) > THRESHOLDS["altitude_m"]
 
 

@@ -1,4 +1,4 @@
-"""When a vehicle sends a CAM, and what it puts into it (EN 302 637-2 v1.4.1, 6.1.3)."""
+"""When a vehicle sends a CAM, and its contents (EN 302 637-2 v1.4.1, 6.1.3)."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from advpipe.pipeline.v2x.section import CamRules
 CHECK_INTERVAL_NS = 100_000_000
 """T_CheckCamGen."""
 START_NS = 1_000_000_000
-"""Within which the stations of a drive's first step are switched on."""
+"""The interval in which the stations of a drive's first step are switched on."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class GenerationRules:
-    """The standard's constants; changes have to exceed a threshold, not reach it."""
+    """The standard's constants; a change has to exceed its threshold."""
 
     min_interval_s: float = 0.1
     max_interval_s: float = 1.0
@@ -30,7 +30,7 @@ class GenerationRules:
     position_change_m: float = 4.0
     speed_change_mps: float = 0.5
     low_dynamics_cams: int = 3
-    """N_GenCam: so many CAMs in a row for lack of dynamics return the interval to its maximum."""
+    """N_GenCam: after this many consecutive CAMs without dynamics, the interval returns to its maximum."""
     low_frequency_interval_s: float = 0.5
     path_points: int = MAX_PATH_POINTS
 
@@ -49,7 +49,7 @@ class GenerationRules:
 
 
 class Cause(Flag):
-    """Conditions that held at a check that sent a CAM."""
+    """The conditions that triggered a CAM."""
 
     FIRST = auto()
     HEADING = auto()
@@ -60,7 +60,7 @@ class Cause(Flag):
 
 @dataclass(frozen=True, slots=True)
 class GeneratedCam:
-    """A CAM at the moment of generation; `payload` is it in UPER."""
+    """A CAM and the moment of its generation; `payload` is its UPER encoding."""
 
     time_ns: int
     payload: bytes
@@ -71,8 +71,8 @@ class GeneratedCam:
 class CamGenerator:
     """The CA basic service of one station.
 
-    active_ns: when the station was switched on; time elapsed counts from there before the first CAM, as
-    in Artery. Give `check` a state every `CHECK_INTERVAL_NS` from `first_check_ns` on.
+    active_ns: when the station was switched on; the elapsed time before the first CAM counts from there, as
+    in Artery. Call `check` with a state every `CHECK_INTERVAL_NS` from `first_check_ns` on.
     """
 
     def __init__(self, active_ns: int, rules: GenerationRules = GenerationRules()) -> None:
@@ -89,9 +89,9 @@ class CamGenerator:
     def check(self, time_ns: int, state: StationState, dcc_interval_s: float = 0.0) -> GeneratedCam | None:
         """The CAM that the station sends at this time, or None.
 
-        state: the newest one; its own time, not `time_ns`, becomes that of the CAM. dcc_interval_s: the
-        least time between two messages that congestion control allows now. Raises CamError for a state
-        that no CAM can tell.
+        state: the newest one; the CAM carries its time, not `time_ns`. dcc_interval_s: the
+        minimum time between two messages that congestion control allows now. Raises CamError for a state
+        that a CAM cannot represent.
         """
         self._path.add(state.time_ns, state.latitude_deg, state.longitude_deg, state.altitude_m)
         if not (cause := self._decide(time_ns, state, dcc_interval_s)):
@@ -145,9 +145,9 @@ class CamGenerator:
 
 
 def switched_on_ns(first_seen_ns: int, drive_begin_ns: int, seed: int, vehicle: str) -> int:
-    """When a vehicle's station is switched on: as it comes, or within `START_NS` of a drive's begin.
+    """When a vehicle's station is switched on: when it appears, or within `START_NS` of the drive's start.
 
-    Stations of the first step would all send at once otherwise.
+    Otherwise all stations of the first step would send at once.
     """
     if first_seen_ns != drive_begin_ns:
         return first_seen_ns
@@ -155,9 +155,9 @@ def switched_on_ns(first_seen_ns: int, drive_begin_ns: int, seed: int, vehicle: 
 
 
 def first_check_ns(active_ns: int, seed: int, station_id: int) -> int:
-    """When a station checks first: its own chance phase, 0.1 to 0.2 s after it was switched on.
+    """The first check of a station: at a random phase, 0.1 to 0.2 s after it was switched on.
 
-    Stations do not beat in time with each other, nor with the steps of the simulation.
+    Stations are synchronised neither with each other nor with the steps of the simulation.
     """
     rng = named_generator(seed, "v2x/check-phase", station_id)
     return active_ns + CHECK_INTERVAL_NS + int(rng.integers(CHECK_INTERVAL_NS))

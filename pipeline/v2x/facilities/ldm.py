@@ -1,4 +1,4 @@
-"""The Local Dynamic Map: what a vehicle knows of the other stations, from the CAMs that it received."""
+"""The Local Dynamic Map: a vehicle's knowledge of other stations from received CAMs."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ _NORTHWARD_DEG = 1e-4
 
 
 class Verdict(IntEnum):
-    """What a Local Dynamic Map made of a received message."""
+    """How a Local Dynamic Map handled a received message."""
 
     ACCEPTED = 0
     CORRUPT = 1
-    """No CAM at all."""
+    """Not a CAM."""
     UNPLACED = 2
-    """A CAM that tells no position."""
+    """A CAM without a position."""
     EXPIRED = 3
     """Generated longer ago than entries are kept."""
     FUTURE = 4
     """Generated in the future by more than entries are kept."""
     SUPERSEDED = 5
-    """Generated before the entry that is there already."""
+    """Generated before the existing entry."""
 
 
 @dataclass(frozen=True, slots=True)
 class LdmReport:
-    """What a CAM says, on the map; the same for all its receivers.
+    """The content of a CAM in the map's frame; the same for all its receivers.
 
     generation_ns: UTC since 1970. front_m: x, y, z of the ground below the middle of the vehicle's front
-    side, in the map's frame. yaw_rad: from +x to +y. NaN where the CAM does not tell, infinity where it says
-    "out of range".
+    side, in the map's frame. yaw_rad: from +x to +y. NaN where the CAM states no value, infinity where it
+    states "out of range".
     """
 
     station_id: int
@@ -54,7 +54,7 @@ class LdmReport:
 
     @property
     def centre_m(self) -> tuple[float, float, float]:
-        """The ground below the middle of its box; the front where direction or length are not told."""
+        """The ground below the centre of its box; the front where direction or length are not stated."""
         back_m = self.length_m / 2
         if not math.isfinite(back_m + self.yaw_rad):
             return self.front_m
@@ -63,10 +63,11 @@ class LdmReport:
 
 
 def report_of_cam(cam: Cam | CamCore, received_ns: int, geodesy: Geodesy) -> LdmReport | None:
-    """The CAM on the map; None where it tells no position, or one on the other side of the Earth.
+    """The content of a CAM in the map's frame; None without a position, or for one on the other side of the
+    Earth.
 
-    Without an altitude it is on the map's zero level. Of the times that its generationDeltaTime may mean,
-    the one nearest to `received_ns` counts.
+    Without an altitude it is on the map's zero level. Of the times that match its generationDeltaTime,
+    the one nearest to `received_ns` is used.
     """
     return reports_of_cams([cam], [received_ns], geodesy)[0]
 
@@ -74,27 +75,27 @@ def report_of_cam(cam: Cam | CamCore, received_ns: int, geodesy: Geodesy) -> Ldm
 def reports_of_cams(
     cams: Sequence[Cam | CamCore], received_ns: Sequence[int], geodesy: Geodesy
 ) -> list[LdmReport | None]:
-    """`report_of_cam` of each; the projection takes many places in little more time than one."""
+    """`report_of_cam` of each CAM; projecting many positions costs little more time than one."""
     places = np.array(
         [(_number(cam.latitude_deg), _number(cam.longitude_deg), _number(cam.altitude_m)) for cam in cams]
     ).reshape(-1, 3)
     with np.errstate(invalid="ignore"):
-        (told,) = np.nonzero((np.abs(places[:, 0]) < 90) & (np.abs(places[:, 1]) <= 180))
-    places = places[told].T
+        (valid,) = np.nonzero((np.abs(places[:, 0]) < 90) & (np.abs(places[:, 1]) <= 180))
+    places = places[valid].T
     is_flat = ~np.isfinite(places[2])
     if is_flat.any():
         places[2, is_flat] = geodesy.to_geographic([0.0, 0.0, 0.0])[2]
     northward = places + np.array([[_NORTHWARD_DEG], [0.0], [0.0]])
     fronts_m, norths_m = np.split(geodesy.to_map(np.hstack([places, northward])), 2, axis=1)
     reports: list[LdmReport | None] = [None] * len(cams)
-    for index, front_m, north_m in zip(told.tolist(), fronts_m.T.tolist(), norths_m.T.tolist(), strict=True):
-        if math.isfinite(front_m[0] + front_m[1]):  # a projection knows one side of the Earth
+    for index, front_m, north_m in zip(valid.tolist(), fronts_m.T.tolist(), norths_m.T.tolist(), strict=True):
+        if math.isfinite(front_m[0] + front_m[1]):  # the projection covers one side of the Earth
             reports[index] = _report(cams[index], received_ns[index], front_m, north_m)
     return reports
 
 
 def _report(cam: Cam | CamCore, received_ns: int, front_m: list[float], north_m: list[float]) -> LdmReport:
-    """north_m: a place a little to the north of the front."""
+    """north_m: a position slightly north of the front."""
     x_m, y_m, z_m = front_m
     yaw_rad = math.atan2(north_m[1] - y_m, north_m[0] - x_m) - _number(cam.heading_rad)
     return LdmReport(
@@ -111,7 +112,7 @@ def _report(cam: Cam | CamCore, received_ns: int, front_m: list[float], north_m:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """The report that stands for a station, and when it was received."""
+    """The current report of a station, and when it was received."""
 
     report: LdmReport
     received_ns: int
@@ -119,9 +120,9 @@ class Entry:
 
 @dataclass(frozen=True)
 class LdmSnapshot:
-    """All entries at one time, by station id, as they were received: nothing is extrapolated.
+    """All entries at one time, sorted by station id, as received and not extrapolated.
 
-    verdicts: how many messages have met each, since the map began.
+    verdicts: how many messages have had each verdict so far.
     """
 
     time_ns: int
@@ -136,9 +137,9 @@ class LdmSnapshot:
 class LocalDynamicMap:
     """One entry for each station id: the last report, until it expires.
 
-    A report enters unless it is, by its generation time, older than entries are kept or as far in the
-    future, as in Artery. With `keep: newest` a report generated before the one that is there does not enter;
-    with `latest` it overwrites that, which is Artery's way. Station ids are believed, the vehicle's own too.
+    A report is accepted unless its generation time is older than entries are kept or as far in the
+    future, as in Artery. With `keep: newest`, a report generated before the existing one is rejected;
+    with `latest` it replaces that one, as in Artery. Station ids are trusted, even the vehicle's own.
     """
 
     def __init__(self, rules: LdmRules) -> None:
@@ -148,7 +149,7 @@ class LocalDynamicMap:
         self._verdicts: Counter[Verdict] = Counter()
 
     def receive(self, report: LdmReport | None, received_ns: int) -> Verdict:
-        """Takes a received CAM's report; None stands for a CAM without a position."""
+        """Process a received CAM's report; None stands for a CAM without a position."""
         verdict = Verdict.UNPLACED if report is None else self._judge(report, received_ns)
         if report is not None and verdict is Verdict.ACCEPTED:
             self._entries[report.station_id] = Entry(report, received_ns)
@@ -156,12 +157,12 @@ class LocalDynamicMap:
         return verdict
 
     def receive_corrupt(self) -> Verdict:
-        """Counts a received message that is no CAM."""
+        """Count a received message that is not a CAM."""
         self._verdicts[Verdict.CORRUPT] += 1
         return Verdict.CORRUPT
 
     def snapshot(self, now_ns: int) -> LdmSnapshot:
-        """Lets entries expire, and returns the others."""
+        """Remove expired entries, and return the others."""
         self._entries = {
             station: entry
             for station, entry in sorted(self._entries.items())

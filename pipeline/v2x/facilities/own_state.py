@@ -1,4 +1,4 @@
-"""What a station tells of itself, from where it believes to be: for who simulates it, and who deceives it."""
+"""A station's state from its own estimate, shared by the simulation and by attacks on the estimate."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from advpipe.pipeline.v2x.facilities.station_state import StationState
 
 STANDING_MPS = 0.05
 BRAKING_MPS2 = -0.5
-"""Slower by more than rolling out: the driver's foot is on the brake."""
+"""Stronger deceleration than rolling out: the driver brakes."""
 PEDAL_MPS2 = 0.1
 
 
 class Identity(NamedTuple):
-    """What a station is, whatever it believes of its place."""
+    """The fixed properties of a station, independent of its position."""
 
     station_id: int
     station_type: int
@@ -32,7 +32,7 @@ class Identity(NamedTuple):
 
 
 class Accuracy(NamedTuple):
-    """Standard deviations (1 sigma) that a station claims of itself; None where it has no idea."""
+    """Standard deviations (1 sigma) of a station's own estimate; None where unknown."""
 
     east_north_covariance_m2: tuple[float, float, float]
     altitude_m: float | None
@@ -42,7 +42,7 @@ class Accuracy(NamedTuple):
 
 
 def accuracy_of_estimate(estimate: Estimate) -> Accuracy:
-    """As the filter on board sees it; the map's axes are east and north."""
+    """The accuracy from the on-board filter's covariance; the map's axes are east and north."""
     pose, twist = estimate.pose_covariance, estimate.twist_covariance
     (east_east, east_north), (_, north_north) = pose[:2, :2].tolist()
     variances = pose[2, 2], pose[5, 5], twist[0, 0], twist[5, 5]
@@ -60,7 +60,7 @@ def own_state(
     yaw_rate_radps: float,
     lights: ExteriorLights = ExteriorLights.DAYTIME_RUNNING,
 ) -> StationState:
-    """The state that a CAM is made of; a speed below zero is backwards. lights: those that are on."""
+    """The state from which a CAM is generated; a negative speed is backwards. lights: those that are on."""
     return StationState(
         station_id=who.station_id,
         station_type=who.station_type,

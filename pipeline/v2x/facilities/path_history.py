@@ -1,4 +1,4 @@
-"""Where a vehicle has been: the few places that describe its path, for the low-frequency container."""
+"""A vehicle's past path as a few points, for the low-frequency container."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from advpipe.pipeline.v2x.facilities.cam import MAX_PATH_POINTS, PathPoint
 from advpipe.pipeline.v2x.facilities.ellipsoid import east_north_m
 
 ALLOWABLE_ERROR_M = 0.47
-"""No place passed lies farther from the line through the points told."""
+"""Maximum distance of a past position from the line through the path points."""
 MAX_CHORD_M = 22.5
 MIN_LENGTH_M = 200.0
-"""Of the path told, where the vehicle has come that far. These three are the Car 2 Car profile's."""
+"""Minimum length of the path history, once the vehicle has driven that far. All three from the Car 2 Car
+profile."""
 
 MAX_DELTA_STEPS = 131_071
 _HALF_TURN_STEPS = 1_800_000_000
@@ -46,7 +47,7 @@ class PathHistory:
     def add(
         self, time_ns: int, latitude_deg: float, longitude_deg: float, altitude_m: float | None = None
     ) -> None:
-        """Take the vehicle's next position; times ascend."""
+        """Add the vehicle's next position; times ascend."""
         place = _Place(time_ns, latitude_deg, longitude_deg, altitude_m)
         if self._latest is None:
             self._points.append(place)
@@ -63,22 +64,22 @@ class PathHistory:
     ) -> tuple[PathPoint, ...]:
         """The path that leads to a reference position, latest point first; at most 23.
 
-        It is told in whole steps of the CAM, each from the place that a receiver has arrived at, so that
+        It is coded in whole steps of the CAM, each relative to the position that a receiver decodes, so that
         rounding does not add up.
         """
-        told: list[PathPoint] = []
+        points: list[PathPoint] = []
         before = _Place(time_ns, latitude_deg, longitude_deg, altitude_m)
         length_m = 0.0
         for place in reversed(self._points):
             if _ticks(place.time_ns) >= _ticks(before.time_ns):
                 continue  # the reference position itself
             delta = _delta(before, place)
-            if delta is None or len(told) == MAX_PATH_POINTS or length_m >= MIN_LENGTH_M:
+            if delta is None or len(points) == MAX_PATH_POINTS or length_m >= MIN_LENGTH_M:
                 break
-            told.append(delta)
+            points.append(delta)
             length_m += _distance_m(before, place)
             before = place
-        return tuple(told)
+        return tuple(points)
 
     def _fits(self, place: _Place) -> bool:
         """Whether a line from the last point to `place` passes all positions since; narrows the wedge."""
@@ -113,7 +114,7 @@ def _distance_m(origin: _Place, place: _Place) -> float:
 
 
 def _delta(before: _Place, place: _Place) -> PathPoint | None:
-    """From one place to an earlier one; None where it is too far for a path point."""
+    """The path point from one position to an earlier one; None where it is too far."""
     north = round(place.latitude_deg * 1e7) - round(before.latitude_deg * 1e7)
     east = round(place.longitude_deg * 1e7) - round(before.longitude_deg * 1e7)
     east = (east + _HALF_TURN_STEPS) % (2 * _HALF_TURN_STEPS) - _HALF_TURN_STEPS  # over the date line

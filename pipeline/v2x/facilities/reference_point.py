@@ -1,4 +1,4 @@
-"""Where vehicles are for ETSI: reference points and headings on the Earth, from poses on the map."""
+"""ETSI's reference points and headings on the Earth, from poses on the map."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def reference_point(geodesy: Geodesy, map_SE3_base: Float64, length_m: float) ->
 
 
 def reference_points(geodesy: Geodesy, map_SE3_base: Float64, length_m: Float64) -> list[ReferencePoint]:
-    """Of S vehicles: poses (S, 4, 4), lengths (S,)."""
+    """The reference points of S vehicles: poses (S, 4, 4), lengths (S,)."""
     forward = map_SE3_base[:, :3, 0]
     fronts_m = map_SE3_base[:, :3, 3] + forward * length_m[:, None] / 2
     places = geodesy.to_geographic(np.concatenate([fronts_m, fronts_m + forward * _AHEAD_M]).T)

@@ -1,4 +1,4 @@
-"""What a station knows of itself when it makes a CAM: its on-board estimate, or truth plus noise."""
+"""A station's own state when it generates a CAM: its on-board estimate, or truth plus noise."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from advpipe.pipeline.v2x.codec.codes import (
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StationState:
-    """A vehicle's state at one time; standard deviations (`_std_`) are 1 sigma, None where not known.
+    """A vehicle's state at one time; standard deviations (`_std_`) are 1 sigma, None where unknown.
 
     time_ns: UTC since 1970, the time that the position is valid at.
     latitude_deg, longitude_deg, altitude_m: WGS 84, of ETSI's reference point: on the ground below the

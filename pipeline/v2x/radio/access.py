@@ -18,7 +18,7 @@ from advpipe.pipeline.v2x.radio.ofdm import Ofdm
 from advpipe.pipeline.v2x.radio.stations import Bool, Int64
 
 LONG_AGO_NS = -(10**18)
-NOTICE_NS = 8_000
+CCA_TIME_NS = 8_000
 """Stations that start within it of each other do not hear each other in time (clear channel assessment)."""
 
 
@@ -113,5 +113,5 @@ class Access:
 
     def _silence(self, hearing: Bool, now_ns: int) -> None:
         for other in self._contenders.values():
-            if hearing[other.frame.sender] and other.start_ns > now_ns + NOTICE_NS:
+            if hearing[other.frame.sender] and other.start_ns > now_ns + CCA_TIME_NS:
                 other.freeze(now_ns, int(self._free_ns[other.frame.sender]), self._ofdm)

@@ -89,7 +89,7 @@ def success_rate(snr_db: Float64, bits: npt.ArrayLike, channel_bitrate_mbps: flo
 
 
 @cache
-def flawless_db(channel_bitrate_mbps: float) -> float:
+def error_free_snr_db(channel_bitrate_mbps: float) -> float:
     """A ratio from which on `success_rate` is 1, to the last bit, for any message that the radio can send."""
     ratios_db = np.arange(0.0, 60.0, 0.25)
     is_certain = success_rate(ratios_db, _MANY_BITS, channel_bitrate_mbps) == 1.0

@@ -8,7 +8,7 @@ import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.v2x.radio.draws import Draws
-from advpipe.pipeline.v2x.radio.error_rate import flawless_db, success_rate
+from advpipe.pipeline.v2x.radio.error_rate import error_free_snr_db, success_rate
 from advpipe.pipeline.v2x.radio.frame import RadioFrame
 from advpipe.pipeline.v2x.radio.path_loss import SPEED_OF_LIGHT_MPS
 from advpipe.pipeline.v2x.radio.stations import (
@@ -36,7 +36,7 @@ class Receiver:
         self._radio = radio
         self._draws = draws
         self._channel_bitrate_mbps = radio.bitrate_mbps * 10 / radio.bandwidth_mhz
-        self._flawless_db = max(flawless_db(self._channel_bitrate_mbps), radio.snir_threshold_db)
+        self._flawless_db = max(error_free_snr_db(self._channel_bitrate_mbps), radio.snir_threshold_db)
 
     def outcomes(
         self, final: Sequence[RadioFrame], on_air: Sequence[RadioFrame], stations: Stations, dropped: Int64

@@ -27,15 +27,15 @@ class TrueFix(NamedTuple):
 class SpoofingContext:
     """One fix at the moment of the attack, and what a spoofer may know of its victim.
 
-    genuine: all fixes until now, attacked or not, as they would have been; the last one is this fix.
-    since_s: since the first attacked fix of this span, interval_s: since the attacked fix before; both 0 at
+    true_fixes: all fixes until now, attacked or not, as they would have been; the last one is this fix.
+    elapsed_s: since the first attacked fix of this span, interval_s: since the attacked fix before; both 0 at
     a span's first. heading_rad: of the victim, about the map's vertical from its x axis, as it knows it.
     innovation: what the victim's filter would make of the genuine fix, with all that it has been told so
     far; only a spoofer who knows the filter and its sensors can ask for it.
     """
 
-    genuine: Sequence[TrueFix]
-    since_s: float
+    true_fixes: Sequence[TrueFix]
+    elapsed_s: float
     interval_s: float
     heading_rad: float
     innovation: Callable[[], Innovation]
@@ -43,12 +43,12 @@ class SpoofingContext:
     @property
     def position_m(self) -> Float64:
         """The genuine fix (3,) in the map."""
-        return self.genuine[-1].position_m
+        return self.true_fixes[-1].position_m
 
     @property
     def is_first(self) -> bool:
         """Whether a span of attacked fixes begins: a lie that grows starts anew."""
-        return self.since_s == 0
+        return self.elapsed_s == 0
 
 
 Spoofer = Callable[[SpoofingContext], Float64 | None]
@@ -108,11 +108,11 @@ def gnss_traits(kind: type[GnssAttack]) -> GnssTraits:
     return found
 
 
-def level(angle_rad: float) -> Float64:
+def horizontal_unit(angle_rad: float) -> Float64:
     """The horizontal unit vector (3,) at an angle from the map's x axis."""
     return np.array([math.cos(angle_rad), math.sin(angle_rad), 0.0])
 
 
-def any_direction(rng: np.random.Generator) -> Float64:
+def random_direction(rng: np.random.Generator) -> Float64:
     """A horizontal unit vector (3,), uniform in all directions."""
-    return level(float(rng.uniform(0, math.tau)))
+    return horizontal_unit(float(rng.uniform(0, math.tau)))

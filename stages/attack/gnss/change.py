@@ -17,7 +17,12 @@ from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import MAP_FRAME, TF, V2X_STATIONS, VehicleTopics
 from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.messages.v2x import stations_of_message
-from advpipe.pipeline.replay.recorded_filter import GNSS_FIX, read_filter, usual_victim, vehicles_with_filter
+from advpipe.pipeline.replay.recorded_filter import (
+    GNSS_FIX,
+    default_victim,
+    read_filter,
+    vehicles_with_filter,
+)
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.gnss.base import gnss_traits
@@ -80,7 +85,7 @@ class GnssChange:
     def counts(self) -> Counter[str]:
         """How many fixes the attacks made false, and how many they took away."""
         false = [record for one in self.vehicles for record in one.records if record.is_false]
-        return Counter("fixes missing" if record.told is None else "fixes spoofed" for record in false)
+        return Counter("fixes missing" if record.reported is None else "fixes spoofed" for record in false)
 
     def editors(self) -> tuple[MessageEditor, ...]:
         """What puts the lies into the victims' CAMs, at the begin of a drive; none for a bag without CAMs."""
@@ -114,7 +119,7 @@ class GnssChange:
 def spoof(reader: BagReader, attacks: Sequence[AttackSpec], seed: int) -> GnssChange:
     """The drive with the GPS of some vehicles spoofed.
 
-    Each attack strikes its `victim`: an instrumented vehicle, whose own filter runs again on the false
+    Each attack schedules its `victim`: an instrumented vehicle, whose own filter runs again on the false
     fixes, or any other station of the drive, whose CAMs tell the false place (see `reported_cams`). Without
     a victim, it is the only vehicle with GPS, or `ego`.
 
@@ -125,7 +130,7 @@ def spoof(reader: BagReader, attacks: Sequence[AttackSpec], seed: int) -> GnssCh
     known, stations = vehicles_with_filter(reader), None
     for spec in attacks:
         by_victim.setdefault(_victim(reader, spec, known), []).append(spec)
-    strikes = {name: SpoofingSchedule(name, specs, recording, seed) for name, specs in by_victim.items()}
+    schedules = {name: SpoofingSchedule(name, specs, recording, seed) for name, specs in by_victim.items()}
     others = tuple((name, tuple(specs)) for name, specs in by_victim.items() if name not in known)
     if others:
         stations = _stations(reader)
@@ -138,7 +143,7 @@ def spoof(reader: BagReader, attacks: Sequence[AttackSpec], seed: int) -> GnssCh
         _refuse_filterless(specs, name)
     recorded = read_filter(reader) if by_victim else None
     spoofed = tuple(
-        spoof_vehicle(reader, recorded, strikes[name])
+        spoof_vehicle(reader, recorded, schedules[name])
         for name in by_victim
         if recorded is not None and name in known
     )
@@ -155,7 +160,7 @@ def _victim(reader: BagReader, spec: AttackSpec, known: Sequence[str]) -> str:
         return spec.victim
     if not known:
         raise UsageError(f"{spec.type}: {reader.path} has no vehicle with GPS (no topic …{GNSS_FIX})")
-    if (usual := usual_victim(known)) is None:
+    if (usual := default_victim(known)) is None:
         raise UsageError(f"{spec.type}: name a victim; {', '.join(known)} have GPS")
     return usual
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from advpipe.pipeline.labels.fix_quantities import FIX_DISPLACEMENT, FIX_HEIGHT_CHANGE
 from advpipe.stages.attack.bounds import checked_number
-from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext, level
+from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext, horizontal_unit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +43,7 @@ class Drift(GnssAttack):
         def spoof(context: SpoofingContext) -> np.ndarray:
             nonlocal direction
             if context.is_first:
-                direction = level(context.heading_rad + math.radians(self.angle_deg))
-            return context.position_m + min(self.rate_mps * context.since_s, self.most_m) * direction
+                direction = horizontal_unit(context.heading_rad + math.radians(self.angle_deg))
+            return context.position_m + min(self.rate_mps * context.elapsed_s, self.most_m) * direction
 
         return spoof

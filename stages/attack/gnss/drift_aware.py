@@ -11,7 +11,7 @@ from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.labels.fix_quantities import FIX_DISPLACEMENT, FIX_HEIGHT_CHANGE
 from advpipe.pipeline.localisation.estimate import Innovation
 from advpipe.stages.attack.bounds import checked_number
-from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext, level
+from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext, horizontal_unit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,8 +59,8 @@ class DriftAware(GnssAttack):
         def spoof(context: SpoofingContext) -> np.ndarray:
             nonlocal direction, offset_m
             if context.is_first:
-                direction, offset_m = level(context.heading_rad + math.radians(self.angle_deg)), 0.0
-            low_m, high_m = unsuspicious_m(context.innovation(), direction, allowed)
+                direction, offset_m = horizontal_unit(context.heading_rad + math.radians(self.angle_deg)), 0.0
+            low_m, high_m = undetected_range_m(context.innovation(), direction, allowed)
             wanted_m = offset_m + self.rate_mps * context.interval_s
             offset_m = min(max(min(max(wanted_m, low_m), high_m), 0.0), self.most_m)
             return context.position_m + offset_m * direction
@@ -68,7 +68,7 @@ class DriftAware(GnssAttack):
         return spoof
 
 
-def unsuspicious_m(innovation: Innovation, direction: Float64, allowed_nis: float) -> tuple[float, float]:
+def undetected_range_m(innovation: Innovation, direction: Float64, allowed_nis: float) -> tuple[float, float]:
     """From which to which offset along a unit vector (3,) the innovation of a fix passes the test.
 
     With residual r and covariance S of the genuine fix, nis(a) = (r + a d)' S^-1 (r + a d) is a parabola:

@@ -65,11 +65,11 @@ class EstimatedCams:
         if before_mps is not None:
             acceleration_mps2 = (speed_mps - before_mps) / self._recorded.clock.step_s
         self._speed_before_mps = speed_mps
-        first_ns = self._victim.first_lie_ns
+        first_ns = self._victim.first_attacked_ns
         if first_ns is None or step.begin_ns < first_ns:
             return sent
         return [
-            self._retold(one, step.begin_ns, radio, estimate, place, acceleration_mps2)
+            self._with_false_position(one, step.begin_ns, radio, estimate, place, acceleration_mps2)
             if one.station_id == radio.station_id
             else one
             for one in sent
@@ -81,7 +81,7 @@ class EstimatedCams:
         self._path, self._speed_before_mps = PathHistory(), None
         self._next_check_ns = first_check_ns(active_ns, seed, radio.station_id)
 
-    def _retold(
+    def _with_false_position(
         self,
         one: Sent,
         time_ns: int,
@@ -91,11 +91,11 @@ class EstimatedCams:
         acceleration_mps2: float,
     ) -> Sent:
         try:
-            told = decode_cam(one.payload)
+            recorded_cam = decode_cam(one.payload)
         except CamError:  # bytes that are no CAM tell no place
             return one
         length_m, width_m, _ = radio.size_m
-        who = Identity(radio.station_id, told.station_type, length_m, width_m, told.trailer)
+        who = Identity(radio.station_id, recorded_cam.station_type, length_m, width_m, recorded_cam.trailer)
         state = own_state(
             who,
             time_ns,
@@ -105,7 +105,7 @@ class EstimatedCams:
             acceleration_mps2=acceleration_mps2,
             yaw_rate_radps=float(estimate.base_turn_rate_radps[2]),
         )
-        cam = cam_of_state(state, told.low_frequency)
+        cam = cam_of_state(state, recorded_cam.low_frequency)
         return replace(one, payload=encode_cam(self._with_path(cam, place, time_ns)))
 
     def _with_path(self, cam: Cam, place: ReferencePoint, time_ns: int) -> Cam:

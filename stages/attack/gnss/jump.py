@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.pipeline.labels.fix_quantities import FIX_DISPLACEMENT, FIX_HEIGHT_CHANGE
-from advpipe.stages.attack.bounds import checked_number, one_of
-from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext, any_direction
+from advpipe.stages.attack.bounds import checked_choice, checked_number
+from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext, random_direction
 
 MODES = ("glitch", "step")
 
@@ -28,7 +28,7 @@ class Jump(GnssAttack):
     probability: float = 0.02
 
     def __post_init__(self) -> None:
-        one_of("gnss-jump", "mode", self.mode, MODES)
+        checked_choice("gnss-jump", "mode", self.mode, MODES)
         checked_number("gnss-jump", "distance_m", self.distance_m, 0, 1e6)
         checked_number("gnss-jump", "probability", self.probability, 0, 1.0)
 
@@ -46,7 +46,7 @@ class Jump(GnssAttack):
             nonlocal offset_m
             if context.is_first or self.mode == "glitch":
                 offset_m = np.zeros(3)
-            jumps, direction = rng.random() < self.probability, any_direction(rng)
+            jumps, direction = rng.random() < self.probability, random_direction(rng)
             if jumps:
                 offset_m = offset_m + self.distance_m * direction
             return context.position_m + offset_m

@@ -8,8 +8,8 @@ import numpy as np
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.labels.fix_quantities import FIX_DISPLACEMENT, FIX_HEIGHT_CHANGE
-from advpipe.stages.attack.bounds import checked_number, one_of
-from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext, any_direction
+from advpipe.stages.attack.bounds import checked_choice, checked_number
+from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits, Spoofer, SpoofingContext, random_direction
 
 MODES = ("offset", "place")
 
@@ -32,7 +32,7 @@ class Relocate(GnssAttack):
     most_m: float = 150.0
 
     def __post_init__(self) -> None:
-        one_of("gnss-relocate", "mode", self.mode, MODES)
+        checked_choice("gnss-relocate", "mode", self.mode, MODES)
         checked_number("gnss-relocate", "least_m", self.least_m, 10.0, 1e6)
         checked_number("gnss-relocate", "most_m", self.most_m, 10.0, 1e6)
         if self.least_m > self.most_m:
@@ -47,7 +47,7 @@ class Relocate(GnssAttack):
 
     def begin(self, rng: np.random.Generator) -> Spoofer:
         """Draws how far away, and where to."""
-        away_m = rng.uniform(self.least_m, self.most_m) * any_direction(rng)
+        away_m = rng.uniform(self.least_m, self.most_m) * random_direction(rng)
         place_m = np.zeros(3)
 
         def spoof(context: SpoofingContext) -> np.ndarray:

@@ -32,8 +32,8 @@ class GnssReplay(GnssAttack):
         """Draws nothing."""
 
         def spoof(context: SpoofingContext) -> np.ndarray:
-            until_ns = context.genuine[-1].stamp_ns - round(self.delay_s * NS_PER_S)
-            after = bisect_right(context.genuine, until_ns, key=lambda fix: fix.stamp_ns)
-            return context.genuine[max(after - 1, 0)].position_m
+            until_ns = context.true_fixes[-1].stamp_ns - round(self.delay_s * NS_PER_S)
+            after = bisect_right(context.true_fixes, until_ns, key=lambda fix: fix.stamp_ns)
+            return context.true_fixes[max(after - 1, 0)].position_m
 
         return spoof

@@ -15,11 +15,11 @@ from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.facilities.cam import Cam
 from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam, encode_cam
-from advpipe.stages.attack.gnss.spoofing_schedule import Lie, SpoofingSchedule
+from advpipe.stages.attack.gnss.spoofing_schedule import FalseFix, SpoofingSchedule
 
 
 class ReportedCams:
-    """Moves the reported position of one station by the attack's lie; a `MessageEditor`.
+    """Moves the reported position of one station by the attack's false_fix; a `MessageEditor`.
 
     Each CAM counts as a fix, the reference point as the receiver's place. Heading, speed, accelerations,
     confidences and times of sending stay as they were said: nothing in the bag tells how the station fuses
@@ -29,37 +29,39 @@ class ReportedCams:
     Calls of `edit` go through the drive's steps in order, once.
     """
 
-    def __init__(self, strikes: SpoofingSchedule, geodesy: Geodesy) -> None:
-        self.name = strikes.name
-        self._strikes = strikes
+    def __init__(self, schedule: SpoofingSchedule, geodesy: Geodesy) -> None:
+        self.name = schedule.name
+        self._schedule = schedule
         self._geodesy = geodesy
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         """The same messages; those of the victim tell the false place."""
-        victim = self._strikes.victim
+        victim = self._schedule.victim
         ids = {radio.station_id for radio in step.radios if radio.vehicle == victim}
-        return [self._retold(one) if one.station_id in ids else one for one in sent]
+        return [self._with_false_position(one) if one.station_id in ids else one for one in sent]
 
-    def _retold(self, one: Sent) -> Sent:
+    def _with_false_position(self, one: Sent) -> Sent:
         try:
-            told = decode_cam(one.payload)
+            cam = decode_cam(one.payload)
         except CamError:  # bytes that are no CAM tell no place
             return one
-        if told.latitude_deg is None or told.longitude_deg is None:
+        if cam.latitude_deg is None or cam.longitude_deg is None:
             return one
         _, _, ground_m = self._geodesy.to_geographic(np.zeros(3))
-        altitude_m = ground_m if told.altitude_m is None else told.altitude_m
-        position_m = self._geodesy.to_map([told.latitude_deg, told.longitude_deg, altitude_m])
-        heading_rad = math.pi / 2 - (told.heading_rad or 0.0)  # from clockwise of north; the map's y is north
-        lie = self._strikes.of(one.request_ns, position_m, heading_rad, _no_filter)
-        if lie is None or (lie.position_m is not None and np.array_equal(lie.position_m, position_m)):
+        altitude_m = ground_m if cam.altitude_m is None else cam.altitude_m
+        position_m = self._geodesy.to_map([cam.latitude_deg, cam.longitude_deg, altitude_m])
+        heading_rad = math.pi / 2 - (cam.heading_rad or 0.0)  # from clockwise of north; the map's y is north
+        false_fix = self._schedule.of(one.request_ns, position_m, heading_rad, _no_filter)
+        if false_fix is None or (
+            false_fix.position_m is not None and np.array_equal(false_fix.position_m, position_m)
+        ):
             return one
-        return replace(one, payload=encode_cam(self._with_place(told, lie)))
+        return replace(one, payload=encode_cam(self._with_place(cam, false_fix)))
 
-    def _with_place(self, told: Cam, lie: Lie) -> Cam:
-        if lie.position_m is None:
+    def _with_place(self, cam: Cam, false_fix: FalseFix) -> Cam:
+        if false_fix.position_m is None:
             return replace(
-                told,
+                cam,
                 latitude_deg=None,
                 longitude_deg=None,
                 altitude_m=None,
@@ -68,12 +70,12 @@ class ReportedCams:
                 semi_minor_m=None,
                 semi_major_rad=None,
             )
-        latitude_deg, longitude_deg, altitude_m = self._geodesy.to_geographic(lie.position_m).tolist()
+        latitude_deg, longitude_deg, altitude_m = self._geodesy.to_geographic(false_fix.position_m).tolist()
         return replace(
-            told,
+            cam,
             latitude_deg=latitude_deg,
             longitude_deg=longitude_deg,
-            altitude_m=None if told.altitude_m is None else altitude_m,
+            altitude_m=None if cam.altitude_m is None else altitude_m,
         )
 
 

@@ -21,7 +21,7 @@ from advpipe.stages.attack.parameters import resolved_parameters
 from advpipe.stages.attack.recording import RecordedTimes
 
 
-class Lie(NamedTuple):
+class FalseFix(NamedTuple):
     """What a victim is made to believe of one fix: position_m (3,) in the map, None for no fix."""
 
     attack: str
@@ -29,13 +29,13 @@ class Lie(NamedTuple):
 
 
 @dataclass
-class _Strike:
+class _ScheduledAttack:
     """One attack, and since when it has been on."""
 
     spec: AttackSpec
     bounds: Mapping[str, Range]
     spoofer: Spoofer
-    acts: Acting
+    is_active: Acting
     begin_ns: int | None = None
     last_ns: int = 0
 
@@ -50,14 +50,14 @@ class SpoofingSchedule:
     def __init__(self, victim: str, specs: Sequence[AttackSpec], recording: RecordedTimes, seed: int) -> None:
         self.victim = victim
         self.name = "+".join(dict.fromkeys(spec.type for spec in specs))
-        self._genuine: list[TrueFix] = []
+        self._true_fixes: list[TrueFix] = []
         for one, other in combinations(specs, 2):
             if one.schedule.overlaps(other.schedule):
                 raise UsageError(
                     f"{one.type} and {other.type} both spoof {victim} at the same time; give them schedules "
                     "(from_s, to_s) that do not overlap"
                 )
-        self._strikes = []
+        self._attacks = []
         for spec in specs:
             recording.refuse_outside(spec)
             names = ("attack", spec.type, spec.seed_name, victim)
@@ -65,33 +65,33 @@ class SpoofingSchedule:
             attack = kind(**resolved_parameters(spec, kind))
             spoofer = attack.begin(named_generator(seed, *names))
             acts = acting_on_fixes(spec, victim, recording.start_ns, seed)
-            self._strikes.append(_Strike(spec, attack.bounds, spoofer, acts))
+            self._attacks.append(_ScheduledAttack(spec, attack.bounds, spoofer, acts))
 
     def of(
         self, time_ns: int, position_m: Float64, heading_rad: float, innovation: Callable[[], Innovation]
-    ) -> Lie | None:
-        """The lie about a genuine fix (3,) in the map at a log time; None where it is left alone.
+    ) -> FalseFix | None:
+        """The false_fix about a genuine fix (3,) in the map at a log time; None where it is left alone.
 
         Raises AdvpipeError for one that is beyond the bounds that its attack declares.
         """
-        self._genuine.append(TrueFix(time_ns, position_m))
-        lie = None
-        for strike in self._strikes:
-            if not strike.acts(time_ns):
-                strike.begin_ns = None
+        self._true_fixes.append(TrueFix(time_ns, position_m))
+        false_fix = None
+        for attack in self._attacks:
+            if not attack.is_active(time_ns):
+                attack.begin_ns = None
                 continue
-            if strike.begin_ns is None:
-                strike.begin_ns = strike.last_ns = time_ns
-            since_s, interval_s = (time_ns - strike.begin_ns) / 1e9, (time_ns - strike.last_ns) / 1e9
-            context = SpoofingContext(self._genuine, since_s, interval_s, heading_rad, innovation)
-            strike.last_ns = time_ns
-            lie = Lie(strike.spec.type, strike.spoofer(context))
-            _refuse_beyond(strike, lie, position_m)
-        return lie
+            if attack.begin_ns is None:
+                attack.begin_ns = attack.last_ns = time_ns
+            elapsed_s, interval_s = (time_ns - attack.begin_ns) / 1e9, (time_ns - attack.last_ns) / 1e9
+            context = SpoofingContext(self._true_fixes, elapsed_s, interval_s, heading_rad, innovation)
+            attack.last_ns = time_ns
+            false_fix = FalseFix(attack.spec.type, attack.spoofer(context))
+            _refuse_beyond(attack, false_fix, position_m)
+        return false_fix
 
 
-def _refuse_beyond(strike: _Strike, lie: Lie, position_m: Float64) -> None:
-    if lie.position_m is not None:
-        change = FixChange(lie.position_m - position_m)
-        for excess in excesses(change, strike.bounds, FIX_QUANTITIES):
-            raise AdvpipeError(f"{lie.attack} went beyond its bounds: {excess}")
+def _refuse_beyond(attack: _ScheduledAttack, false_fix: FalseFix, position_m: Float64) -> None:
+    if false_fix.position_m is not None:
+        change = FixChange(false_fix.position_m - position_m)
+        for excess in excesses(change, attack.bounds, FIX_QUANTITIES):
+            raise AdvpipeError(f"{false_fix.attack} went beyond its bounds: {excess}")

@@ -21,7 +21,7 @@ from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.replay.recorded_filter import RecordedFilter, filter_errors
-from advpipe.stages.attack.gnss.spoofing_schedule import Lie, SpoofingSchedule
+from advpipe.stages.attack.gnss.spoofing_schedule import FalseFix, SpoofingSchedule
 
 NO_FIX = -1
 COVARIANCE_UNKNOWN = 0
@@ -35,16 +35,16 @@ class FixRecord:
     """
 
     stamp_ns: int
-    genuine: Float64 | None
-    genuine_m: Float64 | None
+    true_geographic: Float64 | None
+    true_m: Float64 | None
     covariance_m2: Float64
-    lie: Lie | None
-    told: Float64 | None
+    false_fix: FalseFix | None
+    reported: Float64 | None
 
     @property
     def is_false(self) -> bool:
         """Whether it says something else than it would have: an attack that is on may leave it as it was."""
-        return self.told is not self.genuine
+        return self.reported is not self.true_geographic
 
 
 @dataclass(frozen=True)
@@ -58,19 +58,19 @@ class SpoofedVehicle:
     estimates: dict[int, Estimate]
 
     @property
-    def first_lie_ns(self) -> int | None:
+    def first_attacked_ns(self) -> int | None:
         """Stamp of the first attacked fix; None without any."""
-        return next((record.stamp_ns for record in self.records if record.lie is not None), None)
+        return next((record.stamp_ns for record in self.records if record.false_fix is not None), None)
 
 
-def spoof_vehicle(reader: BagReader, recorded: RecordedFilter, strikes: SpoofingSchedule) -> SpoofedVehicle:
-    """Goes through the recording with the victim's filter. Without a lie, nothing changes, to the bit."""
-    with filter_errors(reader, strikes.victim):
-        return _spoof_vehicle(reader, recorded, strikes)
+def spoof_vehicle(reader: BagReader, recorded: RecordedFilter, schedule: SpoofingSchedule) -> SpoofedVehicle:
+    """Runs the victim's filter on the recording again; without a false fix, it reproduces every bit."""
+    with filter_errors(reader, schedule.victim):
+        return _spoof_vehicle(reader, recorded, schedule)
 
 
-def _spoof_vehicle(reader: BagReader, recorded: RecordedFilter, strikes: SpoofingSchedule) -> SpoofedVehicle:
-    topics, geodesy = VehicleTopics(strikes.victim), recorded.geodesy
+def _spoof_vehicle(reader: BagReader, recorded: RecordedFilter, schedule: SpoofingSchedule) -> SpoofedVehicle:
+    topics, geodesy = VehicleTopics(schedule.victim), recorded.geodesy
     estimator = recorded.estimator(reader, topics)
     waiting = reader.raw_messages([topics.gnss_fix.name])
     raw = next(waiting, None)
@@ -80,11 +80,13 @@ def _spoof_vehicle(reader: BagReader, recorded: RecordedFilter, strikes: Spoofin
     estimates: dict[int, Estimate] = {}
     for measured in read_measurements(reader, topics):
         while raw is not None and raw.log_time_ns <= measured.stamp_ns:
-            foresee = _foresight(estimator, measured)
-            fix, record = _spoof_fix(raw, reader.decode(raw), strikes, geodesy, heading_rad, foresee)
+            predict_innovation = _innovation_predictor(estimator, measured)
+            fix, record = _spoof_fix(
+                raw, reader.decode(raw), schedule, geodesy, heading_rad, predict_innovation
+            )
             fixes.append(fix)
             records.append(record)
-            measured = replace(measured, fix=record.told)
+            measured = replace(measured, fix=record.reported)
             raw = next(waiting, None)
         estimate = estimator.step(measured)
         estimates[measured.stamp_ns] = estimate
@@ -92,45 +94,47 @@ def _spoof_vehicle(reader: BagReader, recorded: RecordedFilter, strikes: Spoofin
     while raw is not None:  # after the last estimate: nobody sees it any more
         fixes.append(raw)
         raw = next(waiting, None)
-    return SpoofedVehicle(strikes.victim, strikes.name, tuple(fixes), tuple(records), estimates)
+    return SpoofedVehicle(schedule.victim, schedule.name, tuple(fixes), tuple(records), estimates)
 
 
-def _foresight(estimator: Estimator, measured: Measurements) -> Callable[[Float64], Innovation]:
+def _innovation_predictor(estimator: Estimator, measured: Measurements) -> Callable[[Float64], Innovation]:
     """What the filter would make of a fix in this step; the filter itself stays as it is."""
 
-    def foresee(fix: Float64) -> Innovation:
+    def predict_innovation(fix: Float64) -> Innovation:
         innovation = deepcopy(estimator).step(replace(measured, fix=fix)).innovation
         assert innovation is not None
         return innovation
 
-    return foresee
+    return predict_innovation
 
 
 def _spoof_fix(
     raw: RawMessage,
     message: Any,
-    strikes: SpoofingSchedule,
+    schedule: SpoofingSchedule,
     geodesy: Geodesy,
     heading_rad: float,
-    foresee: Callable[[Float64], Innovation],
+    predict_innovation: Callable[[Float64], Innovation],
 ) -> tuple[RawMessage, FixRecord]:
     stamp_ns = build.stamp_ns(message)
     covariance_m2 = np.array(message.position_covariance, dtype=np.float64).reshape(3, 3)
-    genuine = np.array([message.latitude, message.longitude, message.altitude])
-    if message.status.status < 0 or not np.isfinite(genuine).all():
+    true_geographic = np.array([message.latitude, message.longitude, message.altitude])
+    if message.status.status < 0 or not np.isfinite(true_geographic).all():
         return raw, FixRecord(stamp_ns, None, None, covariance_m2, None, None)
-    genuine_m = geodesy.to_map(genuine)
-    lie = strikes.of(raw.log_time_ns, genuine_m, heading_rad, lambda: foresee(genuine))
-    if lie is None or (lie.position_m is not None and np.array_equal(lie.position_m, genuine_m)):
-        return raw, FixRecord(stamp_ns, genuine, genuine_m, covariance_m2, lie, genuine)
-    told = None if lie.position_m is None else geodesy.to_geographic(lie.position_m)
-    spoofed = replace(raw, cdr=serialise(_with_place(message, told), raw.topic.type))
-    return spoofed, FixRecord(stamp_ns, genuine, genuine_m, covariance_m2, lie, told)
+    true_m = geodesy.to_map(true_geographic)
+    false_fix = schedule.of(raw.log_time_ns, true_m, heading_rad, lambda: predict_innovation(true_geographic))
+    if false_fix is None or (
+        false_fix.position_m is not None and np.array_equal(false_fix.position_m, true_m)
+    ):
+        return raw, FixRecord(stamp_ns, true_geographic, true_m, covariance_m2, false_fix, true_geographic)
+    reported = None if false_fix.position_m is None else geodesy.to_geographic(false_fix.position_m)
+    spoofed = replace(raw, cdr=serialise(_with_position(message, reported), raw.topic.type))
+    return spoofed, FixRecord(stamp_ns, true_geographic, true_m, covariance_m2, false_fix, reported)
 
 
-def _with_place(message: Any, told: Float64 | None) -> Any:
+def _with_position(message: Any, reported: Float64 | None) -> Any:
     """The fix at another place, with the receiver's own claims of accuracy; or that it has none."""
-    if told is None:
+    if reported is None:
         return replace(
             message,
             status=replace(message.status, status=NO_FIX),
@@ -140,5 +144,5 @@ def _with_place(message: Any, told: Float64 | None) -> Any:
             position_covariance=np.zeros(9),
             position_covariance_type=COVARIANCE_UNKNOWN,
         )
-    latitude_deg, longitude_deg, altitude_m = told.tolist()
+    latitude_deg, longitude_deg, altitude_m = reported.tolist()
     return replace(message, latitude=latitude_deg, longitude=longitude_deg, altitude=altitude_m)

@@ -1,4 +1,4 @@
-"""Attachment: hide objects, or make ghosts, by a few added points."""
+"""Attachment: hide objects, or create ghost objects, by a few added points."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.labels.points import ADDED, PointLabels
 from advpipe.pipeline.labels.quantities import ADDED_DISTANCE, POINTS_ADDED, POINTS_MOVED, POINTS_REMOVED
 from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
-from advpipe.stages.attack.bounds import checked_number, one_of, whole
-from advpipe.stages.attack.lidar.attach_game import AttachGame
+from advpipe.stages.attack.bounds import checked_choice, checked_integer, checked_number
 from advpipe.stages.attack.lidar.attach_paper import salient_copies
 from advpipe.stages.attack.lidar.attach_places import Places, ball_places, joined, voxel_places
+from advpipe.stages.attack.lidar.attach_problem import AttachProblem
 from advpipe.stages.attack.lidar.attack_objective import AttackObjective
 from advpipe.stages.attack.lidar.base import (
     MAX_ROUNDS,
@@ -33,7 +33,7 @@ from advpipe.stages.attack.lidar.base import (
     unchanged,
 )
 from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
-from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners
+from advpipe.stages.attack.lidar.goal import AttackGoal, goal_of, owners
 from advpipe.stages.attack.lidar.gradient import gradients_of
 from advpipe.stages.attack.lidar.greedy_allocation import greedy_allocation, queries
 from advpipe.stages.attack.lidar.selection import NoGradientError
@@ -48,22 +48,22 @@ RECIPES = ("best", "robust", "paper", "random", "random-near", "random-best")
 MAX_EPS_M = 5.0
 
 MAX_POINTS = 100_000
-"""As many as a LiDAR measures; more would be another cloud, and would not fit into memory."""
+"""About the points of a whole LiDAR cloud; more would not fit into memory."""
 
 MARGIN_M = 0.5
-"""Places this near to an object count as its own."""
+"""Places this near to an object belong to it."""
 
 INSET_M = {"best": 0.002, "robust": 0.025}
-"""How far off the faces of a voxel points are put; jitter of 1 cm seldom carries them over 2.5 cm."""
+"""The distance of added points from the faces of their voxel; 1 cm of jitter seldom moves one by 2.5 cm."""
 
 JITTER_M = 0.01
-"""What the recipe `robust` is judged under."""
+"""The noise under which the recipe `robust` evaluates its candidates."""
 
 REST_M = 0.02
-"""Points of the budget that have nothing to do stand this near to clean ones: the cloud hardly changes."""
+"""Points without any effect are added this near to clean ones, so that the cloud hardly changes."""
 
 BALL_PLACES = 200
-"""Places a chosen point, in all, for detectors that show no voxels, and for the baseline `random-best`."""
+"""Candidate places per added point, for detectors without voxels and for the baseline `random-best`."""
 
 
 @dataclass(kw_only=True, eq=False)
@@ -72,20 +72,20 @@ class Attach(LidarAttack):
 
     The attacker knows the detector, the true boxes and the rule that matches detections to them (`goal`).
 
-    recipe: "best" fills the empty voxels whose occupancy hurts the detector most, at the place nearest to
-        a clean point, looks at what it then finds, and spends the points on the objects that fall to the
-        fewest; for a detector without occupancies, it takes places by the gradient of the loss. "robust"
-        stays clear of the voxels' faces and looks under jitter of 1 cm. "paper" shifts copies of the most
-        salient points (`attach_paper`). By chance: "random" in balls about any points, "random-near" about
-        those near objects, "random-best" likewise with the selection of "best": the strongest baseline,
-        which reports do not score by themselves. New points copy the intensity of the point that they start
-        from.
     points: how many points to add.
     eps_m: how far from the clean cloud's points they may lie.
-    rounds: how often "best" ranks the places anew.
-    weight: lambda of the paper's dual loss (loss units a square metre); only for "paper".
-    decay_m: "best" and "robust" count what a point d away from the clean ones brings exp(-(d / decay_m)**2)
-        times: small for a smaller Chamfer distance.
+    recipe: "best" fills the empty voxels whose occupancy affects the detector most, at the place nearest to
+        a clean point, evaluates the detections, and spends the points on the objects that need the fewest;
+        for a detector without `occupancy_loss`, it ranks places by the gradient of the loss. "robust" keeps a
+        distance from the voxels' faces and evaluates under jitter of 1 cm. "paper" shifts copies of the most
+        salient points (`attach_paper`). Random baselines: "random" in balls around any points, "random-near"
+        around those near objects, "random-best" likewise with the selection of "best": the strongest
+        baseline, which reports do not score by themselves. New points copy the intensity of the point that
+        they start from.
+    rounds: how often "best" ranks the places.
+    weight: lambda of the paper's dual loss (loss units per square metre); only for "paper".
+    decay_m: "best" and "robust" multiply the gain of a point at distance d from the clean ones by
+        exp(-(d / decay_m)**2): a small decay_m gives a small Chamfer distance.
     along_ray, keep_occlusion_order, near_objects_m, goal, objects, ghost, intensity: see
         `constraints.Constraints`.
     """
@@ -135,10 +135,10 @@ class Attach(LidarAttack):
             raise UsageError(f"attach: eps_m is {self.eps_m}, but must lie above 0 and up to {MAX_EPS_M:g}")
         if not self.decay_m > 0:
             raise UsageError(f"attach: decay_m is {self.decay_m}, but must be above 0")
-        one_of("attach", "recipe", self.recipe, RECIPES)
+        checked_choice("attach", "recipe", self.recipe, RECIPES)
         checked_number("attach", "weight", self.weight, 0)
-        self.points = whole("attach", "points", self.points, 1, MAX_POINTS)
-        self.rounds = whole("attach", "rounds", self.rounds, 1, MAX_ROUNDS)
+        self.points = checked_integer("attach", "points", self.points, 1, MAX_POINTS)
+        self.rounds = checked_integer("attach", "rounds", self.rounds, 1, MAX_ROUNDS)
         self.constraints = Constraints.among(vars(self))
 
     @property
@@ -157,7 +157,7 @@ class Attach(LidarAttack):
     def __call__(
         self, cloud: Cloud, boxes: Boxes, detector: ObjectDetector, rng: np.random.Generator
     ) -> LidarResult:
-        """The cloud with the new points at its end; unchanged, with a note, where there is nothing to do."""
+        """The cloud with the new points at its end; unchanged, with a note, if there is nothing to attack."""
         scene = cloud[np.isfinite(xyzi(cloud)).all(axis=1)]
         if not len(scene):
             return unchanged(cloud, "no points to start from")
@@ -182,25 +182,32 @@ class Attach(LidarAttack):
         return LidarResult(adversarial, _labels(scene, added), loss_before, loss_after, note)
 
     def _places(
-        self, clean: Float32, goal: Goal, detector: ObjectDetector, rules: Rules, rng: np.random.Generator
+        self,
+        clean: Float32,
+        goal: AttackGoal,
+        detector: ObjectDetector,
+        rules: Rules,
+        rng: np.random.Generator,
     ) -> tuple[Places, str]:
-        """Where the new points stand, and what the user must know."""
+        """The places of the new points, and a note for the user."""
         boxes = goal.targets.boxes.double().numpy()
         everywhere = np.flatnonzero(rules.allowed)
         if self.recipe == "random":
-            return self._by_chance(clean, everywhere, self.points, boxes, rules, rng), ""
+            return self._random_places(clean, everywhere, self.points, boxes, rules, rng), ""
         if self.recipe == "paper":
             count, weight = self.points, self.weight
             return salient_copies(clean, goal, detector, rules, count, self.eps_m, weight, rng), ""
         near = np.flatnonzero((owners(clean[:, :3], boxes, MARGIN_M) >= 0) & rules.allowed)
         sources = near if len(near) else everywhere
         if self.recipe == "random-near":
-            return self._by_chance(clean, sources, self.points, boxes, rules, rng), ""
+            return self._random_places(clean, sources, self.points, boxes, rules, rng), ""
         places, note = self._candidates(clean, sources, boxes, detector, rules, rng)
         jitter_m = JITTER_M if self.recipe == "robust" else 0.0
-        judge, blind = AttackObjective.of(goal, detector, clean), self.recipe == "random-best"
-        game = AttachGame(clean, places, goal, judge, detector, rng, self.decay_m, jitter_m, blind)
-        chosen, reserve = greedy_allocation(game, self.points, self.rounds)
+        objective, is_random = AttackObjective.of(goal, detector, clean), self.recipe == "random-best"
+        problem = AttachProblem(
+            clean, places, goal, objective, detector, rng, self.decay_m, jitter_m, is_random
+        )
+        chosen, reserve = greedy_allocation(problem, self.points, self.rounds)
         best = places[np.concatenate([chosen, reserve])[: self.points]]
         short = self.points - len(best)
         if short:
@@ -209,7 +216,7 @@ class Attach(LidarAttack):
             rest = ball_places(clean, sources, short, boxes, rules, near_m, MARGIN_M, rng)
             best = joined([best, rest])
         if self.constraints.intensity:
-            best = _with_intensity(clean, best, goal, judge, detector)
+            best = _with_intensity(clean, best, goal, objective, detector)
         return best, note
 
     def _candidates(
@@ -221,14 +228,14 @@ class Attach(LidarAttack):
         rules: Rules,
         rng: np.random.Generator,
     ) -> tuple[Places, str]:
-        """The places that `best` and its like choose from."""
+        """The candidate places of `best`, `robust` and `random-best`."""
         if self.recipe != "random-best" and isinstance(detector, VoxelDetector):
             grid, inset_m = detector.voxel_grid, INSET_M[self.recipe]
             return voxel_places(clean, boxes, grid, rules, self.eps_m, MARGIN_M, inset_m), ""
         note = "" if self.recipe == "random-best" else "no occupancy_loss: places by the gradient of the loss"
-        return self._by_chance(clean, sources, BALL_PLACES * self.points, boxes, rules, rng), note
+        return self._random_places(clean, sources, BALL_PLACES * self.points, boxes, rules, rng), note
 
-    def _by_chance(
+    def _random_places(
         self,
         clean: Float32,
         sources: Int64,
@@ -241,9 +248,9 @@ class Attach(LidarAttack):
 
 
 def _with_intensity(
-    clean: Float32, places: Places, goal: Goal, judge: AttackObjective, detector: ObjectDetector
+    clean: Float32, places: Places, goal: AttackGoal, objective: AttackObjective, detector: ObjectDetector
 ) -> Places:
-    """The places with intensities of 0 or 1, whichever the gradient asks for, where that does more harm."""
+    """The places with intensities of 0 or 1, by the sign of the gradient, if that raises the objective."""
 
     def loss_of(added: Float32) -> tuple[torch.Tensor, torch.Tensor]:
         points = torch.from_numpy(np.concatenate([clean, added])).requires_grad_()
@@ -255,7 +262,7 @@ def _with_intensity(
     changed = places.points.copy()
     changed[:, 3] = np.where(slope > 0, 1.0, np.where(slope < 0, 0.0, changed[:, 3]))
     before, after = (
-        (float(judge(np.concatenate([clean, added])).sum()), float(loss_of(added)[0].detach()))
+        (float(objective(np.concatenate([clean, added])).sum()), float(loss_of(added)[0].detach()))
         for added in (places.points, changed)
     )
     return replace(places, points=changed) if after > before else places

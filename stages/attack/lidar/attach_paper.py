@@ -10,9 +10,9 @@ from torch import Tensor
 
 from advpipe.pipeline.baselines import move_within
 from advpipe.pipeline.detector.protocol import ObjectDetector
-from advpipe.stages.attack.lidar.attach_places import HAIR, Places
+from advpipe.stages.attack.lidar.attach_places import ROUNDING_FACTOR, Places
 from advpipe.stages.attack.lidar.constraints import Rules, along_rays
-from advpipe.stages.attack.lidar.goal import Goal
+from advpipe.stages.attack.lidar.goal import AttackGoal
 from advpipe.stages.attack.lidar.gradient import gradients_of
 from advpipe.stages.attack.lidar.selection import NoGradientError, choose_salient_points
 
@@ -20,13 +20,13 @@ Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 
 STEPS = 40
-STEP_SHARE = 1 / 30
-"""Steps of eps / 30, as the paper's perturbation takes; of attachment it tells neither number."""
+STEP_FRACTION = 1 / 30
+"""Steps of eps / 30, as in the paper's perturbation; for attachment the paper states neither number."""
 
 
 def salient_copies(
     clean: Float32,
-    goal: Goal,
+    goal: AttackGoal,
     detector: ObjectDetector,
     rules: Rules,
     count: int,
@@ -34,11 +34,11 @@ def salient_copies(
     weight: float,
     rng: np.random.Generator,
 ) -> Places:
-    """`count` places: of copies of the most salient clean points (N, 4), shifted by PGD.
+    """`count` places of copies of the most salient clean points (N, 4), shifted by PGD.
 
     Minimises L = -L_det + weight * D_C (Eq. 1 and 4) over the copies' coordinates within the ball of radius
-    eps about where each started, with steps normalised for each point. Where fewer points may be copied
-    than are to be added, they are copied again.
+    eps around each start, with steps normalised for each point. If fewer points may be copied than are to be
+    added, points are copied several times.
     """
     allowed = np.flatnonzero(rules.allowed)
     if not len(allowed):
@@ -52,10 +52,10 @@ def salient_copies(
         added = _at(start, offset)
         uphill = goal.sign * _gradient(clean, added, goal, detector)
         away_m = added[:, :3] - tree.data[tree.query(added[:, :3].astype(np.float64))[1]]
-        # Of D_C's two terms only that of the added points changes with them: 2 (z - nearest) / |P_a|.
+        # Only the added points' term of D_C depends on them; its gradient is 2 (z - nearest) / |P_a|.
         downhill = -uphill + weight * 2 * away_m / (len(clean) + count)
         length = np.linalg.norm(downhill, axis=1, keepdims=True)
-        offset = offset - STEP_SHARE * eps_m * downhill / np.maximum(length, 1e-30)
+        offset = offset - STEP_FRACTION * eps_m * downhill / np.maximum(length, 1e-30)
         if rules.constraints.along_ray:
             offset = along_rays(start[:, :3], offset)
         offset *= np.minimum(1, eps_m / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-30))
@@ -65,7 +65,7 @@ def salient_copies(
     return Places(points, source, distance_m, np.full(count, -1, np.int64))
 
 
-def _gradient(clean: Float32, added: Float32, goal: Goal, detector: ObjectDetector) -> Float64:
+def _gradient(clean: Float32, added: Float32, goal: AttackGoal, detector: ObjectDetector) -> Float64:
     """dL_det / d(x, y, z) of the added points (K, 3)."""
     leaf: Tensor = torch.from_numpy(added).requires_grad_()
     points = torch.cat([torch.from_numpy(clean), leaf])
@@ -79,5 +79,5 @@ def _gradient(clean: Float32, added: Float32, goal: Goal, detector: ObjectDetect
 
 def _at(start: Float32, offset_m: Float64) -> Float32:
     moved = start.copy()
-    moved[:, :3] = move_within(start[:, :3], offset_m * HAIR)
+    moved[:, :3] = move_within(start[:, :3], offset_m * ROUNDING_FACTOR)
     return moved

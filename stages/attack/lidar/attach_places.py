@@ -1,4 +1,4 @@
-"""Where `attach` may put points: places within reach of the clean cloud's points."""
+"""The candidate places of `attach`: within reach of the clean cloud's points."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 
-HAIR = 1 - 1e-9
-"""Displacements are kept this much within their bound, so that no rounding takes them over it."""
+ROUNDING_FACTOR = 1 - 1e-9
+"""Displacements are scaled by this, so that rounding takes none beyond its bound."""
 
-_DRAWS = 50
+_MAX_DRAWS = 50
 
 
 @dataclass(frozen=True)
 class Places:
-    """C places for a point.
+    """C candidate places for added points.
 
     points: (C, 4) float32 x, y, z, and the intensity of the clean point that each starts from.
-    source: (C,) that point. distance_m: (C,) float64 from it, as stored. owner: (C,) the box that each
-    belongs to, -1 for none.
+    source: (C,) the index of that point. distance_m: (C,) float64 from it, as stored. owner: (C,) the box
+    that each place belongs to, -1 for none.
     """
 
     points: Float32
@@ -56,9 +56,9 @@ def voxel_places(
 ) -> Places:
     """One place in each empty voxel in or near a box (M, 7) that a clean point (N, 4) reaches.
 
-    It is the place of the voxel, `inset_m` off its faces, that is nearest to the clean point; the voxel's
-    centre says which one that is. The voxels are those whose centre lies within `margin_m` of a box.
-    Along rays, it is the place on the ray of a clean point that is nearest to that point.
+    The source is the clean point nearest to the voxel's centre, and the place is the nearest one to it that
+    lies `inset_m` inside of the voxel's faces. The voxels are those with a centre within `margin_m` of a box.
+    With `along_ray`, the place is the nearest one on the ray of a clean point.
     """
     near = _near(clean, boxes, margin_m + eps_m)
     if not len(near):
@@ -82,10 +82,10 @@ def ball_places(
     margin_m: float,
     rng: np.random.Generator,
 ) -> Places:
-    """`count` places by chance, each uniformly in the ball about one of the sources, as the baseline
-    `baselines.add_random_points` draws them; fewer where the constraints permit next to none."""
+    """`count` random places, each uniform in the ball around one of the sources, like those of the baseline
+    `baselines.add_random_points`; fewer if the constraints permit hardly any."""
     drawn, have = [_none()], 0
-    for _ in range(_DRAWS if len(sources) else 0):
+    for _ in range(_MAX_DRAWS if len(sources) else 0):
         source = rng.choice(sources, size=count)
         offset = random_offsets(count, eps_m, rng)
         if rules.constraints.along_ray:
@@ -106,10 +106,10 @@ def _places(
     eps_m: float,
     rules: Rules,
 ) -> Places:
-    """The places at these offsets (K, 3) from clean points that are in reach, as stored, and permitted."""
+    """The places at these offsets (K, 3) from clean points that the reach and the constraints permit."""
     start = clean[source, :3]
     points = clean[source].copy()
-    points[:, :3] = move_within(start, offset_m * HAIR)
+    points[:, :3] = move_within(start, offset_m * ROUNDING_FACTOR)
     distance_m = np.linalg.norm(points[:, :3].astype(np.float64) - start, axis=1)
     kept = np.flatnonzero((distance_m <= eps_m) & rules.permits(points[:, :3]))
     owner = owners(points[kept, :3], boxes, margin_m)
@@ -117,7 +117,7 @@ def _places(
 
 
 def _cells_about(boxes: Float64, grid: VoxelGrid, margin_m: float) -> Int64:
-    """The cells (K, 3) of a grid whose centre lies within a margin of any of the boxes (M, 7)."""
+    """The cells (K, 3) of a grid with a centre within a margin of any of the boxes (M, 7)."""
     low_m, size, shape = np.array(grid.low_m), np.array(grid.size_m), np.array(grid.shape)
     found = [np.zeros((0, 3), np.int64)]
     for box in boxes:
@@ -136,8 +136,8 @@ def _cells_about(boxes: Float64, grid: VoxelGrid, margin_m: float) -> Int64:
 def _nearest_in_cells(
     clean: Float32, near: Int64, cells: Int64, grid: VoxelGrid, eps_m: float, inset_m: float
 ) -> tuple[Int64, Float64]:
-    """For each cell (of K, 3) that may be in reach the clean point nearest to its centre, and the way into
-    the cell from there."""
+    """For each cell (K, 3) that may be in reach, the clean point nearest to its centre, and the offset from
+    that point into the cell."""
     low, size = grid.low_corners_m(cells), np.array(grid.size_m)
     reach_m = eps_m + float(np.linalg.norm(size)) / 2
     tree = cKDTree(clean[near, :3].astype(np.float64))
@@ -149,16 +149,16 @@ def _nearest_in_cells(
 
 
 def _steps_on_rays(clean: Float32, near: Int64, eps_m: float, voxel_m: float) -> tuple[Int64, Float64]:
-    """Steps of half a voxel to and fro on the rays of clean points."""
+    """Steps of half a voxel, forward and back, on the rays of clean points."""
     steps_m = np.arange(voxel_m / 2, eps_m, voxel_m / 2)
-    steps_m = np.concatenate([-steps_m, steps_m, [-eps_m, eps_m]]) * HAIR
+    steps_m = np.concatenate([-steps_m, steps_m, [-eps_m, eps_m]]) * ROUNDING_FACTOR
     start = clean[near, :3].astype(np.float64)
     unit = start / np.maximum(np.linalg.norm(start, axis=1, keepdims=True), 1e-9)
     return np.repeat(near, len(steps_m)), (unit[:, None] * steps_m[:, None]).reshape(-1, 3)
 
 
 def _one_a_voxel(places: Places, grid: VoxelGrid, taken: Int64) -> Places:
-    """Of the places in each empty voxel that nearest to its source."""
+    """In each empty voxel, the place nearest to its source."""
     key = grid.keys(grid.cells(places.points))
     order = np.lexsort((places.distance_m, key))
     order = order[(key[order] >= 0) & ~np.isin(key[order], taken)]
@@ -177,7 +177,7 @@ def _none() -> Places:
 
 
 def joined(parts: list[Places]) -> Places:
-    """All places of several parts, one after the other."""
+    """All places of several parts, in order."""
     return Places(
         np.concatenate([part.points for part in parts]),
         np.concatenate([part.source for part in parts]),

@@ -1,4 +1,4 @@
-"""How much each object of a goal has suffered: what `detach` and `attach` spend their budget by."""
+"""The objective that `detach` and `attach` maximise for each object."""
 
 from __future__ import annotations
 
@@ -8,47 +8,47 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.detector.protocol import ObjectDetector
-from advpipe.stages.attack.lidar.goal import Goal
+from advpipe.stages.attack.lidar.goal import AttackGoal
 from advpipe.stages.attack.lidar.per_object_best import cloud_of
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 
-FAINT = 0.5
-"""The most that an object suffers by a lower score: average precision hardly asks how high it is."""
+SCORE_LOSS_SHARE = 0.5
+"""The objective of a found object whose score drops to 0: average precision hardly depends on the score."""
 
-SEEN = 0.7
-"""A ghost found so well needs no more."""
+CREATED_SCORE = 0.7
+"""A ghost object detected with this score needs no more points."""
 
 
 @dataclass(frozen=True)
 class AttackObjective:
-    """Judges points by what the detector makes of them.
+    """Evaluates adversarial points by the detections that the detector returns for them.
 
-    An object that is lost has suffered 1, and more by false detections beside it; one that is found with a
-    lower score has suffered the share of `FAINT` that it lost of it. What the clean cloud did not show
-    cannot suffer. A ghost's harm is how well it is seen.
+    A lost object counts 1, plus false detections near it; an object found with a lower score counts the lost
+    fraction of its score, times `SCORE_LOSS_SHARE`. An object that is not detected in the clean cloud counts
+    0. A ghost object counts by the score and overlap with which it is detected.
     """
 
-    goal: Goal
+    goal: AttackGoal
     detector: ObjectDetector
     clean_success: Float64
 
     @staticmethod
-    def of(goal: Goal, detector: ObjectDetector, clean: Float32) -> AttackObjective:
-        """The judge of changes of these clean points (N, 4)."""
+    def of(goal: AttackGoal, detector: ObjectDetector, clean: Float32) -> AttackObjective:
+        """The objective for attacks on these clean points (N, 4)."""
         return AttackObjective(goal, detector, goal.success(detector.detect(cloud_of(clean))))
 
     def __call__(self, points: Float32) -> Float64:
-        """The harm (M,) to the objects of the goal by these points (K, 4)."""
+        """The objective (M,) of each object of the goal for these points (K, 4)."""
         success, was = self.goal.success(self.detector.detect(cloud_of(points))), self.clean_success
         if self.goal.kind == "create":
             return success
-        faint = FAINT * np.clip((success - was) / np.maximum(-was, 1e-9), 0, 1)
-        return np.where(was >= 0, 0.0, np.where(success >= 0, 1 + success, faint))
+        partial = SCORE_LOSS_SHARE * np.clip((success - was) / np.maximum(-was, 1e-9), 0, 1)
+        return np.where(was >= 0, 0.0, np.where(success >= 0, 1 + success, partial))
 
-    def enough(self, harm: Float64) -> npt.NDArray[np.bool_]:
-        """Which objects (M,) need no more: they are lost, or nobody saw them; ghosts that are seen."""
+    def is_satisfied(self, values: Float64) -> npt.NDArray[np.bool_]:
+        """Which objects (M,) need no more points: lost or never detected, or ghost objects that are found."""
         if self.goal.kind == "create":
-            return np.asarray(harm >= SEEN)
-        return np.asarray((harm >= 1) | (self.clean_success >= 0))
+            return np.asarray(values >= CREATED_SCORE)
+        return np.asarray((values >= 1) | (self.clean_success >= 0))

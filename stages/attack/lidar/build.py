@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.plugins import mistakes_reported, plugin_names
+from advpipe.pipeline.core.plugins import plugin_errors, plugin_names
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.lidar.base import LidarAttack, lidar_traits
 from advpipe.stages.attack.lidar.registry import LIDAR_ATTACKS
@@ -18,9 +18,9 @@ def build_lidar_attack(spec: AttackSpec) -> LidarAttack:
     kind = LIDAR_ATTACKS.find(spec.type)
     recipe, keywords = resolved_recipe(spec, kind), dict(resolved_parameters(spec, kind))
     if recipe:
-        _refuse_idle(spec, kind, recipe, keywords)
+        _refuse_unused(spec, kind, recipe, keywords)
         keywords["recipe"] = recipe
-    with mistakes_reported(plugin_names([spec.type])):
+    with plugin_errors(plugin_names([spec.type])):
         return kind(**keywords)
 
 
@@ -33,7 +33,7 @@ def query_budget_of(attack: LidarAttack) -> int | None:
     return queries
 
 
-def _refuse_idle(
+def _refuse_unused(
     spec: AttackSpec, kind: type[LidarAttack], recipe: str, parameters: Mapping[str, Any]
 ) -> None:
     """Raises AdvpipeError for a parameter that its recipe would pass over in silence."""

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.geometry.boxes import Boxes, points_in_boxes
 from advpipe.pipeline.labels.quantities import POINTS_TOUCHED
-from advpipe.stages.attack.lidar.ghost import Ghost
+from advpipe.stages.attack.lidar.ghost_object import GhostObject
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -56,7 +56,7 @@ class Constraints:
     near_objects_m: float | None = None
     goal: str = GOALS[0]
     objects: tuple[str, ...] = field(default=())
-    ghost: Ghost | None = None
+    ghost: GhostObject | None = None
     max_points: int | None = None
     intensity: bool = False
 
@@ -80,7 +80,7 @@ class Constraints:
             raise UsageError(f"unknown constraint {unknown[0]!r}; known: {', '.join(known)}")
         values = dict(options)
         if isinstance(values.get("ghost"), str):
-            values["ghost"] = Ghost.parse(values["ghost"])
+            values["ghost"] = GhostObject.parse(values["ghost"])
         if "objects" in values:
             names = values["objects"]
             values["objects"] = tuple(map(str, names.split(",") if isinstance(names, str) else names))

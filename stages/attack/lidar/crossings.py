@@ -1,4 +1,4 @@
-"""Where points can cross into another voxel: for each point, the cells in its reach and how to get there."""
+"""The options of each point to move into another voxel: the cells in its reach and the shortest way there."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ Int64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 
 MAX_CELLS_AWAY = 2
-"""Along each axis. A farther cell is no better a hiding place, and its way is longer."""
+"""The most cells that a point moves along each axis: farther cells are no better."""
 
-HAIR = 1e-9
-"""Displacements end this share short of their bound, so that no rounding carries one beyond it."""
+ROUNDING_MARGIN = 1e-9
+"""Displacements stay below their bound by this fraction, so that rounding exceeds none."""
 
 
 @dataclass(frozen=True)
 class Crossings:
-    """The L options of P points: each is a cell that a point can stand in, and the shortest way into it.
+    """The L options of P points: each is a cell that a point can move into, and the shortest way there.
 
-    point: (L,) which point, ascending. cell: (L,) index into `keys`. offset_m: (L, 3) float64 from where
-    the point stands in the clean cloud; zero for staying. length_m: (L,). home: (P,) the option of staying.
+    point: (L,) which point, ascending. cell: (L,) index into `keys`. offset_m: (L, 3) float64 from the
+    point's place in the clean cloud; zero for staying. length_m: (L,). home: (P,) the option of staying.
     keys: (C,) the cells in reach of any point, as `VoxelGrid.keys`.
     """
 
@@ -50,10 +50,10 @@ def find_crossings(
     along_ray: bool = False,
     forbidden: Callable[[Float64], Bool] | None = None,
 ) -> Crossings:
-    """The options of points (P, 3), which all lie in the grid, within a reach.
+    """The options of points (P, 3), all inside of the grid, within a reach.
 
     landing_m: how far behind a face a point lands, or on the way back into the middle of a smaller cell.
-    along_ray: points move on their ray from the origin only. forbidden: which places (K, 3) are none.
+    along_ray: points move only on their ray from the origin. forbidden: marks excluded places among (K, 3).
     """
     low, size = np.array(grid.low_m), np.array(grid.size_m)
     cells = grid.cells(start)
@@ -72,9 +72,9 @@ def find_crossings(
                 if along_ray
                 else (np.arange(len(start)), np.clip(0.0, first, last))
             )
-        fits = np.linalg.norm(way, axis=1) <= reach_m * (1 - HAIR)
+        fits = np.linalg.norm(way, axis=1) <= reach_m * (1 - ROUNDING_MARGIN)
         point.append(here[fits])
-        offset.append(way[fits] * (1 - HAIR))
+        offset.append(way[fits] * (1 - ROUNDING_MARGIN))
         target.append(cells[here[fits]] + step)
     points, offsets, targets = np.concatenate(point), np.concatenate(offset), np.concatenate(target)
     arrived = move_within(start[points], offsets)
@@ -98,8 +98,8 @@ def find_crossings(
 
 
 def _along_rays(place: Float64, first: Float64, last: Float64) -> tuple[Int64, Float64]:
-    """Which points' rays meet a box, from `first` to `last` relative to them, and the shortest way into it on
-    the ray (the slab method)."""
+    """The points whose rays meet their box, from `first` to `last` relative to them, and the shortest way
+    into it along the ray (slab method)."""
     ray = place / np.maximum(np.linalg.norm(place, axis=1, keepdims=True), 1e-9)
     ray = np.where(np.abs(ray) < 1e-12, 1e-12, ray)
     a, b = first / ray, last / ray

@@ -1,4 +1,4 @@
-"""Detachment: hide objects by removing a small share of a cloud's points."""
+"""Detachment: hide objects by removing a small fraction of a cloud's points."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.labels.points import PointLabels
 from advpipe.pipeline.labels.quantities import POINTS_ADDED, POINTS_MOVED, SHARE_REMOVED
 from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
-from advpipe.stages.attack.bounds import one_of, whole
+from advpipe.stages.attack.bounds import checked_choice, checked_integer
 from advpipe.stages.attack.lidar.attack_objective import AttackObjective
 from advpipe.stages.attack.lidar.base import (
     MAX_ROUNDS,
@@ -29,8 +29,8 @@ from advpipe.stages.attack.lidar.base import (
     unchanged,
 )
 from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
-from advpipe.stages.attack.lidar.detach_game import DetachGame
-from advpipe.stages.attack.lidar.goal import Goal, goal_of, owners
+from advpipe.stages.attack.lidar.detach_problem import DetachProblem
+from advpipe.stages.attack.lidar.goal import AttackGoal, goal_of, owners
 from advpipe.stages.attack.lidar.greedy_allocation import greedy_allocation, queries
 from advpipe.stages.attack.lidar.selection import Indices, NoGradientError, choose_salient_points
 from advpipe.stages.attack.lidar.targets import AttackTargets, detection_loss
@@ -38,10 +38,10 @@ from advpipe.stages.attack.lidar.targets import AttackTargets, detection_loss
 RECIPES = ("best", "robust", "paper", "random", "random-near", "random-best")
 
 MARGIN_M = 0.5
-"""Points this near to an object count as its own: a detector looks at what is about it, too."""
+"""Points this near to an object belong to it: detectors use its surroundings, too."""
 
 JITTER_M = 0.01
-"""What the recipe `robust` is judged under."""
+"""The noise under which the recipe `robust` evaluates its candidates."""
 
 
 @dataclass(kw_only=True, eq=False)
@@ -50,15 +50,15 @@ class Detach(LidarAttack):
 
     The attacker knows the detector, the true boxes and the rule that matches detections to them (`goal`).
 
-    ratio: the share to remove, in (0, 1). Halves round up; at least one point goes, and one stays.
+    ratio: the fraction to remove, in (0, 1). Halves round up; at least one point is removed, and one stays.
         Points that are not finite (rays without an echo, in some drivers) do not count and stay.
-    recipe: "best" empties the voxels that the detector needs, looks at what it then finds, and spends the
-        budget on the objects that it loses for the fewest points; "robust" does so under jitter of 1 cm,
-        which brought nothing sure where it was measured; "paper" is the greedy gradient-norm saliency of the
-        paper (section III-A, Eq. 3). Of equal budget and by chance: "random" anywhere, "random-near" near
-        objects, "random-best" there with the selection of "best": the strongest baseline, which reports do
-        not score by themselves.
-    rounds: after each round the remaining points are ranked again (the paper: 10).
+    recipe: "best" empties the voxels that the detector needs, evaluates the detections, and spends the
+        budget on the objects that are lost with the fewest points; "robust" does so under jitter of 1 cm,
+        without a significant effect where it was measured; "paper" is the greedy gradient-norm saliency of
+        the paper (section III-A, Eq. 3). Random baselines of equal budget: "random" anywhere, "random-near"
+        near objects, "random-best" there with the selection of "best": the strongest baseline, which reports
+        do not score by themselves.
+    rounds: the remaining points are ranked again after each round (the paper: 10).
     near_objects_m, goal, objects, max_points: see `constraints.Constraints`.
     """
 
@@ -92,10 +92,10 @@ class Detach(LidarAttack):
 
     def __post_init__(self) -> None:
         if not 0 < self.ratio < 1:
-            share = "must lie between 0 and 1, such as 0.01 for 1 %"
-            raise UsageError(f"detach: ratio is {self.ratio}, but {share}")
-        one_of("detach", "recipe", self.recipe, RECIPES)
-        self.rounds = whole("detach", "rounds", self.rounds, 1, MAX_ROUNDS)
+            limits = "must lie between 0 and 1, such as 0.01 for 1 %"
+            raise UsageError(f"detach: ratio is {self.ratio}, but {limits}")
+        checked_choice("detach", "recipe", self.recipe, RECIPES)
+        self.rounds = checked_integer("detach", "rounds", self.rounds, 1, MAX_ROUNDS)
         self.constraints = Constraints.among(vars(self))
 
     @property
@@ -112,14 +112,14 @@ class Detach(LidarAttack):
         return queries(self.rounds) if self.recipe in QUERYING else 1
 
     def budget(self, points: int) -> int:
-        """How many of so many points are removed."""
+        """How many points of a cloud of this many are removed."""
         wanted = max(1, math.floor(self.ratio * points + 0.5))
         return min(wanted, self.constraints.max_points or wanted, max(points - 1, 0))
 
     def __call__(
         self, cloud: Cloud, boxes: Boxes, detector: ObjectDetector, rng: np.random.Generator
     ) -> LidarResult:
-        """The cloud without the chosen points; unchanged, with a note, where there is nothing to attack."""
+        """The cloud without the chosen points; unchanged, with a note, if there is nothing to attack."""
         finite = np.flatnonzero(np.isfinite(xyzi(cloud)).all(axis=1))
         if self.budget(len(finite)) == 0:
             return unchanged(cloud, "no points to remove")
@@ -149,13 +149,13 @@ class Detach(LidarAttack):
         scene: Cloud,
         allowed: Indices,
         budget: int,
-        goal: Goal,
+        goal: AttackGoal,
         detector: ObjectDetector,
         rng: np.random.Generator,
     ) -> tuple[Indices, str]:
-        """Which `budget` of the allowed points of a scene to remove; and what the user must know."""
+        """The `budget` points to remove among the allowed points of a scene, and a note for the user."""
         if self.recipe == "random":
-            return _by_chance(scene, allowed, budget, rng), ""
+            return _random_points(scene, allowed, budget, rng), ""
         if self.recipe == "paper":
             return self._greedily(scene, allowed, budget, goal.loss_targets, detector, rng)
         owner = np.full(len(scene), -1, np.int64)
@@ -166,10 +166,10 @@ class Detach(LidarAttack):
             reserve = rng.permutation(np.flatnonzero(owner >= 0))
         else:
             jitter_m = JITTER_M if self.recipe == "robust" else 0.0
-            blind = self.recipe == "random-best"
-            judge = AttackObjective.of(goal, detector, xyzi(scene))
-            game = DetachGame(xyzi(scene), owner, goal, judge, detector, rng, jitter_m, blind)
-            chosen, reserve = greedy_allocation(game, budget, self.rounds)
+            is_random = self.recipe == "random-best"
+            objective = AttackObjective.of(goal, detector, xyzi(scene))
+            problem = DetachProblem(xyzi(scene), owner, goal, objective, detector, rng, jitter_m, is_random)
+            chosen, reserve = greedy_allocation(problem, budget, self.rounds)
         chosen = np.concatenate([chosen, reserve])[:budget]
         short = budget - len(chosen)
         rest = np.setdiff1d(allowed, chosen, assume_unique=True)
@@ -178,7 +178,7 @@ class Detach(LidarAttack):
             "nothing more to gain: the rest removed at random" if short and self.recipe in QUERYING else "",
             "no occupancy_loss: points by the gradient of the loss" if is_plain else "",
         )
-        return np.concatenate([chosen, _by_chance(scene, rest, short, rng)]), note
+        return np.concatenate([chosen, _random_points(scene, rest, short, rng)]), note
 
     def _greedily(
         self,
@@ -189,7 +189,7 @@ class Detach(LidarAttack):
         detector: ObjectDetector,
         rng: np.random.Generator,
     ) -> tuple[Indices, str]:
-        """The most salient points, ranked again after each round; and what went short."""
+        """The most salient points, ranked again after each round, and a note for the user."""
         kept, removed = np.arange(len(scene)), np.zeros(0, np.int64)
         goals = np.round(np.linspace(0, budget, self.rounds + 1)).astype(int)
         for goal in goals[1:]:
@@ -202,13 +202,13 @@ class Detach(LidarAttack):
             except NoGradientError:
                 if not len(removed):
                     raise
-                rest = _by_chance(scene, kept[free], budget - len(removed), rng)
+                rest = _random_points(scene, kept[free], budget - len(removed), rng)
                 return np.concatenate([removed, rest]), "gradient used up: the rest removed at random"
             removed = np.concatenate([removed, chosen])
             kept = np.setdiff1d(kept, chosen, assume_unique=True)
         return removed, ""
 
 
-def _by_chance(scene: Cloud, points: Indices, count: int, rng: np.random.Generator) -> Indices:
-    """`count` of the points, by the baseline that every recipe is compared with."""
+def _random_points(scene: Cloud, points: Indices, count: int, rng: np.random.Generator) -> Indices:
+    """`count` random points, drawn like the baseline that every recipe is compared with."""
     return np.delete(points, remove_random_points(scene[points], count, rng))

@@ -1,7 +1,7 @@
-"""What an attack on a cloud is after: whom it fights, which loss it follows, and how well an attempt did.
+"""The goal of an attack on a cloud: which objects it targets, which loss it optimises, and how it scores.
 
-The attacker is given the true boxes and judges its tries by the overlaps and the matching that evaluation
-scores with: it knows more than the detector's weights.
+The attacker knows the true boxes and scores its candidates by the overlaps and the matching of the
+evaluation: it knows more than the detector's weights.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 
 FALSE_WEIGHT = 0.3
-"""What a false detection near an object is worth beside the object's own: it costs precision, not recall."""
+"""The weight of a false detection near an object: it costs precision, not recall."""
 
-NOBODY = "no object to hide that the detector could find"
+NO_TARGETS = "no object to hide that the detector could find"
 
 
 @dataclass(frozen=True)
-class Goal:
-    """The M objects that an attack fights over, in the cloud's frame.
+class AttackGoal:
+    """The M objects that an attack targets, in the cloud's frame.
 
-    targets: their boxes and labels. loss_targets: what the detector's loss is asked for.
+    targets: their boxes and labels. loss_targets: the targets of the detector's loss.
     sign: +1 where the attack raises that loss, -1 where it lowers it.
-    kind: "break" detections at all, "hide" the objects, or "create" them.
-    classes: the detector's. note: what the user must know about whom it fights. decoys: D places without
-    an object where the detector sees one already, if faintly; to make it surer is worth something, too.
+    kind: "break" detections, "hide" the objects, or "create" ghost objects.
+    classes: the detector's. note: what the user must know about the targets. decoys: D false detections of
+    the clean cloud, however faint; raising their scores counts as success, too.
     """
 
     targets: AttackTargets
@@ -54,15 +54,15 @@ class Goal:
 
     @property
     def regions(self) -> Float64:
-        """The boxes (M + D, 7) of the objects and the decoys: where points are worth moving."""
+        """The boxes (M + D, 7) of the objects and the decoys: where moving points can have an effect."""
         regions: Float64 = torch.cat([self.targets.boxes, self.decoys.boxes]).double().numpy()
         return regions
 
     def success(self, found: Detections) -> Float64:
-        """How well the attack did on each object and decoy (M + D,) by these detections: higher is better.
+        """The success (M + D,) on each object and decoy, given these detections: higher is better.
 
-        To break one: no detection of strict overlap, and false ones beside it. To hide one: no detection
-        of loose overlap. To create one: a detection of it, and short of that a box that nearly is one.
+        "break" succeeds if no detection overlaps the object strictly, and more so with false detections near
+        it; "hide", if none overlaps it loosely; "create", the more, the better a detection overlaps it.
         """
         truth, labels = self.targets.boxes.double().numpy(), self.targets.labels.numpy()
         on_decoys = iou_bev(found.boxes, self.decoys.boxes.double().numpy()) > 0
@@ -85,40 +85,41 @@ class Goal:
                 hit = matches.found_by >= 0
                 kept[mine[hit]] = matches.scores[matches.found_by[hit]]
                 wrong = theirs[matches.is_false_positive()]
-                if len(wrong) and len(truth):  # it counts for the nearest object
+                if len(wrong) and len(truth):  # counted for the nearest object
                     away_m = np.linalg.norm(here.boxes[wrong, None, :2] - truth[None, :, :2], axis=2)
                     np.maximum.at(false, away_m.argmin(axis=1), here.scores[wrong])
             on_objects = FALSE_WEIGHT * false - kept
         return np.concatenate([on_objects, seen_decoys])
 
 
-def goal_of(constraints: Constraints, detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> Goal:
-    """The goal under these constraints; of no objects, with a note, where there is nothing to fight over.
+def goal_of(constraints: Constraints, detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> AttackGoal:
+    """The goal under these constraints; without objects and with a note if there is nothing to attack.
 
-    Every object's detection is broken or, on demand, hidden: the loss of the truth goes up. Chosen objects
-    are hidden as the loss of a truth without them goes down; a ghost is created likewise. Raises
-    AdvpipeError for a ghost that the detector cannot find, wherever it stood.
+    By default the attack breaks or hides all objects by raising the loss of the ground truth. It hides chosen
+    objects by lowering the loss of a ground truth without them, and creates a ghost object by lowering the
+    loss of a ground truth with it. Raises AdvpipeError for a ghost object outside of the detector's classes
+    or range.
     """
     everyone, classes = find_targets(detector, cloud, boxes), detector.classes
     if constraints.ghost:
         constraints.ghost.check(detector)
-        ghost = _known(constraints.attacked(boxes, xyz(cloud)), detector)
+        ghost = _detectable(constraints.attacked(boxes, xyz(cloud)), detector)
         note = "" if len(ghost) else "no ground for the ghost to stand on"
-        return Goal(ghost, _joined(everyone, ghost), -1.0, "create", classes, note)
+        return AttackGoal(ghost, _joined(everyone, ghost), -1.0, "create", classes, note)
     if constraints.objects:
         chosen = find_targets(detector, cloud, constraints.attacked(boxes, xyz(cloud)))
         absent = constraints.absent(boxes)
         note = join_notes(
             f"not in the ground truth: {', '.join(absent)}" if absent else "",
-            "" if len(chosen) else NOBODY,
+            "" if len(chosen) else NO_TARGETS,
         )
-        return Goal(chosen, _without(everyone, chosen), -1.0, "hide", classes, note)
-    note = "" if len(everyone) else NOBODY
-    return Goal(everyone, everyone, 1.0, constraints.goal, classes, note)
+        return AttackGoal(chosen, _without(everyone, chosen), -1.0, "hide", classes, note)
+    note = "" if len(everyone) else NO_TARGETS
+    return AttackGoal(everyone, everyone, 1.0, constraints.goal, classes, note)
 
 
-def with_decoys(goal: Goal, detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> Goal:
-    """The goal with what the detector finds in the clean cloud where none of the true boxes is."""
+def with_decoys(goal: AttackGoal, detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> AttackGoal:
+    """The goal with the detector's false detections in the clean cloud as decoys; only for "break"."""
     if goal.kind != "break":
         return goal
     found = detector.detect(cloud)
@@ -128,9 +129,9 @@ def with_decoys(goal: Goal, detector: ObjectDetector, cloud: Cloud, boxes: Boxes
 
 
 def owners(points: npt.NDArray[np.float32], boxes: Float64, margin_m: float) -> Int64:
-    """Which of the boxes (M, 7), grown by a margin, each point (N, 3) belongs to: (N,), -1 for none.
+    """The box (M, 7), grown by a margin, that each point (N, 3) belongs to: indices (N,), -1 for none.
 
-    Where boxes share a point, it is the one with the point farthest inside, or least far outside.
+    A point in several boxes belongs to the one that it lies deepest in, or least far outside of.
     """
     owner = np.full(len(points), -1, np.int64)
     nearest_m = np.full(len(points), np.inf)
@@ -146,8 +147,8 @@ def owners(points: npt.NDArray[np.float32], boxes: Float64, margin_m: float) -> 
     return owner
 
 
-def _known(boxes: Boxes, detector: ObjectDetector) -> AttackTargets:
-    """The boxes of classes that the detector has, however few points they hold."""
+def _detectable(boxes: Boxes, detector: ObjectDetector) -> AttackTargets:
+    """The boxes of the detector's classes, however few points they hold."""
     names = [CLASSES[label] for label in boxes.labels]
     wanted = [i for i, name in enumerate(names) if name in detector.classes]
     labels = [detector.classes.index(names[i]) for i in wanted]

@@ -1,4 +1,4 @@
-"""Gradients of a detector's loss, also of one that does not depend on what it is asked about."""
+"""Gradients of a detector's loss, zero where the loss does not depend on the input."""
 
 from __future__ import annotations
 

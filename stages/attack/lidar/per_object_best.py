@@ -1,4 +1,4 @@
-"""The best of many attempts, kept for each object by what the detector really finds."""
+"""The best of many candidates, kept for each object by what the detector actually finds."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud
-from advpipe.stages.attack.lidar.goal import Goal
+from advpipe.stages.attack.lidar.goal import AttackGoal
 
 Float32 = npt.NDArray[np.float32]
 Int64 = npt.NDArray[np.int64]
@@ -15,15 +15,15 @@ Bool = npt.NDArray[np.bool_]
 
 
 class PerObjectBest:
-    """Shown attempts at one cloud, it keeps for each object the points that hurt it most.
+    """Evaluates candidates for one cloud and keeps the most successful points of each object.
 
     owner: (N,) the object that each point belongs to, -1 for none. Points (N, 4) are x, y, z, intensity.
-    jitter_m: standard deviation of the noise that an attack must survive; 0 for none.
+    jitter_m: standard deviation of the noise that candidates are evaluated under; 0 for none.
     """
 
     def __init__(
         self,
-        goal: Goal,
+        goal: AttackGoal,
         detector: ObjectDetector,
         clean: Float32,
         owner: Int64,
@@ -34,31 +34,31 @@ class PerObjectBest:
         self._jitter_m, self._rng = jitter_m, rng
         self._together, self._success = clean.copy(), np.array(-np.inf)  # of each object
         self._whole, self._whole_success = clean, -np.inf
-        self.show(clean)
+        self.update(clean)
 
-    def show(self, attempt: Float32) -> Bool:
-        """Judge an attempt (N, 4); for which points (N,) it is now the one that is kept."""
-        seen = jittered(attempt, self._jitter_m, self._rng)
+    def update(self, candidate: Float32) -> Bool:
+        """Evaluate a candidate (N, 4); returns the points (N,) for which it is the best so far."""
+        seen = jittered(candidate, self._jitter_m, self._rng)
         success = self._goal.success(self._detector.detect(cloud_of(seen)))
         if success.sum() > self._whole_success + 1e-9:
-            self._whole, self._whole_success = attempt.copy(), float(success.sum())
+            self._whole, self._whole_success = candidate.copy(), float(success.sum())
         better = success > self._success + 1e-9
         self._success = np.where(better, success, self._success)
         taken: Bool = (self._owner >= 0) & np.append(better, False)[self._owner]
-        self._together[taken] = attempt[taken]
+        self._together[taken] = candidate[taken]
         return taken
 
-    def settle(self) -> Float32:
-        """The best points (N, 4) for all objects together: one attempt, or what was kept of several.
+    def combined(self) -> Float32:
+        """The best points (N, 4) for all objects together: one candidate, or the best points of several.
 
-        Looked at once more, for neighbours that were kept from different attempts change each other.
+        The combination is evaluated, too, as points from different candidates affect each other.
         """
-        self.show(self._together)
+        self.update(self._together)
         return self._whole.copy()
 
 
 def jittered(points: Float32, jitter_m: float, rng: np.random.Generator) -> Float32:
-    """Points (N, 4) with noise of this standard deviation on each coordinate; without a draw for 0."""
+    """Points (N, 4) with normal noise of this standard deviation on each coordinate; 0 makes no draw."""
     seen = points.copy()
     if jitter_m:
         seen[:, :3] += rng.normal(0, jitter_m, (len(points), 3)).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Perturbation: move points by at most eps, none lost and none added."""
+"""Perturbation: move points by at most eps, without removing or adding any."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.labels.points import MOVED, PointLabels
 from advpipe.pipeline.labels.quantities import MAX_DISPLACEMENT, POINTS_ADDED, POINTS_REMOVED
 from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
-from advpipe.stages.attack.bounds import checked_number, one_of, whole
+from advpipe.stages.attack.bounds import checked_choice, checked_integer, checked_number
 from advpipe.stages.attack.lidar.base import (
     MAX_ROUNDS,
     NO_GRADIENT,
@@ -25,12 +25,12 @@ from advpipe.stages.attack.lidar.base import (
     join_notes,
     unchanged,
 )
-from advpipe.stages.attack.lidar.chance import Chance
 from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
-from advpipe.stages.attack.lidar.crossing import Crossing, Tactics
+from advpipe.stages.attack.lidar.crossing_search import CrossingSearch, CrossingSettings
 from advpipe.stages.attack.lidar.goal import goal_of, owners, with_decoys
 from advpipe.stages.attack.lidar.per_object_best import PerObjectBest
-from advpipe.stages.attack.lidar.pgd import Descent
+from advpipe.stages.attack.lidar.pgd import ProjectedGradientDescent
+from advpipe.stages.attack.lidar.random_search import RandomSearch
 from advpipe.stages.attack.lidar.search import Search
 from advpipe.stages.attack.lidar.selection import NoGradientError
 from advpipe.stages.attack.lidar.targets import detection_loss
@@ -42,14 +42,14 @@ INTENSITY_STAYS = "which leaves intensities alone"
 NOTHING_MOVED = "nothing moved: no point that may move does harm in its reach"
 
 RECIPES = {"best": 24, "robust": 24, "paper": 40, "random": 1, "random-near": 1, "random-best": 24}
-"""How many steps each takes where none are given: gradients, or random tries."""
+"""The default number of steps of each recipe: gradients, or random candidates."""
 
-BY_CHANCE = ("random", "random-near", "random-best")
+RANDOM_RECIPES = ("random", "random-near", "random-best")
 
-TACTICS = {
-    "best": Tactics(),
-    # A centimetre of jitter or rounding must not carry points back.
-    "robust": Tactics(landing_m=0.02, jitter_m=0.01),
+SETTINGS = {
+    "best": CrossingSettings(),
+    # A centimetre of jitter or rounding must not move points back.
+    "robust": CrossingSettings(landing_m=0.02, jitter_m=0.01),
 }
 
 
@@ -59,18 +59,19 @@ class Perturb(LidarAttack):
 
     The attacker knows the detector, the true boxes and the rule that matches detections to them (`goal`).
 
-    recipe: "best" crosses the voxel faces that the detector's answer hangs on and keeps for each object what
-        hurt it most (`crossing`); for a detector without occupancies it is PGD near objects that keeps
-        the best. "robust" lands 2 cm past the faces (eps / 2 at most) and counts on 1 cm of jitter; it is
-        far weaker without jitter, and under it not surely stronger than "random-best". "paper" is the PGD of
-        the paper (section III-A, Eq. 1 and 2) on all points. By chance: "random" moves all points by eps in
-        a random direction, "random-near" those near objects, and "random-best" tries `steps` times there,
-        with the selection of "best": the strongest baseline, which reports do not score by themselves.
     eps_cm: how far each point may move.
-    steps: gradients or tries; 0 for the recipe's own number (the paper: 40).
-    weight: lambda of the paper's dual loss, in loss units a square metre; only for "paper". At 0.01 it holds
-        points to 2 mm (RMS, of 10 cm allowed), as steps are of equal length for each point; at 0 they go to
-        8.7 cm, and the Chamfer distance is the paper's.
+    recipe: "best" moves points across the voxel faces that matter to the detector and keeps the best
+        candidate for each object (`crossing_search`); for a detector without `occupancy_loss` it is PGD near
+        objects with the best iterate. "robust" lands 2 cm past the faces (eps / 2 at most) and expects 1 cm
+        of jitter; it is far weaker without jitter, and not significantly stronger than "random-best" under
+        it. "paper" is the PGD of the paper (section III-A, Eq. 1 and 2) on all points. Random baselines:
+        "random" moves all points by eps in a random direction, "random-near" those near objects, and
+        "random-best" draws `steps` candidates there, with the selection of "best": the strongest baseline,
+        which reports do not score by themselves.
+    steps: gradients or random candidates; 0 for the recipe's default (the paper: 40).
+    weight: lambda of the paper's dual loss, in loss units per square metre; only for "paper". At 0.01 points
+        move by 2 mm (RMS, of 10 cm allowed), as steps have equal length for each point; at 0 by 8.7 cm, with
+        the Chamfer distance of the paper.
     along_ray, keep_occlusion_order, near_objects_m, goal, objects, ghost, max_points, intensity: see
         `constraints.Constraints`. Points that are not finite stay as they are.
     """
@@ -115,13 +116,13 @@ class Perturb(LidarAttack):
     def __post_init__(self) -> None:
         if not (0 < self.eps_cm <= MAX_EPS_CM or (self.eps_cm == 0 and self.intensity)):
             raise UsageError(
-                f"perturb: eps_cm is {self.eps_cm}, but must lie above 0 and up to {MAX_EPS_CM:g}"
+                f"perturb: eps_cm is {self.eps_cm}, but must toward_decoys above 0 and up to {MAX_EPS_CM:g}"
             )
-        one_of("perturb", "recipe", self.recipe, RECIPES)
+        checked_choice("perturb", "recipe", self.recipe, RECIPES)
         checked_number("perturb", "weight", self.weight, 0)
         self.eps_m = float(self.eps_cm) / 100
-        self.steps = whole("perturb", "steps", self.steps, 0, MAX_ROUNDS) or RECIPES[self.recipe]
-        self.tactics = TACTICS.get(self.recipe, TACTICS["best"])
+        self.steps = checked_integer("perturb", "steps", self.steps, 0, MAX_ROUNDS) or RECIPES[self.recipe]
+        self.settings = SETTINGS.get(self.recipe, SETTINGS["best"])
         self.constraints = Constraints.among(vars(self))
 
     @property
@@ -140,8 +141,8 @@ class Perturb(LidarAttack):
     def __call__(
         self, cloud: Cloud, boxes: Boxes, detector: ObjectDetector, rng: np.random.Generator
     ) -> LidarResult:
-        """The cloud with points moved; unchanged, with a note, where there is nothing to attack."""
-        # Prepare: the points that exist, whom to fight, and what may be touched.
+        """The cloud with points moved; unchanged, with a note, if there is nothing to attack."""
+        # Prepare: the finite points, the targets, and the points that may move.
         finite = np.flatnonzero(np.isfinite(xyzi(cloud)).all(axis=1))
         if not len(finite):
             return unchanged(cloud, "no points to move")
@@ -152,41 +153,45 @@ class Perturb(LidarAttack):
         if not len(goal.targets) and self.recipe != "random":
             return unchanged(cloud, goal.note)
         is_querying = self.recipe in QUERYING
-        if is_querying and self.tactics.decoys:
+        if is_querying and self.settings.decoys:
             goal = with_decoys(goal, detector, scene, boxes)
         rules = Rules(self.constraints, xyz(scene), boxes)
-        owner = owners(points[:, :3], goal.regions, self.tactics.margin_m)
+        owner = owners(points[:, :3], goal.regions, self.settings.margin_m)
         everywhere, near, note, jitter_m = np.ones(len(points), bool), owner >= 0, "", 0.0
 
-        # Start: how points are moved from where they are.
+        # Choose the search of the recipe.
         search: Search
-        if self.recipe in BY_CHANCE:
-            search = Chance(points, rules, everywhere if self.recipe == "random" else near, self.eps_m, rng)
+        if self.recipe in RANDOM_RECIPES:
+            search = RandomSearch(
+                points, rules, everywhere if self.recipe == "random" else near, self.eps_m, rng
+            )
         elif self.recipe == "paper":
-            search = Descent(points, goal, detector, rules, everywhere, self.eps_m, rng, self.weight)
+            search = ProjectedGradientDescent(
+                points, goal, detector, rules, everywhere, self.eps_m, rng, self.weight
+            )
         elif isinstance(detector, VoxelDetector):
-            search = Crossing(points, goal, detector, rules, owner, self.eps_m, self.tactics, rng)
-            jitter_m = self.tactics.jitter_m
+            search = CrossingSearch(points, goal, detector, rules, owner, self.eps_m, self.settings, rng)
+            jitter_m = self.settings.jitter_m
         else:
-            search = Descent(points, goal, detector, rules, near, self.eps_m, rng)
+            search = ProjectedGradientDescent(points, goal, detector, rules, near, self.eps_m, rng)
             note = join_notes(NO_OCCUPANCY.format(self.recipe), INTENSITY_STAYS if self.intensity else "")
-        judge = (
+        selection = (
             PerObjectBest(goal, detector, points, owner, jitter_m, rng)
-            if is_querying and self.tactics.keep
+            if is_querying and self.settings.keep_best
             else None
         )
 
-        # Descend, have the detector judge each attempt, and choose what hurt it most.
+        # Search, evaluate each candidate by the detector, and keep the best.
         moved = points
         try:
-            for moved in search.attempts(self.steps):
-                search.keep(everywhere if judge is None else judge.show(moved))
+            for moved in search.candidates(self.steps):
+                search.accept(everywhere if selection is None else selection.update(moved))
         except NoGradientError:
             return unchanged(cloud, join_notes(goal.note, NO_GRADIENT), loss_before)
-        if judge is not None:
-            moved = judge.settle()
+        if selection is not None:
+            moved = selection.combined()
 
-        # Write back what changed, and label it.
+        # Write the adversarial cloud and its labels.
         adversarial = cloud.copy()
         for column, name in enumerate(("x", "y", "z", "intensity")):
             adversarial[name][finite] = moved[:, column]

@@ -1,4 +1,4 @@
-"""Projected gradient descent on points: the paper's, and one that keeps the best of its iterates."""
+"""Projected gradient descent (PGD) on points, as in the paper."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from torch import Tensor
 from advpipe.pipeline.baselines import move_within
 from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.stages.attack.lidar.constraints import Constraints, Rules
-from advpipe.stages.attack.lidar.crossings import HAIR
-from advpipe.stages.attack.lidar.goal import Goal
+from advpipe.stages.attack.lidar.crossings import ROUNDING_MARGIN
+from advpipe.stages.attack.lidar.goal import AttackGoal
 from advpipe.stages.attack.lidar.gradient import gradients_of
 from advpipe.stages.attack.lidar.selection import NoGradientError
 
@@ -23,13 +23,13 @@ Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 
-STEP_SHARE = 1 / 30
-"""Of the reach, a step (section IV-B of the paper: alpha = eps / 30)."""
+STEP_FRACTION = 1 / 30
+"""A step as a fraction of the reach (section IV-B of the paper: alpha = eps / 30)."""
 
 
 @dataclass(frozen=True)
-class Descent:
-    """PGD on points (N, 4) as in Eq. 1 and 2 of the paper; the fourth column stays.
+class ProjectedGradientDescent:
+    """PGD on points (N, 4) as in Eq. 1 and 2 of the paper; intensities stay.
 
     The loss is L = -sign * L_det + weight * sum of squared displacements, the weight in its units a square
     metre. It starts from U(-reach, reach) in each coordinate, projected into the ball; each step goes
@@ -38,7 +38,7 @@ class Descent:
     """
 
     points: Float32
-    goal: Goal
+    goal: AttackGoal
     detector: ObjectDetector
     rules: Rules
     near: Bool
@@ -46,8 +46,8 @@ class Descent:
     rng: np.random.Generator
     weight: float = 0.0
 
-    def attempts(self, steps: int) -> Iterator[Float32]:
-        """Each iterate; fewer where there is nothing more to follow."""
+    def candidates(self, steps: int) -> Iterator[Float32]:
+        """Each iterate; fewer if the gradient vanishes."""
         points, rules, reach_m = self.points, self.rules, self.reach_m
         start = torch.from_numpy(points)
         drawn = torch.from_numpy(self.rng.uniform(-reach_m, reach_m, (len(points), 3)).astype(np.float32))
@@ -67,14 +67,14 @@ class Descent:
             total = -self.goal.sign * gradient + 2 * self.weight * offset
             length = total.norm(dim=1, keepdim=True)
             unit = total / length.clamp(min=1e-30)
-            offset = _permitted(project(offset - STEP_SHARE * reach_m * unit, reach_m), rules, allowed)
+            offset = _permitted(project(offset - STEP_FRACTION * reach_m * unit, reach_m), rules, allowed)
             yield displaced(points, offset.numpy(), reach_m)
 
-    def keep(self, better: Bool) -> None:
-        """It goes on from its latest iterate."""
+    def accept(self, better: Bool) -> None:
+        """Ignored: PGD continues from its latest iterate."""
 
 
-def loss_gradient(start: Tensor, offset: Tensor, goal: Goal, detector: ObjectDetector) -> Tensor:
+def loss_gradient(start: Tensor, offset: Tensor, goal: AttackGoal, detector: ObjectDetector) -> Tensor:
     """The gradient (N, 3) of the detector's loss to the points (N, 4) displaced by an offset (N, 3)."""
     leaf = start.clone()
     leaf[:, :3] += offset
@@ -88,7 +88,7 @@ def loss_gradient(start: Tensor, offset: Tensor, goal: Goal, detector: ObjectDet
 
 
 def _permitted(offset: Tensor, rules: Rules, allowed: Bool) -> Tensor:
-    """Displacements (N, 3) as far as the constraints let them."""
+    """Displacements (N, 3) projected to what the constraints allow."""
     if rules.constraints != Constraints():
         offset = torch.from_numpy(rules.project(offset.numpy()).astype(np.float32))
     return offset if allowed.all() else offset * torch.from_numpy(allowed)[:, None]
@@ -101,10 +101,10 @@ def project(offset: Tensor, reach_m: float) -> Tensor:
 
 
 def displaced(points: Float32, offset_m: npt.NDArray[np.floating[Any]], reach_m: float) -> Float32:
-    """Points (N, 4) moved by offsets (N, 3), as float32 nowhere farther than the reach, not by a bit."""
+    """Points (N, 4) moved by offsets (N, 3), never farther than the reach, even after rounding to float32."""
     offset = np.asarray(offset_m, np.float64)
     length = np.linalg.norm(offset, axis=1, keepdims=True)
-    offset = offset * np.minimum(1.0, reach_m / np.maximum(length, 1e-300)) * (1 - HAIR)
+    offset = offset * np.minimum(1.0, reach_m / np.maximum(length, 1e-300)) * (1 - ROUNDING_MARGIN)
     moved = points.copy()
     moved[:, :3] = move_within(points[:, :3], offset)
     return moved

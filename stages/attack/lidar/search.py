@@ -1,4 +1,4 @@
-"""How a perturbation looks for points that do harm: what recipes differ in."""
+"""The search for adversarial points by which the recipes of `perturb` differ."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ Bool = npt.NDArray[np.bool_]
 class Search(Protocol):
     """One cloud under attack, of points (N, 4): x, y, z, intensity."""
 
-    def attempts(self, steps: int) -> Iterator[Float32]:
-        """At most so many attempts (N, 4), one after the other; at least one. Raises NoGradientError where
-        there is nothing to follow from the start."""
+    def candidates(self, steps: int) -> Iterator[Float32]:
+        """At least one and at most `steps` candidates (N, 4), one after the other. Raises NoGradientError if
+        the loss has no gradient from the start."""
 
-    def keep(self, better: Bool) -> None:
-        """Takes for which points (N,) the latest attempt is the best one yet."""
+    def accept(self, better: Bool) -> None:
+        """Called after each candidate with the points (N,) for which it is the best so far."""

@@ -1,4 +1,4 @@
-"""Which points matter most by the gradient of the loss: the saliency of the paper."""
+"""The most salient points by the gradient of the loss, as in the paper."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Indices = npt.NDArray[np.int64]
 
 
 class NoGradientError(Exception):
-    """The detector's loss does not depend on any point: there is nothing to follow."""
+    """The detector's loss does not depend on any point."""
 
 
 def choose_salient_points(
@@ -26,8 +26,11 @@ def choose_salient_points(
     rng: np.random.Generator,
     among: Indices,
 ) -> Indices:
-    """Of some of the points (N, 4) the `count` with the largest gradient norm of the detection loss over
-    x, y, z (the paper's Eq. 3), the largest first, ties by chance. Raises `NoGradientError` without any."""
+    """The `count` points with the largest gradient norm of the detection loss (the paper's Eq. 3).
+
+    points: (N, 4). among: (K,) the indices to choose from. Returns indices in descending order, ties in random
+    order. Raises `NoGradientError` if all gradients are zero.
+    """
     leaf = torch.from_numpy(points).requires_grad_()
     loss = detector.loss(leaf, targets.boxes, targets.labels)
     (gradient,) = gradients_of(loss, leaf)

@@ -1,4 +1,4 @@
-"""The objects an attack fights over: ground truth that the detector could find."""
+"""The objects that an attack targets: ground truth that the detector could find."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
 
 @dataclass(frozen=True)
 class AttackTargets:
-    """M objects in a detector's own terms: boxes (M, 7) float32 and labels (M,) int64."""
+    """M objects as a detector represents them: boxes (M, 7) float32 and labels (M,) int64."""
 
     boxes: Tensor
     labels: Tensor

@@ -7,7 +7,7 @@ from typing import Any
 
 from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.v2x.codec.codes import AccelerationControl
-from advpipe.stages.attack.bounds import checked_number, span
+from advpipe.stages.attack.bounds import checked_number, checked_range
 from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
 from advpipe.stages.attack.v2x.draws import AttackDraws
 from advpipe.stages.attack.v2x.falsification import Falsification, OwnMessage
@@ -24,9 +24,9 @@ class Acceleration(Falsification):
         super().__init__(context)
         self._factors = _factors(context, factor_min, factor_max)
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
-        told_mps2 = message.says(_FIELD)
-        return {} if told_mps2 is None else {_FIELD: told_mps2 * self._factors[message.station_id]}
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
+        true_mps2 = message.field(_FIELD)
+        return {} if true_mps2 is None else {_FIELD: true_mps2 * self._factors[message.station_id]}
 
 
 class FeignedBraking(Falsification):
@@ -47,14 +47,14 @@ class FeignedBraking(Falsification):
         self._factors = _factors(context, factor_min, factor_max)
         self._least_mps2 = checked_number(context.name, "least_mps2", least_mps2, 0, 16)
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
-        told_mps2 = message.says(_FIELD) or 0.0
-        braking_mps2 = max(abs(told_mps2) * self._factors[message.station_id], self._least_mps2)
-        pedals = AccelerationControl(message.says("acceleration_control") or 0)
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
+        true_mps2 = message.field(_FIELD) or 0.0
+        braking_mps2 = max(abs(true_mps2) * self._factors[message.station_id], self._least_mps2)
+        pedals = AccelerationControl(message.field("acceleration_control") or 0)
         pedals = pedals & ~AccelerationControl.GAS_PEDAL | AccelerationControl.BRAKE_PEDAL
         return {_FIELD: -braking_mps2, "acceleration_control": pedals}
 
 
 def _factors(context: AttackContext, least: float, most: float) -> dict[int, float]:
-    ends, draws = span(context.name, "factor_{}", least, most, 0, 1000), AttackDraws(context)
+    ends, draws = checked_range(context.name, "factor_{}", least, most, 0, 1000), AttackDraws(context)
     return {one: float(draws.of(one).uniform(*ends)) for one in context.attackers}

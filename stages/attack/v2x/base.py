@@ -43,7 +43,7 @@ import numpy as np
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.seeding import named_generator
-from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.labels.claims import ALL_CLAIMS, Claim
 from advpipe.pipeline.labels.declaration import DeclaredPart, Published
 from advpipe.pipeline.labels.message_quantities import MESSAGE_QUANTITIES
@@ -69,7 +69,7 @@ class MessageEditor(Protocol):
 
 
 @dataclass
-class Numbers:
+class AllocatedIds:
     """What all attacks on one drive share: numbers of new messages, and station ids that are taken."""
 
     next_message: int
@@ -95,7 +95,7 @@ class AttackContext:
     v2x: V2x
     geodesy: Geodesy
     cams: CamEditor
-    numbers: Numbers
+    numbers: AllocatedIds
     _copies: count[int] = field(default_factory=lambda: count(1))
 
     @cached_property
@@ -158,7 +158,7 @@ class V2xTraits(Traits):
 
     def __post_init__(self) -> None:
         if strange := [claim for claim in self.untrue if claim not in ALL_CLAIMS]:
-            raise UsageError(f"a CAM claims no {shown(strange[0])}; known: {', '.join(ALL_CLAIMS)}")
+            raise UsageError(f"a CAM claims no {short_repr(strange[0])}; known: {', '.join(ALL_CLAIMS)}")
 
     def published_with(self, parameters: Mapping[str, Any]) -> Published:
         """What is published of the attack with these parameters."""

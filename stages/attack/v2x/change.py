@@ -1,4 +1,4 @@
-"""The V2X of a drive with other messages: what is sent is changed, and then everything is sent again."""
+"""V2X attacks on a recorded drive: messages are changed, and then everything is transmitted again."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.pipeline.v2x.channel import Channel, Sent
 from advpipe.stages.attack.parameters import resolved_parameters
 from advpipe.stages.attack.recording import recording_of
-from advpipe.stages.attack.v2x.base import AttackContext, MessageEditor, Numbers, V2xAttack
+from advpipe.stages.attack.v2x.base import AllocatedIds, AttackContext, MessageEditor, V2xAttack
 from advpipe.stages.attack.v2x.cams import CamEditor
 from advpipe.stages.attack.v2x.congestion import Congestion
 from advpipe.stages.attack.v2x.declared import declaration_of_messages
@@ -45,18 +45,18 @@ def forge(
     *,
     dcc_reacts: bool = False,
 ) -> V2xChange:
-    """The V2X of a recorded drive as it is with these editors, and then these attacks, on what was sent.
+    """The V2X of a recorded drive after these editors, and then these attacks, changed the sent messages.
 
-    dcc_reacts: whether the other stations' congestion control answers to the channel load that the attacks
-    make (see `Congestion`); as it is off, they send what they sent before.
+    dcc_reacts: whether the benign stations' congestion control reacts to the channel load of the attacks
+    (see `Congestion`); otherwise they send what they sent in the recording.
 
     Raises AdvpipeError for a bag without V2X or CAMs, an attacker or victim that is not in it, bad
-    parameters, a schedule outside of the recording, and stations without a congestion control to answer.
+    parameters, a schedule outside of the recording, and `dcc_reacts` without congestion control.
     """
     drive = V2xDrive(reader)
     if dcc_reacts and drive.v2x.cam.dcc == "none":
         raise UsageError(
-            f"{reader.path} was recorded without congestion control (v2x.cam.dcc is none): none can react; "
+            f"{reader.path} was recorded without congestion control (v2x.cam.dcc is none), so none can react; "
             "leave out dcc_reacts"
         )
     sent = reader.messages(V2X_SENT.name) if V2X_SENT.name in reader.topics else iter(())
@@ -66,7 +66,7 @@ def forge(
     recording, selection = recording_of(reader), AttackerSelection(drive, str(reader.path), seed)
     origin = drive.origin
     geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
-    cams, numbers = CamEditor(), Numbers(last + 1, set(drive.stations))
+    cams, numbers = CamEditor(), AllocatedIds(last + 1, set(drive.stations))
     made: list[V2xAttack] = []
     for spec in attacks:
         recording.refuse_outside(spec)
@@ -104,16 +104,16 @@ def _build(spec: AttackSpec, context: AttackContext) -> V2xAttack:
         and spec.attackers.roadside_unit is not None
     ):
         raise UsageError(
-            f"{spec.type} changes what a vehicle sends, and a roadside unit sends nothing of its own; name "
-            "vehicles as attackers"
+            f"{spec.type} changes the CAMs that a vehicle sends, but a roadside unit sends none; name vehicles as "
+            "attackers"
         )
     return attack
 
 
 class V2xChange:
-    """A `Change` of all that V2X writes into a bag; memory holds one step, and the labels.
+    """A `Change` of all V2X topics of a bag; memory holds one step and the labels.
 
-    held_back: how many messages the others' congestion control held back.
+    held_back: how many messages the benign stations' congestion control held back.
     """
 
     def __init__(
@@ -151,9 +151,9 @@ class V2xChange:
         return self._congestion.held_back if self._congestion else 0
 
     def messages(self) -> Iterator[RawMessage]:
-        """All messages of the topics, in log-time order; the drive is sent as they are taken, once only."""
+        """All messages of the topics, in log-time order; can be iterated only once, as this transmits the drive."""
         if self._stage != "new":
-            raise RuntimeError("the messages of a V2xChange can be taken once only")
+            raise RuntimeError("the messages of a V2xChange can be iterated only once")
         self._stage = "begun"
         sequences: Counter[str] = Counter()
         for topic, cdr, stamp_ns in self._stamped():
@@ -163,17 +163,17 @@ class V2xChange:
         self._stage = "done"
 
     def write_labels(self, folder: Path) -> None:
-        """`v2x_labels.parquet`, see `Labels`. Sends the drive if nobody has taken its messages yet."""
+        """Write `v2x_labels.parquet`, see `Labels`; transmits the drive if `messages` was not iterated."""
         if self._stage == "new":
             for _ in self.messages():
                 pass
         if self._stage != "done":
-            raise RuntimeError("labels are known once all messages have been taken")
+            raise RuntimeError("labels are complete only after all messages have been iterated")
         self._labels.write(folder)
 
     def counts(self) -> Counter[str]:
-        """How many CAMs were changed, added, delayed, dropped, made invalid, were corrupt before an attack
-        that left them so, and were held back by others' congestion control; and which attacks met none."""
+        """How many CAMs were changed, added, delayed, dropped, made invalid, corrupt already before the attack,
+        and held back by the benign stations' congestion control; and which attacks met no CAM."""
         counts = Counter({f"CAMs {what}": count for what, count in self._labels.counts.items()})
         for place, editor in enumerate(self._editors):
             if isinstance(editor, V2xAttack) and place not in self._labels.touching:
@@ -183,11 +183,11 @@ class V2xChange:
         return counts
 
     def channel(self) -> Channel:
-        """For what is sent instead: what was opened or closed on the way is not decoded again."""
+        """The channel for the changed messages; CAMs that editors opened or closed are not decoded again."""
         return self._drive.channel(self._cams.decode)
 
     def edited(self, step: V2xStep) -> list[Sent]:
-        """What is sent in a step instead; `messages` asks for one after the other."""
+        """The messages that are sent in a step after all edits; called for each step in order."""
         self._cams.forget()
         self._labels.begin(step.sent)
         sent = list(step.sent)
@@ -197,7 +197,7 @@ class V2xChange:
         return self._congestion.allowed(step, sent) if self._congestion else sent
 
     def _stamped(self) -> Iterator[StampedCdr]:
-        """As the simulation records them: all of a step, in the order of its stamps."""
+        """The messages as the simulation records them: step by step, in the order of stamps."""
         channel, pending, last_ns = self.channel(), list[StampedCdr](), 0
         for recorded in self._drive.steps():
             step = recorded._replace(radios=(*recorded.radios, *self._units))
@@ -221,15 +221,15 @@ class V2xChange:
 
     def _send(self, channel: Channel, step: V2xStep) -> Iterator[StampedCdr]:
         sent = self.edited(step) if step.end_ns is not None else []
-        heard = self._drive.send(channel, step, sent)
+        result = self._drive.send(channel, step, sent)
         if self._congestion:
-            self._congestion.hear(heard.loads)
+            self._congestion.observe(result.loads)
         present = {radio.station_id for radio in step.radios}
         for one in sent:
             yield sent_message(one)
             if one.station_id in self._own and one.station_id in present:
                 yield from own_messages(self._own[one.station_id], one)
-        for received in heard.received:
+        for received in result.received:
             yield from received_messages(received)
 
 

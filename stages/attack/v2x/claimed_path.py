@@ -23,7 +23,7 @@ class ClaimedPath:
         self._points = points
         self._paths: dict[int, tuple[PathHistory, int]] = {}
 
-    def follow(self, sent: Sent, tree: CamTree, is_lie: bool) -> CamTree:
+    def follow(self, sent: Sent, tree: CamTree, is_attacked: bool) -> CamTree:
         """The CAM, its path history exchanged if it has one and lies."""
         latitude_deg, longitude_deg = field_of(tree, "latitude_deg"), field_of(tree, "longitude_deg")
         altitude_m = field_of(tree, "altitude_m")
@@ -35,7 +35,7 @@ class ClaimedPath:
             path.add(time_ns, latitude_deg, longitude_deg, altitude_m)
             self._paths[sent.station_id] = path, time_ns
         parameters = tree["cam"]["camParameters"]
-        if not is_lie or LOW not in parameters or parameters[LOW][0] != VEHICLE_LOW:
+        if not is_attacked or LOW not in parameters or parameters[LOW][0] != VEHICLE_LOW:
             return tree
         points = path.points(latitude_deg, longitude_deg, altitude_m, time_ns)[: self._points]
         return with_code(tree, (*_LOW, "pathHistory"), [_code(point) for point in points])

@@ -1,4 +1,4 @@
-"""Congestion control of the stations that do not attack, on a channel that an attack has filled."""
+"""Congestion control of the benign stations on a channel that an attack has loaded."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from advpipe.pipeline.v2x.section import CamRules
 
 
 class Congestion:
-    """Holds back what a station's reactive congestion control would not let it send.
+    """Holds back messages that a station's reactive congestion control would not have allowed.
 
-    A recorded drive cannot tell what a station would have said later instead: a message that comes too early
-    after the station's last one is lost, and the next one that was recorded is the next. On the drive's own
-    channel load, nothing is held back.
+    A recorded drive does not contain what a station would have sent later instead: a message too soon after the
+    station's last one is lost, and the next recorded one follows. Under the channel load of the recording,
+    nothing is held back.
 
     held_back: how many messages so far.
     """
@@ -29,18 +29,18 @@ class Congestion:
         self.held_back = 0
 
     def allowed(self, step: V2xStep, sent: Sequence[Sent]) -> list[Sent]:
-        """What of it is sent in this step."""
+        """The messages that are sent in this step."""
         present = {radio.station_id for radio in step.radios}
         self._controls = {
             number: self._controls.get(number) or ReactiveDcc() for number in sorted(present)
-        }  # who comes back, has been switched on anew
+        }  # a station that returns was switched on again
         self._last_ns = {number: at_ns for number, at_ns in self._last_ns.items() if number in present}
         kept = [one for one in sent if one.station_id in self._attackers or self._passes(one)]
         self.held_back += len(sent) - len(kept)
         return kept
 
-    def hear(self, loads: Sequence[ChannelLoad]) -> None:
-        """Takes the channel loads that the stations measured in the step."""
+    def observe(self, loads: Sequence[ChannelLoad]) -> None:
+        """Update with the channel loads that the stations measured in the step."""
         for load in loads:
             for number, busy_ratio in zip(load.stations.tolist(), load.busy_ratio.tolist(), strict=True):
                 if number in self._controls:

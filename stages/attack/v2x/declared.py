@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.labels.declaration import Declaration
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.base import checked_bounds
@@ -16,7 +16,7 @@ def declaration_of_messages(spec: AttackSpec, kind: type[V2xAttack]) -> Declarat
     parameters, traits = resolved_parameters(spec, kind), v2x_traits(kind)
     untrue = kind.untrue(parameters)
     if strange := sorted(set(untrue) - set(traits.untrue)):
-        raise UsageError(f"{spec.type} makes {shown(strange[0])} untrue, which its traits do not tell")
+        raise UsageError(f"{spec.type} makes {short_repr(strange[0])} untrue, which its traits do not tell")
     return Declaration(
         family=kind.family,
         bounds=checked_bounds(spec.type, kind, kind.bounds(parameters)),

@@ -13,10 +13,10 @@ from advpipe.pipeline.labels.message_quantities import DELAY
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.codec.codec import CamTree
-from advpipe.stages.attack.bounds import checked_number, span, whole
+from advpipe.stages.attack.bounds import checked_integer, checked_number, checked_range
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import field_of, with_fields
-from advpipe.stages.attack.v2x.overheard_messages import is_time_untrue, later
+from advpipe.stages.attack.v2x.overheard_messages import is_time_untrue, with_later_time
 
 
 class Delay(V2xAttack):
@@ -37,7 +37,7 @@ class Delay(V2xAttack):
         restamp: bool = False,
     ) -> None:
         super().__init__(context)
-        least_s, most_s = span(context.name, "delay_{}_s", delay_min_s, delay_max_s, 0, 600)
+        least_s, most_s = checked_range(context.name, "delay_{}_s", delay_min_s, delay_max_s, 0, 600)
         self._restamp = bool(restamp)
         self._delays_ns = {
             attacker: round(float(context.rng("delay", attacker).uniform(least_s, most_s)) * 1e9)
@@ -72,7 +72,7 @@ class Delay(V2xAttack):
         tree = cams.open(one.payload) if self._restamp else None
         if tree is None:
             return one
-        return replace(one, payload=cams.close(later(tree, self._delays_ns[one.station_id])))
+        return replace(one, payload=cams.close(with_later_time(tree, self._delays_ns[one.station_id])))
 
 
 class Stale(V2xAttack):
@@ -91,7 +91,7 @@ class Stale(V2xAttack):
         self, context: AttackContext, *, messages: int = 20, restamp: bool = True, ahead_s: float = 0.0
     ) -> None:
         super().__init__(context)
-        self._messages = whole(context.name, "messages", messages, 1, 100_000)
+        self._messages = checked_integer(context.name, "messages", messages, 1, 100_000)
         self._restamp = bool(restamp)
         self._ahead_ns = round(checked_number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
         self._said: dict[int, deque[CamTree]] = {}
@@ -120,4 +120,4 @@ class Stale(V2xAttack):
         old = said[0]
         if self._restamp:
             old = with_fields(old, generation_delta_time_ms=field_of(own, "generation_delta_time_ms"))
-        return replace(one, payload=cams.close(later(old, self._ahead_ns)))
+        return replace(one, payload=cams.close(with_later_time(old, self._ahead_ns)))

@@ -25,12 +25,12 @@ class Dimensions(Falsification):
         self._length_m = checked_number(context.name, "length_m", length_m, -MAX_LENGTH_M, MAX_LENGTH_M)
         self._width_m = checked_number(context.name, "width_m", width_m, -MAX_WIDTH_M, MAX_WIDTH_M)
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         fields = {}
         for name, offset_m, most_m in (
             ("length_m", self._length_m, MAX_LENGTH_M),
             ("width_m", self._width_m, MAX_WIDTH_M),
         ):
-            if (told_m := message.says(name)) is not None:
+            if (told_m := message.field(name)) is not None:
                 fields[name] = min(max(told_m + offset_m, LEAST_M), most_m)
         return fields

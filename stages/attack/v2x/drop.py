@@ -66,5 +66,5 @@ class Drop(V2xAttack):
 
     def _acceleration_mps2(self, one: Sent) -> float:
         tree = self.context.cams.open(one.payload)
-        told_mps2 = None if tree is None else field_of(tree, "longitudinal_acceleration_mps2")
-        return math.inf if told_mps2 is None else float(told_mps2)
+        true_mps2 = None if tree is None else field_of(tree, "longitudinal_acceleration_mps2")
+        return math.inf if true_mps2 is None else float(true_mps2)

@@ -1,4 +1,4 @@
-"""What all attackers have in common that change what their own messages say."""
+"""The base of attacks that falsify fields of the attackers' own messages."""
 
 from __future__ import annotations
 
@@ -16,72 +16,76 @@ from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack
 from advpipe.stages.attack.v2x.cams import field_of, with_fields
 from advpipe.stages.attack.v2x.claimed_path import ClaimedPath
 
-FRONT_M = "front_m"
-"""Beside the fields of a CAM: x and y of the reference point in the map's frame."""
+REFERENCE_POINT_M = "reference_point_m"
+"""A field besides those of a CAM: x and y of the reference point in the map's frame."""
 
 
 @dataclass(frozen=True, slots=True)
 class OwnMessage:
-    """An attacker's message before it lies.
+    """An attacker's message before its falsification.
 
-    front_m: x and y of the reference point, the middle of its front side, in the map's frame; NaN where it is
-    not told.
+    reference_point_m: x and y of the reference point, the middle of the vehicle's front side, in the map's
+    frame; NaN where the message does not state it.
     """
 
     station_id: int
     time_ns: int
     tree: CamTree
-    front_m: tuple[float, float]
+    reference_point_m: tuple[float, float]
 
-    def says(self, field: str) -> Any:
+    def field(self, field: str) -> Any:
         """A field of the CAM; see `cams.field_of`."""
         return field_of(self.tree, field)
 
 
 class Falsification(V2xAttack):
-    """Changes fields of its attackers' own messages; whatever else they say is left to the bit.
+    """Falsifies fields of the attackers' own messages and leaves every other bit as it is.
 
-    A message that is no CAM, or no vehicle's, is handed on as it is.
+    Messages that are not a vehicle's CAM stay unchanged.
     """
 
-    _moves: ClassVar[bool] = False
-    """Whether `lie` needs the message's place on the map."""
+    _needs_position: ClassVar[bool] = False
+    """Whether `falsify` needs the position on the map."""
 
     def __init__(self, context: AttackContext) -> None:
         super().__init__(context)
         self._path: ClaimedPath | None = None
 
     @abstractmethod
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
-        """The fields that the message is to tell otherwise (`cams.FIELDS`, `FRONT_M`); messages come in order
-        of time."""
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
+        """The fields to change (`cams.FIELDS`, `REFERENCE_POINT_M`), with their false values.
+
+        Called for each message of an attacker while the attack is active, in order of time.
+        """
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         cams, attacking, edited = self.context.cams, self.context.attacking, list(sent)
         found = [
-            (index, one, tree, is_lie)
+            (index, one, tree, is_attacked)
             for index, one in enumerate(sent)
             if one.station_id in attacking
-            and ((is_lie := self.context.active(one.request_ns)) or self._path is not None)
+            and ((is_attacked := self.context.active(one.request_ns)) or self._path is not None)
             and (tree := cams.open(one.payload)) is not None
         ]
-        fronts_m = self._fronts_m([tree for _, _, tree, _ in found])
-        lies = [
-            dict(self.lie(OwnMessage(one.station_id, one.request_ns, tree, front_m))) if is_lie else {}
-            for (_, one, tree, is_lie), front_m in zip(found, fronts_m, strict=True)
+        reference_points_m = self._reference_points_m([tree for _, _, tree, _ in found])
+        changes = [
+            dict(self.falsify(OwnMessage(one.station_id, one.request_ns, tree, reference_point_m)))
+            if is_attacked
+            else {}
+            for (_, one, tree, is_attacked), reference_point_m in zip(found, reference_points_m, strict=True)
         ]
-        self._to_geographic(lies)
-        for (index, one, tree, is_lie), fields in zip(found, lies, strict=True):
+        self._to_geographic(changes)
+        for (index, one, tree, is_attacked), fields in zip(found, changes, strict=True):
             false = with_fields(tree, **fields)
             if self._path is not None:
-                false = self._path.follow(one, false, is_lie)
+                false = self._path.follow(one, false, is_attacked)
             if false is not tree:
                 edited[index] = replace(one, payload=cams.close(false))
         return edited
 
-    def _fronts_m(self, trees: Sequence[CamTree]) -> list[tuple[float, float]]:
-        """Where all of them claim to be, in one go."""
-        if not self._moves or not trees:
+    def _reference_points_m(self, trees: Sequence[CamTree]) -> list[tuple[float, float]]:
+        """The reference points that the CAMs state, converted together."""
+        if not self._needs_position or not trees:
             return [(np.nan, np.nan)] * len(trees)
         degrees = [
             [np.nan if (degree := field_of(tree, name)) is None else degree for tree in trees]
@@ -90,27 +94,26 @@ class Falsification(V2xAttack):
         x_m, y_m, _ = self.context.geodesy.to_map([*degrees, [0.0] * len(trees)])
         return list(zip(x_m.tolist(), y_m.tolist(), strict=True))
 
-    def _to_geographic(self, lies: Sequence[dict[str, Any]]) -> None:
-        """Latitude and longitude instead of places on the map."""
-        moved = [fields for fields in lies if FRONT_M in fields]
+    def _to_geographic(self, changes: Sequence[dict[str, Any]]) -> None:
+        """Replaces places on the map by latitude and longitude."""
+        moved = [fields for fields in changes if REFERENCE_POINT_M in fields]
         if not moved:
             return
-        x_m, y_m = zip(*(fields.pop(FRONT_M) for fields in moved), strict=True)
+        x_m, y_m = zip(*(fields.pop(REFERENCE_POINT_M) for fields in moved), strict=True)
         latitude_deg, longitude_deg, _ = self.context.geodesy.to_geographic([x_m, y_m, [0.0] * len(moved)])
         for fields, north, east in zip(moved, latitude_deg.tolist(), longitude_deg.tolist(), strict=True):
             if np.isfinite(north + east):
                 fields |= {"latitude_deg": north, "longitude_deg": east}
 
 
-class Misplacement(Falsification):
-    """A lie about the position.
+class PositionFalsification(Falsification):
+    """Falsifies the position.
 
-    rebuild_path: the path history tells the places that the attacker has claimed, those of its honest
-    messages before the attack as well; without it, it stays that of the true path, seen from the false
-    position.
+    rebuild_path: rebuild the path history from the positions that the attacker has claimed, including those
+    of its genuine messages before the attack; otherwise the true path stays, relative to the false position.
     """
 
-    _moves = True
+    _needs_position = True
 
     def __init__(self, context: AttackContext, *, rebuild_path: bool = True) -> None:
         super().__init__(context)

@@ -23,8 +23,8 @@ from advpipe.pipeline.v2x.facilities.ellipsoid import east_north_m
 from advpipe.stages.attack.bounds import checked_number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import field_of, with_fields
-from advpipe.stages.attack.v2x.gate import Gate
-from advpipe.stages.attack.v2x.overheard_messages import HEARING_M, OverheardMessages, later
+from advpipe.stages.attack.v2x.dcc_gate import DccGate
+from advpipe.stages.attack.v2x.overheard_messages import RECEPTION_RANGE_M, OverheardMessages, with_later_time
 
 RATE_HZ = 40.0
 """Four times what the standard allows, as F2MD's four times the usual."""
@@ -49,7 +49,7 @@ class Flood(V2xAttack):
             checked_number(context.name, "rate_hz", rate_hz, MIN_RATE_HZ, MAX_RATE_HZ)
         )
         self._ahead_ns = round(checked_number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
-        self._gate = Gate(context.v2x, context.attackers) if dcc else None
+        self._gate = DccGate(context.v2x, context.attackers) if dcc else None
         self._rngs = {attacker: context.rng("flood", attacker) for attacker in context.attackers}
         self._next_ns = {
             attacker: context.start_ns + int(rng.integers(self._interval_ns))
@@ -71,7 +71,7 @@ class Flood(V2xAttack):
                 edited += self._pour(attacker, step.begin_ns, step.end_ns)
         self._remember(step, sent)
         if self._gate is not None:
-            self._gate.hear(step, edited)
+            self._gate.observe(step, edited)
         return edited
 
     def _pour(self, attacker: int, begin_ns: int, end_ns: int) -> list[Sent]:
@@ -88,7 +88,7 @@ class Flood(V2xAttack):
                     disguise = self.context.pseudonym("flood", attacker, self._disguises)
                     tree = with_fields(tree, station_id=disguise)
                 if self._ahead_ns:
-                    tree = later(tree, self._ahead_ns)
+                    tree = with_later_time(tree, self._ahead_ns)
                 poured.append(self.context.message(attacker, at_ns, cams.close(tree)))
             at_ns += interval_ns
         self._next_ns[attacker] = at_ns
@@ -127,7 +127,7 @@ class Dos(Flood):
         if attacker not in self._own:
             return None
         own_ns, tree = self._own[attacker]
-        return _moved_on(tree, at_ns - own_ns)
+        return _extrapolated(tree, at_ns - own_ns)
 
 
 class DosRandom(Flood):
@@ -187,7 +187,7 @@ class DosRandom(Flood):
 
 
 class DosRandomSybil(DosRandom):
-    """The same, each message from another station that does not exist."""
+    """Random positions as of `cam-dos-random`, each message from another station that does not exist."""
 
     traits = V2xTraits(
         every_message_matters=True, needs_traffic=False, published=Published(veremi_extension=18)
@@ -208,7 +208,7 @@ class DosDisruptive(Flood):
         context: AttackContext,
         *,
         memory_s: float = 10.0,
-        range_m: float = HEARING_M,
+        range_m: float = RECEPTION_RANGE_M,
         **others: Any,
     ) -> None:
         super().__init__(context, **others)
@@ -231,7 +231,7 @@ class DosDisruptive(Flood):
 
 
 class DosDisruptiveSybil(DosDisruptive):
-    """The same, each message from another station that does not exist."""
+    """Repeated messages as of `cam-dos-disruptive`, each from another station that does not exist."""
 
     traits = V2xTraits(
         every_message_matters=True, needs_traffic=False, published=Published(veremi_extension=19)
@@ -244,13 +244,13 @@ def _interval_ns(rate_hz: float) -> int:
     return round(1e9 / rate_hz)
 
 
-def _moved_on(tree: CamTree, by_ns: int) -> CamTree:
+def _extrapolated(tree: CamTree, by_ns: int) -> CamTree:
     """A CAM so much later of a vehicle that went straight on."""
     names = ("latitude_deg", "longitude_deg", "heading_rad", "speed_mps")
     latitude_deg, longitude_deg, heading_rad, speed_mps = (field_of(tree, name) for name in names)
     values = (latitude_deg, longitude_deg, heading_rad, speed_mps)
     if any(value is None or not np.isfinite(value) for value in values):
-        return later(tree, by_ns)
+        return with_later_time(tree, by_ns)
     way_m = speed_mps * by_ns / 1e9
     per_east_deg, per_north_deg = _degrees_per_metre(latitude_deg, longitude_deg)
     moved = with_fields(
@@ -258,7 +258,7 @@ def _moved_on(tree: CamTree, by_ns: int) -> CamTree:
         latitude_deg=latitude_deg + way_m * math.cos(heading_rad) * per_north_deg,
         longitude_deg=longitude_deg + way_m * math.sin(heading_rad) * per_east_deg,
     )
-    return later(moved, by_ns)
+    return with_later_time(moved, by_ns)
 
 
 def _degrees_per_metre(latitude_deg: float, longitude_deg: float) -> tuple[float, float]:

@@ -18,7 +18,7 @@ class HeadingReversed(Falsification):
 
     traits = V2xTraits(untrue=("heading",), published=Published(nextgen=8, catch_f1=0.593))
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         return _turned(message, math.pi)
 
 
@@ -32,11 +32,11 @@ class HeadingRotating(Falsification):
         self._rate_radps = math.radians(checked_number(context.name, "rate_degps", rate_degps, -3600, 3600))
         self._begun_ns: dict[int, int] = {}
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         begun_ns = self._begun_ns.setdefault(message.station_id, message.time_ns)
         return _turned(message, self._rate_radps * (message.time_ns - begun_ns) / 1e9)
 
 
 def _turned(message: OwnMessage, by_rad: float) -> Mapping[str, Any]:
-    heading_rad = message.says("heading_rad")
+    heading_rad = message.field("heading_rad")
     return {} if heading_rad is None else {"heading_rad": (heading_rad + by_rad) % math.tau}

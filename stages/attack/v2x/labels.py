@@ -24,10 +24,10 @@ from advpipe.pipeline.labels.messages import (
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.facilities.cam_values import FIELDS, Values, changed_fields, places_m, values
-from advpipe.pipeline.v2x.facilities.effect import matters
+from advpipe.pipeline.v2x.facilities.effect import has_effect
 from advpipe.stages.attack.v2x.base import MessageEditor, V2xAttack
+from advpipe.stages.attack.v2x.bounds_check import BoundsCheck
 from advpipe.stages.attack.v2x.cams import CamEditor, field_of
-from advpipe.stages.attack.v2x.refusal import Refusal
 
 _BLOCK = 1000
 
@@ -76,7 +76,7 @@ class Labels:
         self._newest: dict[int, bytes] = {}
         self._step: dict[int, Sent] = {}
         self._by_station: dict[int, list[Sent]] = {}
-        self._refusal = Refusal(geodesy, declared)
+        self._refusal = BoundsCheck(geodesy, declared)
         self.touching: set[int] = set()
         self.counts: Counter[str] = Counter()
 
@@ -208,7 +208,7 @@ class Labels:
                 name: [getattr(row, name) for row in rows]
                 for name in ("attack", "part", "attacker", "sender", "action")
             },
-            "fields": [_changed(row) for row in rows],
+            "fields": [_changed_fields(row) for row in rows],
             "mattered": [self._mattered(row, moved) for row, moved in zip(rows, moved_m, strict=True)],
         }
         for kind, kind_m in (("true", true_m), ("false", false_m)):
@@ -225,10 +225,10 @@ class Labels:
             return False
         if row.always_matters or row.action == DROPPED:
             return True
-        return matters(row.true, row.false, moved_m, self._expiry_s)
+        return has_effect(row.true, row.false, moved_m, self._expiry_s)
 
 
-def _changed(row: _Row) -> str:
+def _changed_fields(row: _Row) -> str:
     """The fields that this attack changed, by what it was given."""
     if row.action != CHANGED or row.before is None or row.false is None:
         return ""

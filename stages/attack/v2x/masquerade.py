@@ -13,10 +13,10 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.labels.claims import Claim
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
-from advpipe.stages.attack.bounds import checked_number, one_of
+from advpipe.stages.attack.bounds import checked_choice, checked_number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import with_fields
-from advpipe.stages.attack.v2x.overheard_messages import HEARING_M, is_time_untrue, later
+from advpipe.stages.attack.v2x.overheard_messages import RECEPTION_RANGE_M, is_time_untrue, with_later_time
 
 IDENTITIES = ("nearest", "random", "each", "victim")
 
@@ -36,11 +36,11 @@ class Masquerade(V2xAttack):
         context: AttackContext,
         *,
         identity: str = "nearest",
-        range_m: float = HEARING_M,
+        range_m: float = RECEPTION_RANGE_M,
         ahead_s: float = 0.0,
     ) -> None:
         super().__init__(context)
-        self._identity = one_of(context.name, "identity", identity, IDENTITIES)
+        self._identity = checked_choice(context.name, "identity", identity, IDENTITIES)
         if identity == "victim" and context.victim is None:
             raise UsageError(f"{context.name}: identity is 'victim', but there is none; name one")
         self._range_m = checked_number(context.name, "range_m", range_m, 0)
@@ -66,7 +66,7 @@ class Masquerade(V2xAttack):
         mask = self._mask(step, one.station_id)
         if tree is None or mask is None:
             return one
-        tree = later(with_fields(tree, station_id=mask), self._ahead_ns)
+        tree = with_later_time(with_fields(tree, station_id=mask), self._ahead_ns)
         return replace(one, payload=cams.close(tree))
 
     def _mask(self, step: V2xStep, attacker: int) -> int | None:

@@ -1,4 +1,4 @@
-"""Several attacks at once, each by some of the attackers: NextGen's mix modes."""
+"""Mixes of several attacks, each carried out by some of the attackers: NextGen's mix modes."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from advpipe.stages.attack.v2x.stop import SuddenStop
 
 
 class Mixed(NamedTuple):
-    """One of the attacks to draw from, and its parameters that are not the default."""
+    """One of the attacks to draw from, with its non-default parameters."""
 
     name: str
     parameters: Mapping[str, Any]
 
 
 class Mix(V2xAttack):
-    """Each attacker draws one of these attacks, which it carries out with the defaults (but see `nextgen`).
+    """Each attacker draws one attack of the mix and carries it out with default parameters.
 
-    attacks: three, nextgen, f2md or all (see `MIXES`), an attack, or several of both with commas between
-    them. Labels name the one that was drawn as the `part`.
+    attacks: three, nextgen, f2md or all (see `MIXES`), an attack, or several of both, separated by commas.
+    Only `nextgen` sets other parameters (see `nextgen_attacks`). Labels name the drawn attack as the `part`.
     """
 
     traits = V2xTraits(untrue=ALL_CLAIMS)
@@ -56,9 +56,9 @@ class Mix(V2xAttack):
 
     @classmethod
     def untrue(cls, parameters: Mapping[str, Any]) -> tuple[Claim, ...]:
-        """What any of its parts makes untrue."""
-        told = {claim for part in cls.parts("cam-mix", parameters) for claim in part.untrue}
-        return tuple(claim for claim in ALL_CLAIMS if claim in told)
+        """The claims that any of its parts falsifies."""
+        untrue = {claim for part in cls.parts("cam-mix", parameters) for claim in part.untrue}
+        return tuple(claim for claim in ALL_CLAIMS if claim in untrue)
 
     def part(self, attacker: int) -> V2xAttack:
         return self._parts[attacker]
@@ -70,7 +70,7 @@ class Mix(V2xAttack):
 
 
 def _part(mixed: Mixed) -> DeclaredPart:
-    """What it declares with its parameters."""
+    """The declaration of an attack with its parameters."""
     kind = V2X_ATTACKS[mixed.name]
     traits, parameters = v2x_traits(kind), {**known_parameters(kind), **mixed.parameters}
     return DeclaredPart(
@@ -82,52 +82,56 @@ def _part(mixed: Mixed) -> DeclaredPart:
     )
 
 
-def three() -> list[Mixed]:
+def three_attacks() -> list[Mixed]:
     """NextGen's mixThree."""
     kinds = PositionOffset, SpeedRandomOffset, SuddenStop
     return [Mixed(name, {}) for kind in kinds for name, known in V2X_ATTACKS.items() if known is kind]
 
 
-def nextgen() -> list[Mixed]:
-    """NextGen's mixAll, each attack as that has it: its constant speed is a zero speed report."""
-    return [Mixed(name, v2x_traits(V2X_ATTACKS[name]).published_of) for name in _by(lambda p: p.nextgen)]
+def nextgen_attacks() -> list[Mixed]:
+    """NextGen's mixAll, with its parameters: its constant speed is a zero speed report."""
+    return [
+        Mixed(name, v2x_traits(V2X_ATTACKS[name]).published_of) for name in _in_catalogue(lambda p: p.nextgen)
+    ]
 
 
-def f2md() -> list[Mixed]:
-    """The 19 of F2MD, in the order of their numbers in VeReMi's extension."""
-    return [Mixed(name, {}) for name in _by(lambda published: published.veremi_extension)]
+def f2md_attacks() -> list[Mixed]:
+    """The 19 attacks of F2MD, in the order of their numbers in VeReMi's extension."""
+    return [Mixed(name, {}) for name in _in_catalogue(lambda published: published.veremi_extension)]
 
 
-def both() -> list[Mixed]:
+def all_attacks() -> list[Mixed]:
     """Both catalogues together, each attack with its defaults."""
-    names = (one.name for one in (*f2md(), *nextgen()))
+    names = (one.name for one in (*f2md_attacks(), *nextgen_attacks()))
     return [Mixed(name, {}) for name in dict.fromkeys(names)]
 
 
 MIXES: Mapping[str, Callable[[], list[Mixed]]] = {
-    "three": three,
-    "nextgen": nextgen,
-    "f2md": f2md,
-    "all": both,
+    "three": three_attacks,
+    "nextgen": nextgen_attacks,
+    "f2md": f2md_attacks,
+    "all": all_attacks,
 }
 
 
-def _by(place: Callable[[Published], int | None]) -> list[str]:
-    """The attacks that have a place in a catalogue, in its order."""
+def _in_catalogue(place: Callable[[Published], int | None]) -> list[str]:
+    """The attacks of a catalogue, in its order."""
     places = {name: place(v2x_traits(kind).published) for name, kind in V2X_ATTACKS.items()}
     return sorted((name for name in places if places[name] is not None), key=lambda name: places[name] or 0)
 
 
 def _mixed(mix: str, attacks: str) -> list[Mixed]:
-    """What `attacks` names. Raises AdvpipeError for what is neither a mix nor an attack to mix."""
-    return [one for name in attacks.split(",") for one in _of(mix, name.strip())]
+    """The attacks that `attacks` names. Raises AdvpipeError for a name that is neither a mix nor an attack."""
+    return [one for name in attacks.split(",") for one in _named(mix, name.strip())]
 
 
-def _of(mix: str, name: str) -> Iterator[Mixed]:
+def _named(mix: str, name: str) -> Iterator[Mixed]:
     if name in MIXES:
         yield from MIXES[name]()
     elif name in V2X_ATTACKS and not issubclass(V2X_ATTACKS[name], Mix):
         yield Mixed(name, {})
     else:
         known = ", ".join(one for one, kind in V2X_ATTACKS.items() if not issubclass(kind, Mix))
-        raise UsageError(f"{mix}: {name!r} is no attack to mix; known: {', '.join(MIXES)}, {known}")
+        raise UsageError(
+            f"{mix}: {name!r} is not an attack that can be mixed; known: {', '.join(MIXES)}, {known}"
+        )

@@ -10,7 +10,7 @@ from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.pipeline.v2x.facilities.cam_values import HIGH
-from advpipe.stages.attack.bounds import one_of
+from advpipe.stages.attack.bounds import checked_choice
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import with_code
 
@@ -49,7 +49,7 @@ class OutOfRange(V2xAttack):
 
     def __init__(self, context: AttackContext, *, field: str = ALL) -> None:
         super().__init__(context)
-        words = one_of(context.name, "field", field, (ALL, *CODES))
+        words = checked_choice(context.name, "field", field, (ALL, *CODES))
         self._codes = [code for name, codes in CODES.items() if words in (ALL, name) for code in codes]
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:

@@ -15,7 +15,7 @@ from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.pipeline.v2x.codec.timestamps import GENERATION_DELTA_TIME_CYCLE_MS, NS_PER_MS
 from advpipe.stages.attack.v2x.cams import field_of, with_fields
 
-HEARING_M = 400.0
+RECEPTION_RANGE_M = 400.0
 """Far enough for most messages under the default radio, as in VeReMi NextGen."""
 
 
@@ -72,7 +72,7 @@ class OverheardMessages:
         return logs[place][drawn - int(ends[place])]
 
 
-def later(tree: CamTree, by_ns: int) -> CamTree:
+def with_later_time(tree: CamTree, by_ns: int) -> CamTree:
     """The same CAM, generated that much later; it counts whole milliseconds, in a cycle of 65.536 s."""
     delta_ms = field_of(tree, "generation_delta_time_ms") + round(by_ns / NS_PER_MS)
     return with_fields(tree, generation_delta_time_ms=delta_ms % GENERATION_DELTA_TIME_CYCLE_MS)

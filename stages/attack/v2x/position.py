@@ -13,16 +13,16 @@ from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.labels.message_quantities import POSITION_OFFSET
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
-from advpipe.stages.attack.bounds import checked_number, span
+from advpipe.stages.attack.bounds import checked_number, checked_range
 from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
 from advpipe.stages.attack.v2x.draws import AttackDraws
-from advpipe.stages.attack.v2x.falsification import FRONT_M, Misplacement, OwnMessage
+from advpipe.stages.attack.v2x.falsification import REFERENCE_POINT_M, OwnMessage, PositionFalsification
 
 _FAR_M = 1e6
 _LEAST_SIDE_M = 200.0
 
 
-class _Playground:
+class _SamplingArea:
     """Where places are drawn from: a rectangle of the map, or the one that holds all radios at first."""
 
     def __init__(self, attack: str, corners_m: Sequence[float | None] = ()) -> None:
@@ -32,8 +32,8 @@ class _Playground:
         self._x_m = self._y_m = 0.0, 0.0
         self._is_known = bool(given)
         if given:
-            self._x_m = span(attack, "x_{}_m", given[0], given[1], -_FAR_M, _FAR_M)
-            self._y_m = span(attack, "y_{}_m", given[2], given[3], -_FAR_M, _FAR_M)
+            self._x_m = checked_range(attack, "x_{}_m", given[0], given[1], -_FAR_M, _FAR_M)
+            self._y_m = checked_range(attack, "y_{}_m", given[2], given[3], -_FAR_M, _FAR_M)
 
     def learn(self, step: V2xStep) -> None:
         """The places of the first step that has any."""
@@ -50,7 +50,7 @@ class _Playground:
         return float(rng.uniform(self._x_m[0], self._x_m[1])), float(rng.uniform(self._y_m[0], self._y_m[1]))
 
 
-class PositionConstant(Misplacement):
+class PositionConstant(PositionFalsification):
     """One place, whatever happens: x_m and y_m in the map's frame (VeReMi 1), or a place that each attacker
     draws (F2MD 1) from the rectangle that holds all radios of the drive's first step, at least 200 m wide."""
 
@@ -71,21 +71,21 @@ class PositionConstant(Misplacement):
         if self._place_m is not None:
             for name, value in zip(("x_m", "y_m"), self._place_m, strict=True):
                 checked_number(context.name, name, value, -_FAR_M, _FAR_M)
-        self._playground, self._draws = _Playground(context.name), AttackDraws(context)
+        self._playground, self._draws = _SamplingArea(context.name), AttackDraws(context)
         self._places_m: dict[int, tuple[float, float]] = {}
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         self._playground.learn(step)
         return super().edit(step, sent)
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         station_id = message.station_id
         if self._place_m is None and station_id not in self._places_m:
             self._places_m[station_id] = self._playground.draw(self._draws.of(station_id))
-        return {FRONT_M: self._place_m or self._places_m[station_id]}
+        return {REFERENCE_POINT_M: self._place_m or self._places_m[station_id]}
 
 
-class PositionOffset(Misplacement):
+class PositionOffset(PositionFalsification):
     """The truth, moved by the same offset for good.
 
     x_m, y_m: of all attackers (VeReMi 2: 250, -150). Without them, each attacker draws both, of either sign,
@@ -108,7 +108,7 @@ class PositionOffset(Misplacement):
         rebuild_path: bool = True,
     ) -> None:
         super().__init__(context, rebuild_path=rebuild_path)
-        least_m, most_m = span(context.name, "{}_m", min_m, max_m, 0, _FAR_M)
+        least_m, most_m = checked_range(context.name, "{}_m", min_m, max_m, 0, _FAR_M)
         for name, value in (("x_m", x_m), ("y_m", y_m)):
             if value is not None:
                 checked_number(context.name, name, value, -_FAR_M, _FAR_M)
@@ -127,12 +127,17 @@ class PositionOffset(Misplacement):
             corner_m = parameters["max_m"], parameters["max_m"]
         return {POSITION_OFFSET.name: (0, math.hypot(corner_m[0] or 0, corner_m[1] or 0))}
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         offset_m = self._offsets_m[message.station_id]
-        return {FRONT_M: (message.front_m[0] + offset_m[0], message.front_m[1] + offset_m[1])}
+        return {
+            REFERENCE_POINT_M: (
+                message.reference_point_m[0] + offset_m[0],
+                message.reference_point_m[1] + offset_m[1],
+            )
+        }
 
 
-class PositionRandom(Misplacement):
+class PositionRandom(PositionFalsification):
     """Another place in each message (VeReMi 4, F2MD 3): uniform in a rectangle of the map.
 
     x_min_m to y_max_m: the rectangle; without it, the one that holds all radios of the drive's first step, at
@@ -152,18 +157,18 @@ class PositionRandom(Misplacement):
         rebuild_path: bool = True,
     ) -> None:
         super().__init__(context, rebuild_path=rebuild_path)
-        self._playground = _Playground(context.name, (x_min_m, x_max_m, y_min_m, y_max_m))
+        self._playground = _SamplingArea(context.name, (x_min_m, x_max_m, y_min_m, y_max_m))
         self._draws = AttackDraws(context)
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         self._playground.learn(step)
         return super().edit(step, sent)
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
-        return {FRONT_M: self._playground.draw(self._draws.of(message.station_id))}
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
+        return {REFERENCE_POINT_M: self._playground.draw(self._draws.of(message.station_id))}
 
 
-class PositionRandomOffset(Misplacement):
+class PositionRandomOffset(PositionFalsification):
     """The truth, moved by another offset in each message: along each axis between min_m and max_m, of either
     sign. NextGen's 20 to 70 m; VeReMi 8 has 0 to 300 m, F2MD 4 0 to 35 m."""
 
@@ -180,19 +185,21 @@ class PositionRandomOffset(Misplacement):
         rebuild_path: bool = True,
     ) -> None:
         super().__init__(context, rebuild_path=rebuild_path)
-        self._span_m = span(context.name, "{}_m", min_m, max_m, 0, _FAR_M)
+        self._span_m = checked_range(context.name, "{}_m", min_m, max_m, 0, _FAR_M)
         self._draws = AttackDraws(context)
 
     @classmethod
     def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
         return {POSITION_OFFSET.name: (0, math.hypot(parameters["max_m"], parameters["max_m"]))}
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         east_m, north_m = (self._draws.signed(message.station_id, *self._span_m) for _ in range(2))
-        return {FRONT_M: (message.front_m[0] + east_m, message.front_m[1] + north_m)}
+        return {
+            REFERENCE_POINT_M: (message.reference_point_m[0] + east_m, message.reference_point_m[1] + north_m)
+        }
 
 
-class PositionMirrored(Misplacement):
+class PositionMirrored(PositionFalsification):
     """On the opposite side of the road: left_m to the left of where it heads (negative: to the right, for
     left-hand traffic). NextGen takes twice the distance to the road's edge instead."""
 
@@ -206,10 +213,10 @@ class PositionMirrored(Misplacement):
     def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
         return {POSITION_OFFSET.name: (0, abs(parameters["left_m"]))}
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
-        heading_rad = message.says("heading_rad")
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
+        heading_rad = message.field("heading_rad")
         if heading_rad is None:
             return {}
         # Clockwise from north: forward is (sin, cos), and left of that (-cos, sin).
-        x_m = message.front_m[0] - self._left_m * math.cos(heading_rad)
-        return {FRONT_M: (x_m, message.front_m[1] + self._left_m * math.sin(heading_rad))}
+        x_m = message.reference_point_m[0] - self._left_m * math.cos(heading_rad)
+        return {REFERENCE_POINT_M: (x_m, message.reference_point_m[1] + self._left_m * math.sin(heading_rad))}

@@ -61,7 +61,7 @@ def _add_streams(add: Add[V2xAttack]) -> None:
         DosRandom,
         DosRandomSybil,
     )
-    from advpipe.stages.attack.v2x.ghosts import GhostBrake, GhostStop
+    from advpipe.stages.attack.v2x.ghosts_ahead import GhostBrake, GhostStop
     from advpipe.stages.attack.v2x.masquerade import Masquerade
     from advpipe.stages.attack.v2x.replay import CamReplay, DisruptiveReplay
     from advpipe.stages.attack.v2x.sybil import SybilCongestion, SybilGrid, SybilReplay

@@ -13,15 +13,20 @@ from advpipe.pipeline.labels.claims import ALL_CLAIMS, Claim
 from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
-from advpipe.stages.attack.bounds import checked_number, one_of, span
+from advpipe.stages.attack.bounds import checked_choice, checked_number, checked_range
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import field_of, with_fields
-from advpipe.stages.attack.v2x.overheard_messages import HEARING_M, OverheardMessages, is_time_untrue, later
+from advpipe.stages.attack.v2x.overheard_messages import (
+    RECEPTION_RANGE_M,
+    OverheardMessages,
+    is_time_untrue,
+    with_later_time,
+)
 
 IDENTITIES = ("own", "theirs")
 
 
-class _Echo(V2xAttack):
+class _Replay(V2xAttack):
     """Says, instead of what is true of the attacker, what another message said.
 
     identity: whose station id it bears. restamp: with the generation time of the message that it replaces;
@@ -40,7 +45,7 @@ class _Echo(V2xAttack):
         ahead_s: float,
     ) -> None:
         super().__init__(context)
-        self._identity = one_of(context.name, "identity", identity, IDENTITIES)
+        self._identity = checked_choice(context.name, "identity", identity, IDENTITIES)
         self._restamp = bool(restamp)
         self._ahead_ns = round(checked_number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
         range_m = checked_number(context.name, "range_m", range_m, 0)
@@ -73,7 +78,7 @@ class _Echo(V2xAttack):
             tree = with_fields(tree, station_id=field_of(own, "station_id"))
         if self._restamp:
             tree = with_fields(tree, generation_delta_time_ms=field_of(own, "generation_delta_time_ms"))
-        return replace(one, payload=cams.close(later(tree, self._ahead_ns)))
+        return replace(one, payload=cams.close(with_later_time(tree, self._ahead_ns)))
 
     @abstractmethod
     def _choose(self, one: Sent, rng: np.random.Generator) -> Sent | None:
@@ -85,11 +90,11 @@ class _Echo(V2xAttack):
         return self._rngs[attacker]
 
 
-class CamReplay(_Echo):
+class CamReplay(_Replay):
     """Follows another station for some messages, then the next one: F2MD's and NextGen's data replay.
 
     age_s: it says what the other said so long ago. messages_min, messages_max: followed in a row, drawn for
-    each; then a new one is drawn among those within range_m. See `_Echo` for the others.
+    each; then a new one is drawn among those within range_m. See `_Replay` for the others.
     """
 
     traits = V2xTraits(
@@ -103,7 +108,7 @@ class CamReplay(_Echo):
         age_s: float = 2.0,
         messages_min: int = 4,
         messages_max: int = 8,
-        range_m: float = HEARING_M,
+        range_m: float = RECEPTION_RANGE_M,
         identity: str = "own",
         restamp: bool = True,
         ahead_s: float = 0.0,
@@ -119,7 +124,7 @@ class CamReplay(_Echo):
             ahead_s=ahead_s,
         )
         self._age_ns = round(age_s * 1e9)
-        limits = span(context.name, "messages_{}", messages_min, messages_max, 1, 10_000)
+        limits = checked_range(context.name, "messages_{}", messages_min, messages_max, 1, 10_000)
         self._least, self._most = int(limits[0]), int(limits[1])
         self._followed: dict[int, tuple[int, int]] = {}
 
@@ -138,7 +143,7 @@ class CamReplay(_Echo):
         return found
 
 
-class DisruptiveReplay(_Echo):
+class DisruptiveReplay(_Replay):
     """Any message of any station heard in the last memory_s, drawn anew for each: F2MD's disruptive."""
 
     traits = V2xTraits(untrue=ALL_CLAIMS, published=Published(veremi_extension=10))
@@ -148,7 +153,7 @@ class DisruptiveReplay(_Echo):
         context: AttackContext,
         *,
         memory_s: float = 10.0,
-        range_m: float = HEARING_M,
+        range_m: float = RECEPTION_RANGE_M,
         identity: str = "own",
         restamp: bool = True,
         ahead_s: float = 0.0,

@@ -7,7 +7,7 @@ from typing import Any
 
 from advpipe.pipeline.labels.declaration import Published
 from advpipe.pipeline.labels.message_quantities import SPEED_OFFSET
-from advpipe.stages.attack.bounds import checked_number, span
+from advpipe.stages.attack.bounds import checked_number, checked_range
 from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
 from advpipe.stages.attack.v2x.draws import AttackDraws
 from advpipe.stages.attack.v2x.falsification import Falsification, OwnMessage
@@ -39,7 +39,7 @@ class SpeedConstant(Falsification):
             for one in context.attackers
         }
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         return {"speed_mps": self._speeds_mps[message.station_id]}
 
 
@@ -61,7 +61,7 @@ class SpeedOffset(Falsification):
         max_mps: float = 7.0,
     ) -> None:
         super().__init__(context)
-        ends_mps = span(context.name, "{}_mps", min_mps, max_mps, 0, MAX_MPS)
+        ends_mps = checked_range(context.name, "{}_mps", min_mps, max_mps, 0, MAX_MPS)
         draws = AttackDraws(context)
         self._offsets_mps = {
             one: draws.signed(one, *ends_mps)
@@ -75,7 +75,7 @@ class SpeedOffset(Falsification):
         offset_mps = parameters["offset_mps"]
         return {SPEED_OFFSET.name: (0, parameters["max_mps"] if offset_mps is None else abs(offset_mps))}
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         return _offset(message, self._offsets_mps[message.station_id])
 
 
@@ -89,7 +89,7 @@ class SpeedRandom(Falsification):
         self._most_mps = checked_number(context.name, "max_mps", max_mps, 0, MAX_MPS)
         self._draws = AttackDraws(context)
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         return {"speed_mps": float(self._draws.of(message.station_id).uniform(0, self._most_mps))}
 
 
@@ -105,14 +105,14 @@ class SpeedRandomOffset(Falsification):
 
     def __init__(self, context: AttackContext, *, min_mps: float = 1.0, max_mps: float = 7.0) -> None:
         super().__init__(context)
-        self._ends_mps = span(context.name, "{}_mps", min_mps, max_mps, 0, MAX_MPS)
+        self._ends_mps = checked_range(context.name, "{}_mps", min_mps, max_mps, 0, MAX_MPS)
         self._draws = AttackDraws(context)
 
     @classmethod
     def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
         return {SPEED_OFFSET.name: (0, parameters["max_mps"])}
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         return _offset(message, self._draws.signed(message.station_id, *self._ends_mps))
 
 
@@ -130,15 +130,15 @@ class SpeedFrozen(Falsification):
         self._draws = AttackDraws(context)
         self._frozen_mps: dict[int, float | None] = {}
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         station_id = message.station_id
         if station_id not in self._frozen_mps:
             if self._draws.of(station_id).random() >= self._probability:
                 return {}
-            self._frozen_mps[station_id] = message.says("speed_mps")
+            self._frozen_mps[station_id] = message.field("speed_mps")
         return {"speed_mps": self._frozen_mps[station_id]}
 
 
 def _offset(message: OwnMessage, offset_mps: float) -> Mapping[str, Any]:
-    speed_mps = message.says("speed_mps")
+    speed_mps = message.field("speed_mps")
     return {} if speed_mps is None else {"speed_mps": max(speed_mps + offset_mps, 0.0)}

@@ -10,10 +10,10 @@ from advpipe.pipeline.v2x.codec.codes import AccelerationControl
 from advpipe.stages.attack.bounds import checked_number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
 from advpipe.stages.attack.v2x.draws import AttackDraws
-from advpipe.stages.attack.v2x.falsification import Misplacement, OwnMessage
+from advpipe.stages.attack.v2x.falsification import OwnMessage, PositionFalsification
 
-_FREEZE = ("latitude_deg", "longitude_deg", "altitude_m", "heading_rad")
-_STILL: dict[str, Any] = {
+_FROZEN_FIELDS = ("latitude_deg", "longitude_deg", "altitude_m", "heading_rad")
+_STANDSTILL: dict[str, Any] = {
     "speed_mps": 0.0,
     "longitudinal_acceleration_mps2": 0.0,
     "yaw_rate_radps": 0.0,
@@ -22,7 +22,7 @@ _STILL: dict[str, Any] = {
 EMERGENCY_MPS2 = -8.0
 
 
-class EventualStop(Misplacement):
+class EventualStop(PositionFalsification):
     """From some message on, it stands at the place of that message.
 
     probability: of the first message to be that one; growth: how much more likely each one after it is.
@@ -56,7 +56,7 @@ class EventualStop(Misplacement):
         self._lied: dict[int, int] = {}
         self._stopped: dict[int, dict[str, Any]] = {}
 
-    def lie(self, message: OwnMessage) -> Mapping[str, Any]:
+    def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         station_id = message.station_id
         if station_id in self._stopped:
             return self._stopped[station_id]
@@ -64,7 +64,7 @@ class EventualStop(Misplacement):
         self._lied[station_id] = so_far + 1
         if self._draws.of(station_id).random() >= self._probability + so_far * self._growth:
             return {}
-        self._stopped[station_id] = {name: message.says(name) for name in _FREEZE} | _STILL
+        self._stopped[station_id] = {name: message.field(name) for name in _FROZEN_FIELDS} | _STANDSTILL
         return self._first(self._stopped[station_id])
 
     def _first(self, still: dict[str, Any]) -> Mapping[str, Any]:

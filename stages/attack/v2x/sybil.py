@@ -17,18 +17,24 @@ from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.scenario.attacks import NS_PER_S
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.facilities.generation import CHECK_INTERVAL_NS
-from advpipe.stages.attack.bounds import checked_number, one_of, whole
+from advpipe.stages.attack.bounds import checked_choice, checked_integer, checked_number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import with_fields
-from advpipe.stages.attack.v2x.ghosts import GhostsAhead
-from advpipe.stages.attack.v2x.overheard_messages import HEARING_M, OverheardMessages, later
-from advpipe.stages.attack.v2x.phantoms import Braking, Companion, GhostMotion, Key, PhantomAttack
+from advpipe.stages.attack.v2x.ghost_vehicles import (
+    BrakingMotion,
+    GhostAttack,
+    GhostMotion,
+    Key,
+    OffsetMotion,
+)
+from advpipe.stages.attack.v2x.ghosts_ahead import GhostsAhead
+from advpipe.stages.attack.v2x.overheard_messages import RECEPTION_RANGE_M, OverheardMessages, with_later_time
 
 AROUND = ("attacker", "victim")
-MOST_GHOSTS = 1000
+MAX_GHOSTS = 1000
 
 
-class SybilGrid(PhantomAttack):
+class SybilGrid(GhostAttack):
     """Ghosts on a grid that moves with a vehicle, as F2MD's grid Sybil: 5 m apart, in lanes 2 m apart.
 
     around: each attacker itself, or the victim, around which attackers take the cells in turns: no two ghosts
@@ -54,19 +60,19 @@ class SybilGrid(PhantomAttack):
     ) -> None:
         super().__init__(context, **others)
         name = context.name
-        self._around_victim = one_of(name, "around", around, AROUND) == "victim"
+        self._around_victim = checked_choice(name, "around", around, AROUND) == "victim"
         if self._around_victim and context.victim is None:
             raise UsageError(f"{name}: around is 'victim', but there is none; name one")
         self._jitter_m = checked_number(name, "jitter_m", jitter_m, 0)
         grids = len(context.attackers) if self._around_victim else 1
         cells = grid_cells(
-            whole(name, "ghosts", ghosts, 1, MOST_GHOSTS) * grids,
+            checked_integer(name, "ghosts", ghosts, 1, MAX_GHOSTS) * grids,
             checked_number(name, "spacing_m", spacing_m, 0),
             checked_number(name, "lane_m", lane_m, 0),
-            whole(name, "lanes", lanes, 1, 99),
+            checked_integer(name, "lanes", lanes, 1, 99),
         )
         self._cells = {one: cells[nth % grids :: grids] for nth, one in enumerate(context.attackers)}
-        self._companions: dict[int, list[Companion]] = {}
+        self._companions: dict[int, list[OffsetMotion]] = {}
 
     @classmethod
     def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
@@ -89,15 +95,15 @@ class SybilGrid(PhantomAttack):
                 (attacker, index): companion.motion(step, radio) for index, companion in enumerate(companions)
             }
             if self.context.active(step.begin_ns):
-                edited += self._phantoms.tell(step, attacker, motions)
-        self._phantoms.hear(step, edited)
+                edited += self._ghost_vehicles.messages(step, attacker, motions)
+        self._ghost_vehicles.observe(step, edited)
         return edited
 
-    def _crowd(self, attacker: int) -> list[Companion]:
+    def _crowd(self, attacker: int) -> list[OffsetMotion]:
         rng, cells = self.context.rng("grid", attacker), self._cells[attacker]
         jitters_m = rng.uniform(-self._jitter_m, self._jitter_m, (len(cells), 2)).tolist()
         return [
-            Companion((ahead_m + jitter_m[0], left_m + jitter_m[1]))
+            OffsetMotion((ahead_m + jitter_m[0], left_m + jitter_m[1]))
             for (ahead_m, left_m), jitter_m in zip(cells, jitters_m, strict=True)
         ]
 
@@ -143,13 +149,15 @@ class CrawlingGhosts(GhostsAhead):
         speed_mps: float,
         place_m: tuple[float, float],
         rng: np.random.Generator,
-    ) -> Braking:
+    ) -> BrakingMotion:
         """The ghost whose place is so far ahead of a front, and to its left."""
         jitter_m, spread = rng.uniform(-1, 1, 2).tolist()
         ahead_m = place_m[0] + jitter_m * self._jitter_m
         final_mps = self._jam_mps * (1 + spread * self._speed_spread)
-        start = self._beside(front, ahead_m, place_m[1])
-        return Braking(start, begin_ns, max(speed_mps, final_mps), 0.0, self._deceleration_mps2, final_mps)
+        start = self._ghost_pose(front, ahead_m, place_m[1])
+        return BrakingMotion(
+            start, begin_ns, max(speed_mps, final_mps), 0.0, self._deceleration_mps2, final_mps
+        )
 
 
 class SybilCongestion(CrawlingGhosts):
@@ -177,24 +185,24 @@ class SybilCongestion(CrawlingGhosts):
     ) -> None:
         super().__init__(context, **others)
         name = context.name
-        self._ghosts_laid = whole(name, "ghosts", ghosts, 1, MOST_GHOSTS)
-        self._lanes = whole(name, "lanes", lanes, 1, 99)
+        self._ghost_count = checked_integer(name, "ghosts", ghosts, 1, MAX_GHOSTS)
+        self._lanes = checked_integer(name, "lanes", lanes, 1, 99)
         self._lane_m = checked_number(name, "lane_m", lane_m, 0)
         self._spacing_m = checked_number(name, "spacing_m", spacing_m, 0)
         self._margin_m = checked_number(name, "margin_m", margin_m, 0)
         self._headway_s = checked_number(name, "headway_s", headway_s, 0)
 
-    def _lay(self, begin_ns: int, front: Float64, speed_mps: float, key: Key) -> list[Braking]:
+    def _create(self, begin_ns: int, front: Float64, speed_mps: float, key: Key) -> list[BrakingMotion]:
         rng = self.context.rng("congestion", *key)
         gap_m = self._margin_m + self._headway_s * speed_mps
-        laid = []
-        for index in range(self._ghosts_laid):
+        ghosts = []
+        for index in range(self._ghost_count):
             row, side = divmod(index, self._lanes)
             # The target's own lane first, then left, right, and so on.
             lane = (side + 1) // 2 * (1 if side % 2 else -1)
             place_m = gap_m + row * self._spacing_m, lane * self._lane_m
-            laid.append(self._crawling(begin_ns, front, speed_mps, place_m, rng))
-        return laid
+            ghosts.append(self._crawling(begin_ns, front, speed_mps, place_m, rng))
+        return ghosts
 
 
 _SILENCE_NS = 2_000_000_000
@@ -228,12 +236,12 @@ class SybilReplay(V2xAttack):
         *,
         ghosts: int = 5,
         age_s: float = 3.0,
-        range_m: float = HEARING_M,
+        range_m: float = RECEPTION_RANGE_M,
         ahead_s: float = 0.0,
     ) -> None:
         super().__init__(context)
         name = context.name
-        self._ghosts = whole(name, "ghosts", ghosts, 1, MOST_GHOSTS)
+        self._ghosts = checked_integer(name, "ghosts", ghosts, 1, MAX_GHOSTS)
         self._age_ns = round(checked_number(name, "age_s", age_s, 0.2, 600) * 1e9)
         self._ahead_ns = round(checked_number(name, "ahead_s", ahead_s, 0, 32) * 1e9)
         self._overheard = OverheardMessages(
@@ -266,7 +274,9 @@ class SybilReplay(V2xAttack):
                 at_ns = old.request_ns + self._age_ns
                 tree = cams.open(old.payload)
                 if tree is not None and self.context.active(at_ns):
-                    tree = later(with_fields(tree, station_id=track.id), self._age_ns + self._ahead_ns)
+                    tree = with_later_time(
+                        with_fields(tree, station_id=track.id), self._age_ns + self._ahead_ns
+                    )
                     told.append(self.context.message(attacker, at_ns, cams.close(tree)))
         return told
 

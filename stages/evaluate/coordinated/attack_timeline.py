@@ -48,7 +48,7 @@ def read_struck(
     bag: the adversarial bag's folder, or the file in it. Raises AdvpipeError for labels that cannot be read.
     """
     reader = BagReader(bag)
-    told = reader.provenance.said.attacks
+    told = reader.provenance.fields.attacks
     found: dict[str, list[AttackTimeline]] = {}
     fixes, sent = _fixes(clean, reader, told, window.last_ns), _messages(reader, bag, told, window.end_ns)
     for one in (*fixes, *sent, *_clouds(bag)):

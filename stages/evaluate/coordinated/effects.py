@@ -59,7 +59,7 @@ def effects(clean: BagReader, bag: Path, vehicle: str, window: Window = WHOLE_DR
     }
     for measure, key, title, digits in (
         (_own_place, "own_place_m", "takes itself to be off by [m]", 2),
-        (_map, "map_wrong", "wrong in its map: ghosts, missing, displaced", 1),
+        (_map, "map_wrong", "wrong in its map: false, missing, displaced", 1),
     ):
         if all(name in one.topics for one in (clean, reader) for name in needed[measure]):
             before, after = (measure(one, vehicle, window).within(window) for one in (clean, reader))
@@ -82,7 +82,7 @@ def _own_place(reader: BagReader, vehicle: str, window: Window) -> Series:
 def _map(reader: BagReader, vehicle: str, window: Window) -> Series:
     expiry_s = read_recording(reader, window.end_ns).expiry_s
     found = ldm_error(moments(reader, vehicle, expiry_s, window))
-    return Series(found.time_ns, found.ghosts + found.missing + found.displaced)
+    return Series(found.time_ns, found.false_entries + found.missing + found.displaced)
 
 
 def _series(values: dict[int, float] | dict[int, int]) -> Series:

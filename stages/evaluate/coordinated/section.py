@@ -10,9 +10,9 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.results.coordinated import (
+    AttackedCounts,
     AttacksByTarget,
     CoordinatedRecord,
-    StruckCounts,
     TogetherFigures,
 )
 from advpipe.stages.evaluate.coordinated.attack_timeline import AttackTimeline, read_struck
@@ -68,7 +68,7 @@ def coordinated_sections(
             pictures.append(ReportPicture(SECTION, name, f"{name}-{vehicle}-coordinated.png", caption, png))
     apart = [bag for bag in adversarial if bag not in {each[0] for each in together_on}]
     if window != WHOLE_DRIVE and (idle := [bag_name(bag) for bag in apart if _is_of_kinds(bag)]):
-        leads.append(f"{', '.join(idle)}: no vehicle is struck by attacks of two kinds in this window.")
+        leads.append(f"{', '.join(idle)}: no vehicle is attacked in two ways in this window.")
     if not leads:
         return ()
     heads = ("bag", "vehicle", "attack", "strikes", "first s", "last s")
@@ -98,7 +98,7 @@ def together(strikes: Sequence[AttackTimeline]) -> tuple[int, int] | None:
 
 def _is_of_kinds(bag: Path) -> bool:
     """Whether a bag was attacked in two ways or three: fixes, messages, clouds."""
-    return len({one.family for one in BagReader(bag).provenance.said.attacks}) > 1
+    return len({one.family for one in BagReader(bag).provenance.fields.attacks}) > 1
 
 
 def _lead(
@@ -136,7 +136,7 @@ def _record(
         name,
         vehicle,
         attacks=AttacksByTarget(**{one.what: one.attacks for one in strikes}),
-        struck=StruckCounts(**{one.what: len(one.times_ns) for one in strikes}),
+        attacked=AttackedCounts(**{one.what: len(one.times_ns) for one in strikes}),
     )
     if span_ns is None:
         return found

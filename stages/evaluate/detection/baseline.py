@@ -68,7 +68,7 @@ def baseline_words() -> list[str]:
 
 def attack_query_budget(provenance: Provenance) -> int:
     """To how many tries the attack looked to keep the best, by the record of its bag."""
-    return provenance.said.looks or USUAL_LOOKS
+    return provenance.fields.looks or USUAL_LOOKS
 
 
 def random_baselines(

@@ -99,7 +99,7 @@ class Comparison:
 
         One file may hold several detectors `module:Class`: they are told apart by name too.
         """
-        attacked = self.provenance.said.detector_sha256
+        attacked = self.provenance.fields.detector_sha256
         if not attacked or not self.detector_sha256:
             return None
         is_named_alike = self.provenance.get("detector", self.detector) == self.detector
@@ -108,7 +108,7 @@ class Comparison:
 
 def touches_clouds(provenance: Provenance) -> bool:
     """Whether an attack changed clouds, and not only messages or GPS."""
-    attacks = provenance.said.attacks
+    attacks = provenance.fields.attacks
     return not attacks or any(one.family == "lidar" for one in attacks)
 
 

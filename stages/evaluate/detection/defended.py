@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from advpipe.pipeline.metrics.bootstrap import percentile_interval
 from advpipe.pipeline.results.records import DefenceRecord, DefendedFigures
 from advpipe.pipeline.results.row import ResultRow
-from advpipe.stages.evaluate.detection.arm import Arm
 from advpipe.stages.evaluate.detection.comparison import under
+from advpipe.stages.evaluate.detection.condition import Arm
 from advpipe.stages.evaluate.detection.figures import precisions, ratio, ratio_draws
 from advpipe.stages.evaluate.detection.scored import Scored
 
@@ -29,8 +29,8 @@ def defence_records(scored: Scored, result: ResultRow) -> Iterator[DefenceRecord
             frames=result.counts.frames,
             map_clean=before.mean_ap(),
             map_clean_ci95=percentile_interval(before.map_draws()),
-            kept_percent=100 * ratio(before.mean_ap(), clean.mean_ap()),
-            kept_ci95=percentile_interval(ratio_draws(before, clean)),
+            clean_map_kept_percent=100 * ratio(before.mean_ap(), clean.mean_ap()),
+            clean_map_kept_ci95=percentile_interval(ratio_draws(before, clean)),
             clean_precisions=precisions(before),
             attacked=_attacked(scored, defence, before) if "adv" in scored.arms else None,
         )

@@ -18,8 +18,8 @@ from advpipe.pipeline.results.figures import (
     RecountedFigures,
 )
 from advpipe.pipeline.results.frame_row import FrameRow
-from advpipe.stages.evaluate.detection.arm import Arm, ap_draws
 from advpipe.stages.evaluate.detection.comparison import FrameResult
+from advpipe.stages.evaluate.detection.condition import Arm, ap_draws
 from advpipe.stages.evaluate.detection.displacement import Displacement
 from advpipe.stages.evaluate.detection.scoring import CRITERIA
 

@@ -30,14 +30,14 @@ def result_row(
     attack = attack_of(comparison)
     attacked = _figures(scored, "adv") if "adv" in arms else None
     baselines = {word: _baseline(scored, word) for word in baseline_words() if word in arms}
-    beaten = [each.is_beaten for each in baselines.values()]
-    beats_random = None if not beaten or None in beaten else all(beaten)
+    beaten = [each.is_significant for each in baselines.values()]
+    significant_vs_random = None if not beaten or None in beaten else all(beaten)
     said = [*notes, *_on_blocks(scored.bootstrap.n_blocks)]
     if attacked and arms["clean"].mean_ap() == 0:
         said.append("The mAP on the clean clouds is 0: the mAP ratio is undefined.")
     if attacked and (hidden := attacked.objects_below_min_points):
         said.append(f"{hidden} of the objects have fewer than {MIN_POINTS} points left; they still count.")
-    said += _on_baselines(attack, baselines, beats_random)
+    said += _on_baselines(attack, baselines, significant_vs_random)
     return ResultRow(
         bag=comparison.name,
         detector=comparison.detector,
@@ -61,7 +61,7 @@ def result_row(
             else None
         ),
         baselines=baselines,
-        beats_random=beats_random,
+        significant_vs_random=significant_vs_random,
         notes=(*said, *remarks),
     )
 
@@ -79,7 +79,7 @@ def attack_of(comparison: Comparison) -> AttackRecord:
         parameters=parameters,
         attacked_against=provenance.get("detector"),
         is_white_box=comparison.is_white_box,
-        looks=provenance.said.looks,
+        query_budget=provenance.fields.looks,
         baseline_tries=comparison.baseline_tries,
     )
 
@@ -94,9 +94,9 @@ def _baseline(scored: Scored, word: str) -> BaselineFigures:
     points, bounds = difference(scored.arms, word)
     return BaselineFigures(
         figures=_figures(scored, word),
-        map_ratio_minus=points,
-        map_ratio_minus_ci95=bounds,
-        is_beaten=None if bounds is None else bounds[1] < 0,
+        map_ratio_delta_points=points,
+        map_ratio_delta_points_ci95=bounds,
+        is_significant=None if bounds is None else bounds[1] < 0,
     )
 
 
@@ -109,14 +109,14 @@ def _on_blocks(n_blocks: int) -> list[str]:
 
 
 def _on_baselines(
-    attack: AttackRecord, baselines: Mapping[str, BaselineFigures], beats_random: bool | None
+    attack: AttackRecord, baselines: Mapping[str, BaselineFigures], significant_vs_random: bool | None
 ) -> list[str]:
     """Whether the baselines had fewer tries than the attack, and which of them it does not beat."""
     tries, notes = attack.baseline_tries, []
-    if attack.looks is not None and 0 < tries < attack.looks:
-        best_of = f"the best of {tries}, the attack is the best of {attack.looks} tries"
+    if attack.query_budget is not None and 0 < tries < attack.query_budget:
+        best_of = f"the best of {tries}, the attack is the best of {attack.query_budget} tries"
         notes = [f"The random baselines are {best_of}."]
-    if beats_random is not False:
+    if significant_vs_random is not False:
         return notes
-    unbeaten = [baseline_title(word) for word, each in baselines.items() if not each.is_beaten]
+    unbeaten = [baseline_title(word) for word, each in baselines.items() if not each.is_significant]
     return [*notes, f"Does not beat the same budget spent {'; '.join(unbeaten)}."]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
 from advpipe.pipeline.results.frame_row import FrameRow
-from advpipe.stages.evaluate.detection.arm import Arm
 from advpipe.stages.evaluate.detection.comparison import Comparison
+from advpipe.stages.evaluate.detection.condition import Arm
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from advpipe.pipeline.bag.frames import Frame
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.core.plugins import class_of_users, mistakes_reported
+from advpipe.pipeline.core.plugins import plugin_errors, user_class
 from advpipe.pipeline.defences.base import Placement
 from advpipe.pipeline.detector.protocol import Detections, ObjectDetector, Range
 from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS, Boxes, count_points
@@ -105,7 +105,7 @@ class CachedDetector:
         self.classes = known_classes(detector)
         self.range_m = detector.range_m
         self._detector = detector
-        self._own = class_of_users(detector)
+        self._own = user_class(detector)
         self._labels = np.array([CLASSES.index(name) for name in detector.classes], dtype=np.int64)
         self._seen: dict[bytes, Detections] = {}
 
@@ -121,7 +121,7 @@ class CachedDetector:
         about = f"{placement}".encode()
         key = hashlib.blake2b(np.ascontiguousarray(cloud).tobytes() + about, digest_size=16).digest()
         if key not in self._seen:
-            with mistakes_reported(self._own):
+            with plugin_errors(self._own):
                 seen = self._detector.detect(cloud)
             found = self._checked(seen)
             boxes = placement.boxes_back(found.boxes)

@@ -10,8 +10,8 @@ import numpy.typing as npt
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap, percentile_interval
 from advpipe.pipeline.results.records import SuccessRecord
 from advpipe.pipeline.results.row import ResultRow
-from advpipe.stages.evaluate.detection.arm import WHOLE
 from advpipe.stages.evaluate.detection.comparison import FrameResult
+from advpipe.stages.evaluate.detection.condition import WHOLE
 from advpipe.stages.evaluate.detection.figures import above_0, ratio
 from advpipe.stages.evaluate.detection.frame_row import lost_objects, new_false_positives
 from advpipe.stages.evaluate.detection.scored import Scored
@@ -49,7 +49,7 @@ def _record(scored: Scored, result: ResultRow, word: str, name: str, stratum: St
         attack.recipe,
         attack.parameter,
         attack.value,
-        cloud=word,
+        condition=word,
         class_name=name,
         range=stratum.name,
         min_score=scored.min_score,

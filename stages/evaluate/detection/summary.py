@@ -16,8 +16,8 @@ from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
 from advpipe.pipeline.results.frame_row import FrameRow
 from advpipe.pipeline.results.records import DefenceRecord, SuccessRecord
 from advpipe.pipeline.results.row import ResultRow
-from advpipe.stages.evaluate.detection.arm import Arm, Precision
 from advpipe.stages.evaluate.detection.comparison import Comparison
+from advpipe.stages.evaluate.detection.condition import Arm, Precision
 from advpipe.stages.evaluate.detection.defended import defence_records
 from advpipe.stages.evaluate.detection.frame_row import frame_row
 from advpipe.stages.evaluate.detection.result import result_row

@@ -12,7 +12,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.progress import track
-from advpipe.pipeline.replay.recorded_filter import usual_victim, vehicles_with_filter
+from advpipe.pipeline.replay.recorded_filter import default_victim, vehicles_with_filter
 from advpipe.pipeline.results.localisation import LocalisationRecord
 from advpipe.stages.evaluate.detection.comparison import bag_name
 from advpipe.stages.evaluate.localisation.figures import (
@@ -119,9 +119,9 @@ def _attacked_vehicles(
 
     With `last_ns`, also the victims of attacks that begin later, without any.
     """
-    told = adversarial.provenance.said.attacks if last_ns is not None else ()
+    told = adversarial.provenance.fields.attacks if last_ns is not None else ()
     known = sorted({*vehicles_with_filter(clean)} & {*vehicles_with_filter(adversarial)})
-    victims = {one.victim or usual_victim(known) for one in told if one.family == "gnss"}
+    victims = {one.victim or default_victim(known) for one in told if one.family == "gnss"}
     for vehicle in known:
         attacked_ns = attacked_fixes_ns(clean, adversarial, vehicle, last_ns)
         if len(attacked_ns) or vehicle in victims:

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from advpipe.pipeline.results.figures import CloudFigures
 from advpipe.pipeline.results.records import BaselineRecord, SuccessRecord
 from advpipe.pipeline.results.row import ResultRow
-from advpipe.stages.evaluate.detection.arm import WHOLE
 from advpipe.stages.evaluate.detection.baseline import baseline_title
+from advpipe.stages.evaluate.detection.condition import WHOLE
 from advpipe.stages.evaluate.detection.strata import STRATA
 from advpipe.stages.evaluate.detection.success import EVERY_CLASS
 from advpipe.stages.evaluate.detection.summary import Summary
@@ -69,9 +69,9 @@ def baselines_section(summaries: Sequence[Summary]) -> ReportSection:
                     baseline_title(word),
                     formatted_number(baseline.figures.map_ratio_percent, 2),
                     interval(baseline.figures.map_ratio_ci95),
-                    formatted_number(baseline.map_ratio_minus, 2),
-                    interval(baseline.map_ratio_minus_ci95),
-                    ANSWER[baseline.is_beaten],
+                    formatted_number(baseline.map_ratio_delta_points, 2),
+                    interval(baseline.map_ratio_delta_points_ci95),
+                    ANSWER[baseline.is_significant],
                 )
             )
             title = ""
@@ -101,9 +101,9 @@ def _baseline_record(result: ResultRow, word: str) -> BaselineRecord:
         baseline=word,
         map_ratio_percent=baseline.figures.map_ratio_percent,
         map_ratio_ci95=baseline.figures.map_ratio_ci95,
-        minus=baseline.map_ratio_minus,
-        minus_ci95=baseline.map_ratio_minus_ci95,
-        beats=baseline.is_beaten,
+        delta_points=baseline.map_ratio_delta_points,
+        delta_points_ci95=baseline.map_ratio_delta_points_ci95,
+        significant=baseline.is_significant,
     )
 
 
@@ -118,7 +118,7 @@ def success_section(summaries: Sequence[Summary]) -> ReportSection:
     )
     tables = []
     for summary in summaries:
-        found = {(each.cloud, each.class_name, each.range): each for each in summary.success}
+        found = {(each.condition, each.class_name, each.range): each for each in summary.success}
         names = [name for _, name, place in found if place == WHOLE and ("adv", name, place) in found]
         lines = []
         for name in dict.fromkeys(names):
@@ -244,7 +244,7 @@ def defences_section(summaries: Sequence[Summary]) -> ReportSection:
                     "",
                     each.defence,
                     formatted_number(each.map_clean, 3),
-                    formatted_number(each.kept_percent, 1),
+                    formatted_number(each.clean_map_kept_percent, 1),
                     formatted_number(each.attacked and each.attacked.map_adv, 3),
                     formatted_number(each.attacked and each.attacked.map_ratio_percent, 2),
                     interval(each.attacked and each.attacked.map_ratio_ci95),

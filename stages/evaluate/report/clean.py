@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from advpipe.stages.evaluate.detection.arm import WHOLE, Precision
+from advpipe.stages.evaluate.detection.condition import WHOLE, Precision
 from advpipe.stages.evaluate.detection.scoring import CRITERIA
 from advpipe.stages.evaluate.detection.strata import STRATA
 from advpipe.stages.evaluate.detection.summary import Summary

@@ -38,7 +38,7 @@ def write_html(
         is_attacked=any(summary.comparison.bag for summary in summaries) or bool(report.sections),
         lines=lines(report),
         remarks=report_warnings(report),
-        banners=report.banners,
+        banners=report.warnings,
         lost=lost_of(report),
         overview=_of(pictures, OVERVIEW, ""),
         clean_sections=[

@@ -13,7 +13,7 @@ from advpipe.stages.evaluate.report.table import COLUMNS, clean_lines, lines, lo
 def notebook_html(report: Report) -> str:
     """The table of all attacks with their baselines, or of the clean clouds where none was attacked; below it
     what other families add, open where it is all there is."""
-    parts = [html_paragraph(banner) for banner in report.banners]
+    parts = [html_paragraph(banner) for banner in report.warnings]
     if any(row.attacked for row in report.results):
         caption = f"Detection; lost: found on the clean cloud and missed, {lost_of(report)}"
         parts.append(html_table(COLUMNS, [line.values() for line in lines(report)], caption))

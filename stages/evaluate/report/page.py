@@ -6,7 +6,7 @@ from typing import Any
 
 from jinja2 import Environment, StrictUndefined
 
-from advpipe.pipeline.core.text import spelt_out
+from advpipe.pipeline.core.text import escape_unprintable
 
 
 def rendered(template: str, **values: Any) -> str:
@@ -22,4 +22,4 @@ def rendered(template: str, **values: Any) -> str:
 
 
 def _without_controls(value: Any) -> Any:
-    return spelt_out(value) if isinstance(value, str) and not hasattr(value, "__html__") else value
+    return escape_unprintable(value) if isinstance(value, str) and not hasattr(value, "__html__") else value

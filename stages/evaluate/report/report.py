@@ -39,8 +39,9 @@ FORMULAS: Mapping[str, str] = {
     "near objects (within 0.5 m of a box) as far as there are such points; or, where points are moved, every "
     "point by the attack's bound; best try: of as many tries as the attack looked at (or as stated) the one "
     "that hides most, chosen for each object by the detector's own result, and put together. " + RANDOM_BEST,
-    "beats_random": "the 95 % interval of the paired difference of mAP ratios to every plain random baseline "
-    "that is scored beside the attack lies below 0; nothing is said of recipe random-best, which is stronger",
+    "significant_vs_random": "the 95 % interval of the paired difference of mAP ratios to every plain random "
+    "baseline that is scored beside the attack lies below 0; recipe random-best, which is stronger, is not "
+    "compared",
     "attack_success": "100 % * objects lost / objects found on the clean clouds; at loose overlap, and "
     "beside it as strict_... at strict overlap, both with a score of at least the working_score",
     "white_box": WHITE_BOX,
@@ -100,7 +101,7 @@ def report_of(
         formulas={**formulas, **of_sections},
         average_precision=precision_records(summaries),
         records={each.key: each.records for each in sections if each.records},
-        banners=tuple(banners),
+        warnings=tuple(banners),
         sections=tuple(sections),
     )
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 
 from advpipe.pipeline.core.figure import Figure
-from advpipe.stages.evaluate.detection.arm import Precision
+from advpipe.stages.evaluate.detection.condition import Precision
 from advpipe.stages.evaluate.detection.strata import STRATA
 from advpipe.stages.evaluate.report.style import CLASS_COLOURS, INK, SOFT, plain_axes
 

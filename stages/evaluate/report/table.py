@@ -10,8 +10,8 @@ from rich.table import Table
 from advpipe.pipeline.core.streams import plain_console
 from advpipe.pipeline.results.records import DefenceRecord, SuccessRecord
 from advpipe.pipeline.results.row import ResultRow
-from advpipe.stages.evaluate.detection.arm import WHOLE
 from advpipe.stages.evaluate.detection.baseline import baseline_title
+from advpipe.stages.evaluate.detection.condition import WHOLE
 from advpipe.stages.evaluate.detection.success import EVERY_CLASS
 from advpipe.stages.evaluate.report.numbers import NOTHING, formatted_number, interval, short_name
 from advpipe.stages.evaluate.report.report import Report
@@ -117,12 +117,12 @@ def report_warnings(report: Report) -> list[str]:
         classes = ", ".join(row.counts.classes_in_map)
         words.append(" ".join([f"{bag}: {size}, mAP over {classes}.", *row.notes]))
         strongest = row.strongest_baseline
-        if strongest and (bounds := row.baselines[strongest].map_ratio_minus_ci95):
+        if strongest and (bounds := row.baselines[strongest].map_ratio_delta_points_ci95):
             words.append(
                 f"{bag}: mAP ratio minus that {baseline_title(strongest)} (the strongest {PLAIN_RANDOM} "
-                f"baseline) {formatted_number(row.baselines[strongest].map_ratio_minus, 2)} points, "
+                f"baseline) {formatted_number(row.baselines[strongest].map_ratio_delta_points, 2)} points, "
                 f"95 % interval {interval(bounds)}. Beats {PLAIN_RANDOM}: "
-                f"{'yes' if row.beats_random else 'no'}."
+                f"{'yes' if row.significant_vs_random else 'no'}."
             )
         words += _lost_remark(report, row, bag)
     if any(row.baselines for row in report.results):
@@ -138,7 +138,7 @@ def _lost_remark(report: Report, row: ResultRow, bag: str) -> list[str]:
     found = [
         each
         for each in report.listed(SuccessRecord)
-        if (each.bag, each.detector, each.cloud, each.class_name, each.range) == about
+        if (each.bag, each.detector, each.condition, each.class_name, each.range) == about
     ]
     return [
         f"{bag}: lost of the objects found on the clean clouds, with a score of at least "
@@ -168,7 +168,7 @@ def clean_lines(report: Report) -> list[dict[str, str]]:
     found = {
         (each.class_name, each.criterion, each.by, each.stratum): each
         for each in report.average_precision
-        if (each.bag, each.detector, each.cloud) == (bag, detector, CLEAN) and each.by in ("", "range")
+        if (each.bag, each.detector, each.condition) == (bag, detector, CLEAN) and each.by in ("", "range")
     }
     ranges = list(dict.fromkeys(stratum for _, _, by, stratum in found if by))
     return [
@@ -193,7 +193,7 @@ def _short(stratum: str) -> str:
 def print_report(report: Report) -> None:
     """The tables on the terminal: the detector on the clean clouds, then attacks if there are any."""
     console = plain_console()
-    for banner in report.banners:
+    for banner in report.warnings:
         console.print(banner, style="bold yellow", highlight=False, markup=False)
     if by_class := clean_lines(report):
         console.print(_by_class(by_class))

@@ -12,7 +12,7 @@ import numpy as np
 
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
-from advpipe.pipeline.labels.messages import MessageLabel, lies
+from advpipe.pipeline.labels.messages import MessageLabel, are_false
 from advpipe.pipeline.misbehaviour.catch import (
     TUNED_CATCH,
     CatchParameters,
@@ -106,7 +106,7 @@ def detect(
         times_s.append([one.arrival_ns / 1e9 for one in received])
         decoded.append(np.array([claim.is_cam for claim in each.claims], bool)[inside])
         numbers += [one.number for one in received]
-        counts = judged.because(config)[inside & lies(each.numbers, labels)].sum(axis=0).tolist()
+        counts = judged.triggered(config)[inside & are_false(each.numbers, labels)].sum(axis=0).tolist()
         objections.update(dict(zip(CHECKS, counts, strict=True)))
     heard = _Heard(
         numbers,
@@ -115,7 +115,7 @@ def detect(
         _joined(liars, np.int64),
         _joined(times_s, np.float64),
     )
-    is_lie = lies(numbers, labels)
+    is_lie = are_false(numbers, labels)
     counts_at_all = _joined(decoded, bool) | is_lie
     return Detection(
         " + ".join(sorted({label.attack for label in labels})),
@@ -132,7 +132,7 @@ def published_f1(provenance: Provenance) -> dict[str, float]:
     """What is published of CaTCH for the attacks of an adversarial bag, and for the parts of a mix, where
     anything is: its F1 on VeReMi NextGen, urban traffic of low density. Other data than ours: for
     orientation, not for comparison."""
-    declared = {one.type: one.declared for one in provenance.said.attacks if one.declared is not None}
+    declared = {one.type: one.declared for one in provenance.fields.attacks if one.declared is not None}
     published = {part.name: part.published for each in declared.values() for part in each.parts}
     published |= {name: each.published for name, each in declared.items()}
     return {name: each.catch_f1 for name, each in published.items() if each.catch_f1 is not None}
@@ -147,12 +147,12 @@ def _parts(
 ) -> list[ScoredAttack]:
     by_kind: dict[str, list[MessageLabel]] = {}
     for label in labels:
-        for kind in {label.attack, label.kind}:
+        for kind in {label.attack, label.attack_and_part}:
             by_kind.setdefault(kind, []).append(label)
     parts = []
     for kind, own in sorted(by_kind.items()):
-        its_lies = lies(heard.numbers, own)
-        attack = own[0].part if own[0].kind == kind and own[0].part else own[0].attack
+        its_lies = are_false(heard.numbers, own)
+        attack = own[0].part if own[0].attack_and_part == kind and own[0].part else own[0].attack
         figure = published.get(attack, math.nan)
         found = heard.scores(its_lies, counts_at_all & (its_lies | ~is_lie))
         parts.append(ScoredAttack(kind, int(its_lies.sum()), *found, figure))

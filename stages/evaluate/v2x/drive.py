@@ -60,7 +60,7 @@ class EvaluatedDrive:
     def wrong(self, listener: str) -> Float64:
         """How many entries of a listener's map are wrong or missing, at each of its moments."""
         error = self.errors[listener]
-        return error.ghosts + error.missing + error.displaced
+        return error.false_entries + error.missing + error.displaced
 
     @property
     def most_fooled(self) -> str | None:

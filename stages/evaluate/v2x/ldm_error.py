@@ -1,4 +1,4 @@
-"""How wrong a vehicle's Local Dynamic Map is: ghosts, missing and displaced stations, against the truth."""
+"""How wrong a vehicle's Local Dynamic Map is: false, missing and displaced entries, against the truth."""
 
 from __future__ import annotations
 
@@ -59,18 +59,18 @@ class LdmError:
     time_ns: np.ndarray[Any, np.dtype[np.int64]]
     known: Float64
     stations: Float64
-    ghosts: Float64
+    false_entries: Float64
     missing: Float64
     displaced: Float64
     error_m: Float64
 
     def figures(self) -> LdmFigures:
-        """Means over the maps, the most ghosts at once, and the mean error."""
+        """Means over the maps, the most false entries at once, and the mean error."""
         return LdmFigures(
             known=_mean(self.known),
             stations=_mean(self.stations),
-            ghosts=_mean(self.ghosts),
-            ghosts_max=float(self.ghosts.max(initial=0)),
+            false_entries=_mean(self.false_entries),
+            false_entries_max=float(self.false_entries.max(initial=0)),
             missing=_mean(self.missing),
             displaced=_mean(self.displaced),
             error_m=_mean(self.error_m),
@@ -125,7 +125,9 @@ def ldm_error(found: Iterator[Moment] | list[Moment]) -> LdmError:
             if entry.station_id in places
         ]
         owner = moment.own.station_id
-        ghosts = sum(e.station_id not in moment.present or e.station_id == owner for e in moment.entries)
+        false_entries = sum(
+            e.station_id not in moment.present or e.station_id == owner for e in moment.entries
+        )
         known = {entry.station_id for entry in moment.entries}
         at = moment.own.map_SE3_base[:2, 3]
         near = [s for s, place in places.items() if np.linalg.norm(place - at) <= MISSING_WITHIN_M]
@@ -133,7 +135,7 @@ def ldm_error(found: Iterator[Moment] | list[Moment]) -> LdmError:
             (
                 len(moment.entries),
                 len(near),
-                ghosts,
+                false_entries,
                 sum(station not in known for station in near),
                 # Where a station says nothing of its place, nobody can tell how far off it is.
                 sum(not error <= DISPLACED_M for error in errors_m),

@@ -40,7 +40,7 @@ def draw_maps(before: Moment, during: Moment, roads: RoadMap | None = None) -> F
 
 
 def draw_map(axes: Axes, moment: Moment, roads: RoadMap | None = None) -> None:
-    """True stations in blue outlines; entries filled: true in grey, displaced in orange, ghosts in red."""
+    """True stations in blue outlines; entries filled: true in grey, displaced in orange, false in red."""
     own = known_of_radio(moment.own)
     truth = {radio.station_id: known_of_radio(radio) for radio in moment.others}
     plain_axes(axes)
@@ -101,7 +101,9 @@ def draw_errors(clean: LdmError, attacked: LdmError, title: str = "") -> Figure:
 
     figure = Figure(figsize=(11.0, 3.0), dpi=110, facecolor="white", layout="constrained")
     start_ns = int(attacked.time_ns[0]) if len(attacked.time_ns) else 0
-    for axes, name in zip(figure.subplots(1, 3).tolist(), ("ghosts", "missing", "displaced"), strict=True):
+    for axes, name in zip(
+        figure.subplots(1, 3).tolist(), ("false_entries", "missing", "displaced"), strict=True
+    ):
         plain_axes(axes)
         for error, colour, label in ((clean, BASELINE, "clean"), (attacked, PREDICTION, "attacked")):
             axes.plot(
@@ -111,7 +113,7 @@ def draw_errors(clean: LdmError, attacked: LdmError, title: str = "") -> Figure:
                 label=label,
                 linewidth=1.2,
             )
-        axes.set_title(name, loc="left", fontsize=11, color=INK)
+        axes.set_title(name.replace("_", " "), loc="left", fontsize=11, color=INK)
         axes.set_ylim(bottom=0)
         axes.set_xlabel("time [s]", color=SOFT)
     figure.axes[0].legend(fontsize=8, frameon=False)

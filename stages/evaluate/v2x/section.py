@@ -185,7 +185,7 @@ def _record(clean: EvaluatedDrive, drive: EvaluatedDrive, listener: str) -> V2xR
         bag=drive.name,
         vehicle=listener,
         attack=each.attack,
-        lies=each.lies,
+        false_messages=each.lies,
         messages=each.messages,
         undecoded=each.undecoded,
         has_roads=drive.roads is not None,

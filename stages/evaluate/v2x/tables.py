@@ -56,7 +56,7 @@ def victim_table(drives: Sequence[EvaluatedDrive]) -> Table:
     What is heard compares the same messages, clean → attacked: those that the attack left alone.
     """
     heads = (
-        *("bag", "vehicle", "entries", "ghosts", "at most", "missing", "displaced", "error m"),
+        *("bag", "vehicle", "entries", "false", "at most", "missing", "displaced", "error m"),
         *("alarms", "dangers", "false alarms", "misses", "honest CAMs heard %"),
     )
     lines = []
@@ -65,9 +65,14 @@ def victim_table(drives: Sequence[EvaluatedDrive]) -> Table:
             row, warned = error.figures(), drive.warned[listener]
             lines.append(
                 (
-                    *(drive.name, listener, formatted_number(row.known, 1), formatted_number(row.ghosts, 2)),
                     *(
-                        formatted_number(row.ghosts_max, 0),
+                        drive.name,
+                        listener,
+                        formatted_number(row.known, 1),
+                        formatted_number(row.false_entries, 2),
+                    ),
+                    *(
+                        formatted_number(row.false_entries_max, 0),
                         formatted_number(row.missing, 2),
                         formatted_number(row.displaced, 2),
                     ),

@@ -76,7 +76,7 @@ def export_veremi(bag: Path, out: Path, *, form: str = "extension", overwrite: b
     reader = BagReader(bag)
     drive = V2xDrive(reader)
     labels = [label for label in read_labels(bag) if label.action != DROPPED]
-    numbers = attack_numbers(sorted({label.word for label in labels}), reader.provenance, form)
+    numbers = attack_numbers(sorted({label.attack_or_part for label in labels}), reader.provenance, form)
     with staged_folder(out, overwrite, _KIND) as folder:
         (folder / TRACE).mkdir()
         trace = _Trace(drive, labels, numbers, form, folder / TRACE)
@@ -88,7 +88,7 @@ def export_veremi(bag: Path, out: Path, *, form: str = "extension", overwrite: b
 def attack_numbers(attacks: Sequence[str], provenance: Provenance, form: str) -> dict[str, int]:
     """The number of each attack of a bag, by its name, in a data set's form."""
     known: dict[str, int | None] = {}
-    for one in provenance.said.attacks:
+    for one in provenance.fields.attacks:
         if one.declared is not None:
             known |= {part.name: FORMS[form](part.published) for part in one.declared.parts}
             known[one.type] = FORMS[form](one.declared.published)
@@ -111,8 +111,8 @@ class _Trace:
         self._form, self._folder = form, folder
         self._geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
         self._attacks = dict(numbers)
-        self._type_of_message = {one.number: numbers[one.word] for one in labels if one.is_lie}
-        self._type_of_station = {one.station_id: numbers[one.word] for one in reversed(labels)}
+        self._type_of_message = {one.number: numbers[one.attack_or_part] for one in labels if one.is_false}
+        self._type_of_station = {one.station_id: numbers[one.attack_or_part] for one in reversed(labels)}
         self._index = {station: index for index, station in enumerate(sorted(drive.stations))}
         self._day_ns = 0
 

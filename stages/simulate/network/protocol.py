@@ -18,12 +18,12 @@ from advpipe.stages.simulate.traffic.road_users import RoadUser
 
 
 @dataclass(frozen=True)
-class Exchange:
+class NetworkStep:
     """What happened on the air up to `stamp_ns` since the instant before.
 
     sent: in the order of request_ns, all of them before `stamp_ns`; numbers count up through the drive.
     received: what instrumented vehicles received, in the order of arrival, with power and SINR; none later
-    than `stamp_ns`, and what arrives later belongs to a later exchange.
+    than `stamp_ns`, and what arrives later belongs to a later step.
     """
 
     stamp_ns: int
@@ -44,7 +44,7 @@ class Network(Protocol):
         """Every radio that is on the road from the newest `update` on, by station id, where it truly is."""
         ...
 
-    def simulate_until(self, stamp_ns: int) -> Exchange:
+    def simulate_until(self, stamp_ns: int) -> NetworkStep:
         """Goes on to an instant, and moves the traffic there, once: `step_traffic`.
 
         Stations tell what they knew at the newest `update`. Up to the first instant nobody is known, and
@@ -63,7 +63,7 @@ class Network(Protocol):
         """What each instrumented vehicle on the road has been told by radio and still believes, by name."""
         ...
 
-    def finish(self) -> Exchange:
+    def finish(self) -> NetworkStep:
         """What still arrives after the last instant; nobody sends any more."""
         ...
 

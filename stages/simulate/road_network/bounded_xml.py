@@ -21,7 +21,7 @@ class _RefusedError(Exception):
     pass
 
 
-def refuse_bombs(path: Path, what: str) -> None:
+def refuse_xml_bombs(path: Path, what: str) -> None:
     """Raises AdvpipeError, beginning with `what`, for a file that is too large or declares a document type.
 
     Entities, a few of which can stand for gigabytes, are declared nowhere else. What is no XML passes.

@@ -12,11 +12,11 @@ from pathlib import Path
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.missing_library import loader_line
 from advpipe.pipeline.scenario.map import Generator, Map
-from advpipe.stages.simulate.road_network.bounded_xml import refuse_bombs
+from advpipe.stages.simulate.road_network.bounded_xml import refuse_xml_bombs
 from advpipe.stages.simulate.road_network.check import check_network, check_opendrive
 from advpipe.stages.simulate.road_network.repair import repair_lanes
 
-PATIENCE_S = 600.0
+TIMEOUT_S = 600.0
 """A map of 38 MB with 64,000 lanes is read in a tenth of it."""
 
 GUESSED_LIGHTS = ("--tls.guess", "--tls.default-type", "actuated", "--tls.max-dur", "25")
@@ -62,7 +62,7 @@ def check_xml(path: Path, key: str, root_tags: tuple[str, ...], kind: str) -> El
         raise AdvpipeError(f"{key}: {path} {'is no file' if path.exists() else 'does not exist'}; {hint}")
     if path.stat().st_size == 0:
         raise AdvpipeError(f"{key}: {path} is empty")
-    refuse_bombs(path, f"{key}: {path}")
+    refuse_xml_bombs(path, f"{key}: {path}")
     try:
         root = ElementTree.parse(path).getroot()
     except (ElementTree.ParseError, ValueError, UnicodeError, LookupError) as error:
@@ -81,9 +81,9 @@ def sumo_program(name: str) -> str:
 
 
 def run_sumo(
-    name: str, options: Sequence[str], origin: str, patience_s: float = PATIENCE_S
+    name: str, options: Sequence[str], origin: str, timeout_s: float = TIMEOUT_S
 ) -> subprocess.CompletedProcess[str]:
-    """Runs a SUMO program to its end; raises AdvpipeError where it cannot start or takes over `patience_s`.
+    """Runs a SUMO program to its end; raises AdvpipeError where it cannot start or takes over `timeout_s`.
 
     `origin` is how messages name its input.
     """
@@ -93,10 +93,10 @@ def run_sumo(
             capture_output=True,
             encoding="utf-8",
             errors="replace",
-            timeout=patience_s,
+            timeout=timeout_s,
         )
     except subprocess.TimeoutExpired:
-        raise AdvpipeError(f"{origin}: {name} did not finish with it within {patience_s:g} s") from None
+        raise AdvpipeError(f"{origin}: {name} did not finish with it within {timeout_s:g} s") from None
     if done.returncode == 127 and (missing := loader_line(done.stderr)):
         raise AdvpipeError(f"{name}: {missing}")
     return done

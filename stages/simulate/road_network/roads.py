@@ -34,7 +34,7 @@ SAMPLE_M = 2.0
 
 
 @dataclass(frozen=True)
-class Deck:
+class RoadLevel:
     """Roads none of which lies above another.
 
     area: the union of their lanes and junctions in x, y. samples_m: points (S, 3) on their lanes with
@@ -58,7 +58,7 @@ class Deck:
         return heights
 
     def covers(self, points_m: Float64) -> npt.NDArray[np.bool_]:
-        """Which of the points (N, 3) lie on this deck, within a metre of its height."""
+        """Which of the points (N, 3) lie on this level, within a metre of its height."""
         on = np.array(shapely.contains_xy(self.area, points_m[:, 0], points_m[:, 1]), dtype=np.bool_)
         on[on] = np.abs(self.height_at(points_m[on, :2]) - points_m[on, 2]) < 1.0
         return on
@@ -68,14 +68,14 @@ class Deck:
 class Roads:
     """All roads.
 
-    area: the union of all lanes and junctions in x, y. decks: level by level, the lowest first.
+    area: the union of all lanes and junctions in x, y. levels: the lowest first.
     kerbs_m: polylines (K, 3) along streets with a pavement, the road on their left, closed where it
     runs around a block. verges_m: the same along fast roads and bridges, which have none.
     medians: narrow islands between carriageways.
     """
 
     area: MultiPolygon
-    decks: tuple[Deck, ...]
+    levels: tuple[RoadLevel, ...]
     kerbs_m: tuple[Float64, ...]
     verges_m: tuple[Float64, ...]
     medians: MultiPolygon
@@ -83,11 +83,11 @@ class Roads:
 
     def height_at(self, xy_m: Float64) -> Float64:
         """Height at places (..., 2) of the nearest lane, of the lowest that lie there: (...,)."""
-        if len(self.decks) == 1:
-            return self.decks[0].height_at(xy_m)
-        distance_m = np.stack([deck.tree.query(xy_m)[0] for deck in self.decks])
+        if len(self.levels) == 1:
+            return self.levels[0].height_at(xy_m)
+        distance_m = np.stack([level.tree.query(xy_m)[0] for level in self.levels])
         best = np.argmin(np.maximum(distance_m, 6.0), axis=0)
-        heights = np.stack([deck.height_at(xy_m) for deck in self.decks])
+        heights = np.stack([level.height_at(xy_m) for level in self.levels])
         chosen: Float64 = np.take_along_axis(heights, best[None], axis=0)[0]
         return chosen
 
@@ -122,19 +122,21 @@ def lay_out_roads(network: RoadNetwork) -> Roads:
         fast.append(bool(np.any(shapely.distance(area, fast_ends) < REACH_M)))
     heights = np.concatenate([line[:, 2] for group in lines for line in group])
     is_flat = bool(np.ptp(heights) < 0.01)
-    levels = np.zeros(len(pieces), np.int64) if is_flat else _levels(pieces, lines)
-    decks = tuple(
-        _deck([(pieces[i], lines[i], fast[i]) for i in np.flatnonzero(levels == level)])
-        for level in range(levels.max() + 1)
+    level_of = np.zeros(len(pieces), np.int64) if is_flat else _level_of_pieces(pieces, lines)
+    levels = tuple(
+        _build_level([(pieces[i], lines[i], fast[i]) for i in np.flatnonzero(level_of == number)])
+        for number in range(level_of.max() + 1)
     )
-    union = shapely.unary_union([deck.area for deck in decks])
-    medians = _medians(decks[0].area)
-    kerbs, verges = _edges(decks)
-    return Roads(_multi(union), decks, kerbs, verges, medians, is_flat)
+    union = shapely.unary_union([level.area for level in levels])
+    medians = _medians(levels[0].area)
+    kerbs, verges = _edges(levels)
+    return Roads(_multi(union), levels, kerbs, verges, medians, is_flat)
 
 
-def _levels(pieces: Sequence[shapely.Geometry], lines: Sequence[list[Float64]]) -> npt.NDArray[np.int64]:
-    """On which deck each piece of road lies: a bridge one above what it spans."""
+def _level_of_pieces(
+    pieces: Sequence[shapely.Geometry], lines: Sequence[list[Float64]]
+) -> npt.NDArray[np.int64]:
+    """The level (N,) of each piece of road: a bridge is one above what it spans."""
     trees = [np.concatenate([resample(line, SAMPLE_M) for line in group]) for group in lines]
     index = shapely.STRtree(list(pieces))
     above = []
@@ -155,7 +157,7 @@ def _levels(pieces: Sequence[shapely.Geometry], lines: Sequence[list[Float64]]) 
     return np.minimum(levels, 8)
 
 
-def _deck(group: list[tuple[shapely.Geometry, list[Float64], bool]]) -> Deck:
+def _build_level(group: list[tuple[shapely.Geometry, list[Float64], bool]]) -> RoadLevel:
     area = shapely.unary_union([piece for piece, _, _ in group]).buffer(1.0, join_style="mitre")
     area = _multi(area.buffer(-1.0, join_style="mitre").simplify(0.03))
     lines = [resample(line, SAMPLE_M) for _, group_lines, _ in group for line in group_lines]
@@ -163,7 +165,7 @@ def _deck(group: list[tuple[shapely.Geometry, list[Float64], bool]]) -> Deck:
     samples = np.concatenate(lines)
     courses = np.concatenate([_courses(line) for line in lines])
     is_fast = np.repeat(fast, [len(line) for line in lines])
-    return Deck(area, samples, courses, is_fast, cKDTree(samples[:, :2]))
+    return RoadLevel(area, samples, courses, is_fast, cKDTree(samples[:, :2]))
 
 
 def _courses(line_m: Float64) -> Float64:
@@ -182,23 +184,23 @@ def _medians(area: MultiPolygon) -> MultiPolygon:
     return MultiPolygon([hole for hole in holes if hole.buffer(-MEDIAN_M / 2).is_empty])
 
 
-def _edges(decks: tuple[Deck, ...]) -> tuple[tuple[Float64, ...], tuple[Float64, ...]]:
-    """Kerbs and verges: the outlines of the decks, without the seams where one goes on as another."""
+def _edges(levels: tuple[RoadLevel, ...]) -> tuple[tuple[Float64, ...], tuple[Float64, ...]]:
+    """Kerbs and verges: the outlines of the levels, without the seams where one continues as another."""
     kerbs: list[Float64] = []
     verges: list[Float64] = []
-    for level, deck in enumerate(decks):
-        for polygon in deck.area.geoms:
+    for number, level in enumerate(levels):
+        for polygon in level.area.geoms:
             oriented = orient(polygon)
             for ring in (oriented.exterior, *oriented.interiors):
                 xy = resample(np.array(ring.coords)[:, :2], 4.0)
-                line = np.column_stack([xy, deck.height_at(xy)])
+                line = np.column_stack([xy, level.height_at(xy)])
                 middle = (line[1:] + line[:-1]) / 2
                 beside = (offset_right(line, 0.4)[1:] + offset_right(line, 0.4)[:-1]) / 2
                 seam = np.zeros(len(middle), np.bool_)
-                for other in decks:
-                    if other is not deck:
+                for other in levels:
+                    if other is not level:
                         seam |= other.covers(beside)
-                plain = deck.fast[deck.tree.query(middle[:, :2])[1]] | (level > 0)
+                plain = level.fast[level.tree.query(middle[:, :2])[1]] | (number > 0)
                 kerbs += _runs(line, ~seam & ~plain)
                 verges += _runs(line, ~seam & plain)
     return tuple(kerbs), tuple(verges)

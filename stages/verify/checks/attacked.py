@@ -22,12 +22,12 @@ from advpipe.stages.verify.attackers import MessageAttack
 from advpipe.stages.verify.subject import Bag
 
 
-class Attacked:
+class AttackedBag:
     """An attack and its parent. Raises AdvpipeError or ValueError where what the bag says cannot be read."""
 
     def __init__(self, bag: Bag, parent: Bag) -> None:
         self.bag, self.clean, self.adversarial = bag, parent.reader, bag.reader
-        self.attacks = bag.provenance.said.attacks
+        self.attacks = bag.provenance.fields.attacks
         families = {one.family for one in self.attacks}
         self.has_clouds = "lidar" in families
         self.has_messages = bool(families - {"lidar"})
@@ -49,9 +49,9 @@ class Attacked:
 
     @property
     def seed(self) -> int:
-        seed = self.bag.provenance.said.seed
+        seed = self.bag.provenance.fields.seed
         if seed is None:
-            raise ValueError("its provenance names no seed")
+            raise ValueError("its provenance records no seed")
         return seed
 
     @cached_property
@@ -69,10 +69,10 @@ class Attacked:
         if not self.has_clouds:
             return ()
         if "lidar_topics" in self.bag.provenance:
-            found = list(self.bag.provenance.said.lidar_topics)
+            found = list(self.bag.provenance.fields.lidar_topics)
         else:
-            told = rows(self.table(FRAMES), ["topic"])
-            found = [topic for topic, _ in groupby(row["topic"] for row in told)]
+            stated = rows(self.table(FRAMES), ["topic"])
+            found = [topic for topic, _ in groupby(row["topic"] for row in stated)]
         first = next(one for one in self.attacks if one.family == "lidar")
         leading = first.lidar or VehicleTopics(first.victim or "ego").lidar_points.name
         return tuple(sorted(dict.fromkeys(found), key=lambda name: name != leading))

@@ -9,7 +9,7 @@ from typing import Any
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.mcap.channel import RawMessage
-from advpipe.pipeline.messages.message_bounds import absurdity
+from advpipe.pipeline.messages.message_bounds import implausibility
 from advpipe.stages.verify.result import Result
 from advpipe.stages.verify.subject import Bag, Subject
 
@@ -34,7 +34,7 @@ class BagCheck(ABC):
     def check(self) -> Iterator[Result]: ...
 
 
-class Seen:
+class MessageView:
     """A message on its way past the checks, decoded once for all of them."""
 
     def __init__(self, bag: Bag, raw: RawMessage) -> None:
@@ -48,9 +48,9 @@ class Seen:
         try:
             message = reader.decode_as_it_is(raw)
         except AdvpipeError:
-            self.error = f"the message at {raw.log_time_ns} ns is no {raw.topic.type}"
+            self.error = f"the message at {raw.log_time_ns} ns is not a valid {raw.topic.type}"
             return None
-        if self.bag.provenance and (problem := absurdity(raw.topic.name, raw.topic.type, message)):
+        if self.bag.provenance and (problem := implausibility(raw.topic.name, raw.topic.type, message)):
             self.error = f"the message at {raw.log_time_ns} ns {problem}"
             return None
         return message
@@ -70,4 +70,4 @@ class MessageCheck(BagCheck):
     """Also sees every message, in the order of the files; `check` comes last."""
 
     @abstractmethod
-    def see(self, seen: Seen) -> Iterator[Result]: ...
+    def see(self, seen: MessageView) -> Iterator[Result]: ...

@@ -11,7 +11,7 @@ from advpipe.pipeline.bag.writer import FILES_RECORD
 from advpipe.pipeline.core.errors import AdvpipeError, os_error_line
 from advpipe.pipeline.mcap.reader import McapFile
 from advpipe.stages.verify.checks.base import FolderCheck
-from advpipe.stages.verify.result import Fault, Gap, Result
+from advpipe.stages.verify.result import Fault, Result, Unchecked
 from advpipe.stages.verify.subject import Bag
 
 
@@ -32,30 +32,30 @@ class FilesBeside(FolderCheck):
         if bag.path.is_file() or not bag.provenance:
             return
         records = [McapFile(file).metadata for file in bag.files]
-        told = {name: sha256 for each in records for name, sha256 in each.get(FILES_RECORD, {}).items()}
+        stated = {name: sha256 for each in records for name, sha256 in each.get(FILES_RECORD, {}).items()}
         metadata = records[-1].get("rosbag2", {}).get("serialized_metadata")
         present = {
             path.name: path
             for path in sorted(bag.path.iterdir())
             if path.is_file() and path.suffix != ".mcap" and path.name != METADATA_NAME
         }
-        for name in sorted(told.keys() | present.keys()):
+        for name in sorted(stated.keys() | present.keys()):
             where = f"{bag.place}/{name}"
             if name not in present:
-                yield Fault(where, "is missing, though the bag remembers it")
-            elif name in told:
-                yield from self._compare(present[name], told[name])
+                yield Fault(where, "is missing, though the bag lists its checksum")
+            elif name in stated:
+                yield from self._compare(present[name], stated[name])
             elif not self.subject.has_sums:
-                yield Gap(where, "no checksum protects it")
+                yield Unchecked(where, "no checksum protects it")
         expected = "" if metadata is None else f"rosbag2_bagfile_information:\n{indent(metadata, '  ')}"
         if metadata is not None and (bag.path / METADATA_NAME).read_bytes() != expected.encode():
-            yield Fault(f"{bag.place}/{METADATA_NAME}", "is not what the bag's own record of it says")
+            yield Fault(f"{bag.place}/{METADATA_NAME}", "differs from the copy in the bag")
 
-    def _compare(self, path: Path, told: str) -> Iterator[Result]:
+    def _compare(self, path: Path, stated: str) -> Iterator[Result]:
         try:
-            is_same = self.subject.scan(path).sha256 == told
+            is_same = self.subject.scan(path).sha256 == stated
         except AdvpipeError as error:
             yield Fault(self.subject.place(path), str(error))
         else:
             if not is_same:
-                yield Fault(self.subject.place(path), "is not the file that the bag remembers (SHA-256)")
+                yield Fault(self.subject.place(path), "does not match the SHA-256 in the bag")

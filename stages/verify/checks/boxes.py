@@ -16,8 +16,8 @@ from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.cloud import xyz
 from advpipe.pipeline.messages.topics import TF_STATIC, VehicleTopics
-from advpipe.stages.verify.checks.base import MessageCheck, Seen
-from advpipe.stages.verify.result import Fault, Gap, Result
+from advpipe.stages.verify.checks.base import MessageCheck, MessageView
+from advpipe.stages.verify.result import Fault, Result, Unchecked
 from advpipe.stages.verify.subject import Bag
 
 MARGIN_M = 1e-5
@@ -50,13 +50,13 @@ class BoxesHoldPoints(MessageCheck):
         self._open: dict[str, _Instant] = {}
         self._is_on = bag.is_own and not bag.is_attack
         self._lidars: frozenset[str] = frozenset()
-        self._is_told, self._unreadable = False, ""
+        self._has_reported, self._unreadable = False, ""
         try:
             self._lidars = frozenset(lidar_topics(bag.reader)) if self._is_on else frozenset()
         except AdvpipeError as error:
             self._unreadable = str(error)
 
-    def see(self, seen: Seen) -> Iterator[Result]:
+    def see(self, seen: MessageView) -> Iterator[Result]:
         if not self._is_on:
             return
         raw, name = seen.raw, seen.raw.topic.name
@@ -84,7 +84,7 @@ class BoxesHoldPoints(MessageCheck):
 
     def check(self) -> Iterator[Result]:
         if self._unreadable:
-            yield Gap(self.bag.place, f"which clouds are LiDARs' is not known: {self._unreadable}")
+            yield Unchecked(self.bag.place, f"the LiDAR topics cannot be determined: {self._unreadable}")
         for vehicle, instant in self._open.items():
             yield from self._recount(vehicle, instant)
 
@@ -95,13 +95,13 @@ class BoxesHoldPoints(MessageCheck):
         if instant.odometry is None:
             yield Fault(where, f"no true pose at {instant.stamp_ns} ns")
             return
-        told = np.array([user.lidar_points for user in instant.users.road_users], np.int64)
+        stated = np.array([user.lidar_points for user in instant.users.road_users], np.int64)
         boxes = _boxes(instant.users.road_users)
         margin_m = MARGIN_M + self._motion_m(instant.odometry)
-        if margin_m > MARGIN_M and not self._is_told:
-            self._is_told = True
-            yield Gap(where, "points of LiDARs with motion distortion are recounted roughly")
-        least, most = np.zeros(len(told), np.int64), np.zeros(len(told), np.int64)
+        if margin_m > MARGIN_M and not self._has_reported:
+            self._has_reported = True
+            yield Unchecked(where, "points of LiDARs with motion distortion are recounted approximately")
+        least, most = np.zeros(len(stated), np.int64), np.zeros(len(stated), np.int64)
         for raw in instant.clouds:
             try:
                 _, frame_id, cloud = self.bag.reader.cloud(raw)
@@ -110,17 +110,19 @@ class BoxesHoldPoints(MessageCheck):
                 return
             base_frame, base_SE3_lidar = self._mounts.get(frame_id, ("", np.eye(4)))
             if base_frame != instant.odometry.child_frame_id:
-                yield Fault(where, f"{frame_id} is not tied to {instant.odometry.child_frame_id}")
+                yield Fault(
+                    where, f"no static transform connects {frame_id} to {instant.odometry.child_frame_id}"
+                )
                 return
             map_SE3_lidar = build.se3_from_pose(instant.odometry.pose.pose) @ base_SE3_lidar
             geometry = boxes.transformed(invert(map_SE3_lidar)).geometry
             points = xyz(cloud)
             least += _count(points, geometry, -margin_m)
             most += _count(points, geometry, margin_m)
-        for index in np.flatnonzero((told < least) | (told > most)).tolist():
+        for index in np.flatnonzero((stated < least) | (stated > most)).tolist():
             yield Fault(
                 where,
-                f"{boxes.ids[index]} is said to hold {told[index]} points at {instant.stamp_ns} ns, it holds "
+                f"{boxes.ids[index]} should hold {stated[index]} points at {instant.stamp_ns} ns, but holds "
                 f"{least[index]} to {most[index]}",
             )
 

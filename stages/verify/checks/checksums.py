@@ -9,7 +9,7 @@ from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.dataset import checksums
 from advpipe.pipeline.dataset.layout import is_hidden
 from advpipe.stages.verify.checks.base import FolderCheck
-from advpipe.stages.verify.result import Fault, Gap, Result
+from advpipe.stages.verify.result import Fault, Result, Unchecked
 
 
 class Checksums(FolderCheck):
@@ -18,7 +18,9 @@ class Checksums(FolderCheck):
     def check(self) -> Iterator[Result]:
         root = self.subject.root
         if not self.subject.has_sums:
-            yield Gap(root.name, f"no {checksums.FILE}: files are checked by what they say about themselves")
+            yield Unchecked(
+                root.name, f"no {checksums.FILE}: files are only checked against their own checksums"
+            )
             return
         try:
             present = checksums.listed_files(root)
@@ -30,15 +32,15 @@ class Checksums(FolderCheck):
             yield Fault(name, "is missing")
         left = self.subject.layout.leftovers if self.subject.layout is not None else ()
         for name in sorted(set(present) - sums.keys()):
-            if any(leftover.holds(root / name) for leftover in left):  # told already
+            if any(leftover.holds(root / name) for leftover in left):  # already reported
                 continue
             if is_hidden(name):  # of the system or of what fetched the data set; sharing takes none
-                yield Gap(root.name, f"{name} is hidden and not listed: no part of the data set")
+                yield Unchecked(root.name, f"{name} is hidden and not listed; not part of the data set")
             else:
                 yield Fault(name, f"is not listed in {checksums.FILE}")
         for name in track([name for name in present if name in sums], "hashing"):
             try:
                 if self.subject.scan(root / name).sha256 != sums[name]:
-                    yield Fault(name, f"has another SHA-256 than {checksums.FILE} lists")
+                    yield Fault(name, f"does not match its SHA-256 in {checksums.FILE}")
             except AdvpipeError as error:
                 yield Fault(name, str(error))

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from advpipe.pipeline.mcap.channel import RawMessage
-from advpipe.stages.verify.checks.attacked import Attacked, latched_topics
+from advpipe.stages.verify.checks.attacked import AttackedBag, latched_topics
 from advpipe.stages.verify.checks.base import BagCheck
 from advpipe.stages.verify.result import Fault, Result
 
@@ -28,11 +28,11 @@ class Copies(BagCheck):
     def check(self) -> Iterator[Result]:
         if not self.bag.is_attack or self.bag.parent is None:
             return
-        attacked = Attacked(self.bag, self.bag.parent)
+        attacked = AttackedBag(self.bag, self.bag.parent)
         untouched = sorted(attacked.clean.topics.keys() - attacked.replaced - set(attacked.cloud_topics))
         strange = attacked.adversarial.topics.keys() - attacked.clean.topics.keys() - attacked.replaced
         for name in sorted(strange):
-            yield Fault(f"{self.bag.place} {name}", "the clean bag has no such topic")
+            yield Fault(f"{self.bag.place} {name}", "is not a topic of the clean bag")
         self._latched = latched_topics(attacked.clean)
         counting = attacked.cloud_topics[:1]
         clean = attacked.kept(attacked.clean.raw_messages([*untouched, *counting]))
@@ -66,7 +66,7 @@ class Copies(BagCheck):
                     queue.popleft()
             else:
                 queue.popleft()
-                yield Fault(where, f"the message at {raw.log_time_ns} ns is not that of the clean bag")
+                yield Fault(where, f"the message at {raw.log_time_ns} ns differs from the clean bag's")
         while following is not None:
             gone[following.topic.name] += 1
             following = next(expected, None)

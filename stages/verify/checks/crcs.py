@@ -9,7 +9,7 @@ from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.mcap.checksums import validate_checksums
 from advpipe.stages.verify.checks.base import FolderCheck
-from advpipe.stages.verify.result import Fault, Gap, Result
+from advpipe.stages.verify.result import Fault, Result, Unchecked
 
 
 class Crcs(FolderCheck):
@@ -34,4 +34,4 @@ class Crcs(FolderCheck):
         if not found.faults and not found.covered:
             coverage = validate_checksums(file)
             if not self.subject.has_sums:
-                yield Gap(where, f"checksums of {bag}: {coverage}")
+                yield Unchecked(where, f"checksums of {bag}: {coverage}")

@@ -22,13 +22,13 @@ from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.replay.recorded_filter import read_filter
 from advpipe.pipeline.scenario.acting import Acting, acting_on_fixes
-from advpipe.pipeline.v2x.facilities.effect import fix_matters
+from advpipe.pipeline.v2x.facilities.effect import fix_has_effect
 from advpipe.stages.verify.attackers import MessageAttack, victims
-from advpipe.stages.verify.checks.attacked import Attacked
+from advpipe.stages.verify.checks.attacked import AttackedBag
 from advpipe.stages.verify.checks.base import BagCheck
 from advpipe.stages.verify.declared_bounds import measurable, unmeasurable
 from advpipe.stages.verify.message_store import Row
-from advpipe.stages.verify.result import NOT_DECLARED, Fault, Gap, Result
+from advpipe.stages.verify.result import NOT_DECLARED, Fault, Result, Unchecked
 
 ROUNDING = 1e-6
 """In metres, and of an offset: degrees are rounded."""
@@ -45,12 +45,12 @@ class Fixes(BagCheck):
     def check(self) -> Iterator[Result]:
         if not self.bag.is_attack or self.bag.parent is None:
             return
-        attacked = Attacked(self.bag, self.bag.parent)
+        attacked = AttackedBag(self.bag, self.bag.parent)
         path = attacked.table(FILE)
         if not path.is_file():
             return
         where = self.bag.subject.place(path)
-        yield Gap(self.bag.place, "odometry and /tf of those whose GPS is attacked are not made again")
+        yield Unchecked(self.bag.place, "odometry and /tf of vehicles with attacked GPS are not recomputed")
         geodesy, strikes = (
             read_filter(attacked.clean).geodesy,
             victims(attacked.clean, attacked.on_messages),
@@ -59,11 +59,11 @@ class Fixes(BagCheck):
         for row in rows(path):
             vehicle = row["vehicle"]
             if vehicle not in strikes:
-                yield Fault(where, f"tells of fix {row['fix']} of {vehicle}, whose GPS nobody attacks")
+                yield Fault(where, f"labels fix {row['fix']} of {vehicle}, whose GPS no attack targets")
                 return
             if vehicle not in found:
                 attacks = [
-                    _Strike(
+                    _FixAttack(
                         one.spec.type,
                         acting_on_fixes(one.spec, vehicle, attacked.start_ns, attacked.seed),
                         measurable(one.declared.bounds, FIX_QUANTITIES) if one.declared else {},
@@ -78,23 +78,25 @@ class Fixes(BagCheck):
         yield from self._unmeasured(strikes, found.keys())
         for vehicle, receiver in found.items():
             if any(_place(clean) != _place(false) for _, clean, false in receiver.pairs):
-                yield Fault(where, f"fixes of {vehicle} were changed and are not told")
+                yield Fault(where, f"fixes of {vehicle} were changed but have no labels")
 
     def _unmeasured(
         self, strikes: Mapping[str, Sequence[MessageAttack]], with_fixes: Collection[str]
-    ) -> Iterator[Gap]:
+    ) -> Iterator[Unchecked]:
         """Bounds that cannot be checked."""
         for vehicle, attacks in strikes.items():
             for spec, _, declared in attacks:
                 if declared is None:
-                    yield Gap(self.bag.place, f"bounds of {spec.type} {NOT_DECLARED}")
+                    yield Unchecked(self.bag.place, f"bounds of {spec.type} {NOT_DECLARED}")
                     continue
                 yield from unmeasurable(self.bag.place, spec.type, declared.bounds, FIX_QUANTITIES)
                 if declared.bounds and vehicle not in with_fixes:
-                    yield Gap(self.bag.place, f"bounds of {spec.type} not checked: no fixes of {vehicle}")
+                    yield Unchecked(
+                        self.bag.place, f"bounds of {spec.type} not checked: no fixes of {vehicle}"
+                    )
 
 
-class _Strike(NamedTuple):
+class _FixAttack(NamedTuple):
     """An attack on a victim's fixes, and the bounds that it declares."""
 
     attack: str
@@ -108,7 +110,7 @@ class _Receiver:
 
     vehicle: str
     geodesy: Geodesy
-    attacks: Sequence[_Strike]
+    attacks: Sequence[_FixAttack]
     pairs: Iterator[tuple[int, Any, Any]]
     count: int = 0
 
@@ -116,55 +118,60 @@ class _Receiver:
         """What the label of the next fix tells otherwise than it is."""
         time_ns, clean, false = next(self.pairs, (0, None, None))
         if clean is None or false is None:
-            yield "is not in the bags"
+            yield "is labelled, but the bags do not hold it"
             return
-        genuine, told = _place(clean), _place(false)
+        genuine, spoofed = _place(clean), _place(false)
         # Chance is drawn for each fix of each attack, whichever is on.
         on = [one for one in self.attacks if genuine is not None and one.acts(time_ns)]
         self.count += 1
         if row["fix"] != self.count - 1:
-            yield f"is number {self.count - 1}"
+            yield f"should be labelled as fix {self.count - 1}"
         if {build.stamp_ns(clean), build.stamp_ns(false)} != {row["stamp_ns"]}:
-            yield "has another stamp than is told"
-        for kind, place in (("true", genuine), ("false", told)):
+            yield "has a time stamp that differs from its label's"
+        for kind, place in (("true", genuine), ("false", spoofed)):
             if [row[f"{kind}_{name}"] for name in GEOGRAPHIC] != (
                 place if place is not None else [None, None, None]
             ):
-                yield f"is not where {kind}_... tells"
+                yield f"has a position that differs from its label's {kind}_... columns"
         attack = on[-1].attack if on else None
         if row["attack"] != attack:
-            yield f"is attacked by {attack or 'nobody'}, not {row['attack'] or 'nobody'}"
-        if not on and genuine != told:
-            yield "was changed, and no attack was on"
-        if told is not None and genuine is not None and not _is_else_same(clean, false):
-            yield "says something else than another place"
-        yield from self._offset(row, genuine, told, clean)
-        if told is not None and genuine is not None:
-            change = FixChange(self.geodesy.to_map(told) - self.geodesy.to_map(genuine))
+            yield f"is attacked by {attack or 'no attack'}, but its label says {row['attack'] or 'no attack'}"
+        if not on and genuine != spoofed:
+            yield "was changed while no attack was active"
+        if spoofed is not None and genuine is not None and not _is_else_same(clean, false):
+            yield "was changed in more than its position"
+        yield from self._offset(row, genuine, spoofed, clean)
+        if spoofed is not None and genuine is not None:
+            change = FixChange(self.geodesy.to_map(spoofed) - self.geodesy.to_map(genuine))
             if what := beyond_all(change, [one.bounds for one in on], FIX_QUANTITIES):
-                yield f"is beyond the bounds of {attack}: {what}"
+                yield f"exceeds the bounds of {attack}: {what}"
 
     def _offset(
-        self, row: Row, genuine: list[float] | None, told: list[float] | None, clean: Any
+        self, row: Row, genuine: list[float] | None, spoofed: list[float] | None, clean: Any
     ) -> Iterator[str]:
         """The columns that follow from where it was and where it is."""
         offsets = [row[name] for name in OFFSETS]
-        if told is None or genuine is None:
+        if spoofed is None or genuine is None:
             if any(value is not None for value in (*offsets, row["squared_sigmas"])):
-                yield "has no offset, and one is told"
+                yield "has no offset, but its label states one"
             if row["mattered"] is not (genuine is not None):
-                yield f"mattered: {row['mattered']} is told, the rule says {not row['mattered']}"
+                yield (
+                    f"is labelled mattered={row['mattered']}, but by the rule it should be "
+                    f"{not row['mattered']}"
+                )
             return
         offset_m: Float64 = np.array([math.nan if value is None else value for value in offsets])
-        real_m = self.geodesy.to_map(told) - self.geodesy.to_map(genuine)
+        real_m = self.geodesy.to_map(spoofed) - self.geodesy.to_map(genuine)
         if not np.allclose(offset_m, real_m, rtol=ROUNDING, atol=ROUNDING):
-            yield f"is off by {real_m.round(6).tolist()} m, not {offsets}"
+            yield f"is offset by {real_m.round(6).tolist()} m, but its label says {offsets}"
             return
         squared = squared_sigmas(offset_m, np.array(clean.position_covariance, np.float64).reshape(3, 3))
         if not math.isclose(squared, row["squared_sigmas"] or 0.0, rel_tol=ROUNDING):
-            yield f"is off by {squared:g} squared sigmas, not {row['squared_sigmas']}"
-        if row["mattered"] is not fix_matters(*offset_m.tolist()):
-            yield f"mattered: {row['mattered']} is told, the rule says {not row['mattered']}"
+            yield f"is offset by {squared:g} squared sigmas, but its label says {row['squared_sigmas']}"
+        if row["mattered"] is not fix_has_effect(*offset_m.tolist()):
+            yield (
+                f"is labelled mattered={row['mattered']}, but by the rule it should be {not row['mattered']}"
+            )
 
 
 def _pairs(readers: tuple[BagReader, BagReader], vehicle: str) -> Iterator[tuple[int, Any, Any]]:

@@ -13,10 +13,10 @@ from advpipe.pipeline.labels.points import ACTIONS, ADDED, MOVED
 from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES, CloudChange
 from advpipe.pipeline.labels.quantity import Range, beyond_all
 from advpipe.pipeline.messages.cloud import Cloud
-from advpipe.stages.verify.checks.attacked import Attacked
+from advpipe.stages.verify.checks.attacked import AttackedBag
 from advpipe.stages.verify.checks.base import BagCheck
 from advpipe.stages.verify.declared_bounds import measurable, unmeasurable
-from advpipe.stages.verify.result import NOT_DECLARED, Fault, Gap, Result
+from advpipe.stages.verify.result import NOT_DECLARED, Fault, Result, Unchecked
 
 ROUNDING_M = 1e-6
 """Labels are in single precision; budgets hold to the last bit of the cloud's own."""
@@ -28,7 +28,7 @@ class Points(BagCheck):
     def check(self) -> Iterator[Result]:
         if not self.bag.is_attack or self.bag.parent is None:
             return
-        attacked = Attacked(self.bag, self.bag.parent)
+        attacked = AttackedBag(self.bag, self.bag.parent)
         if not attacked.has_clouds:
             return
         topics, path = attacked.cloud_topics, attacked.table(POINTS)
@@ -45,7 +45,9 @@ class Points(BagCheck):
             row, after = next(row_of, None), next(adversarial, None)
             where = f"{self.bag.place} {before.topic.name}"
             if row is None or after is None:
-                yield Fault(where, f"clouds or rows of {FRAMES} are missing from {before.log_time_ns} ns on")
+                yield Fault(
+                    where, f"clouds, or rows of {FRAMES}, are missing from {before.log_time_ns} ns on"
+                )
                 return
             if (after.topic.name, after.log_time_ns) != (before.topic.name, before.log_time_ns):
                 yield Fault(where, f"the cloud at {before.log_time_ns} ns is missing")
@@ -56,36 +58,36 @@ class Points(BagCheck):
             if following is not None and (following.topic, following.frame) == (row["topic"], row["frame"]):
                 own, following = following, next(labels, None)
             old, new = attacked.clean.cloud(before), attacked.adversarial.cloud(after)
-            told = row["topic"], row["stamp_ns"], row["points_clean"], row["points_adversarial"]
-            if told != (before.topic.name, old.stamp_ns, len(old.cloud), len(new.cloud)):
-                yield Fault(where, f"frame {row['frame']}: {FRAMES} tells another cloud than there is")
+            stated = row["topic"], row["stamp_ns"], row["points_clean"], row["points_adversarial"]
+            if stated != (before.topic.name, old.stamp_ns, len(old.cloud), len(new.cloud)):
+                yield Fault(where, f"frame {row['frame']}: {FRAMES} does not describe the cloud in the bag")
             if own is None and before.cdr != after.cdr:
-                yield Fault(where, f"frame {row['frame']} differs from the clean one and has no labels")
+                yield Fault(where, f"frame {row['frame']} differs from the clean one but has no labels")
             elif own is not None and (old.stamp_ns, old.frame_id) != (new.stamp_ns, new.frame_id):
-                yield Fault(where, f"frame {row['frame']} has another header than the clean one")
+                yield Fault(where, f"frame {row['frame']} has a header that differs from the clean one's")
             elif own is not None:
                 change = CloudChange(old.cloud, new.cloud, own.labels)
                 bounds = declared.get(row["attack"], [])
                 faults = [*label_differences(change)] or [beyond_all(change, bounds, CLOUD_QUANTITIES)]
                 yield from (Fault(where, f"frame {row['frame']}: {fault}") for fault in faults if fault)
         if following is not None or next(row_of, None) is not None:
-            yield Fault(place, "tells of frames that the bag does not hold")
+            yield Fault(place, "labels frames that the bag does not hold")
         if next(adversarial, None) is not None:
             yield Fault(self.bag.place, "holds clouds that the clean bag does not")
 
-    def _declared(self, attacked: Attacked) -> Generator[Result, None, dict[str, list[dict[str, Range]]]]:
+    def _declared(self, attacked: AttackedBag) -> Generator[Result, None, dict[str, list[dict[str, Range]]]]:
         """The bounds of the attacks on clouds, by name; and which cannot be checked."""
         found: dict[str, list[dict[str, Range]]] = {}
         for one in attacked.attacks:
             if one.family != "lidar":
                 continue
             if one.declared is None:
-                yield Gap(self.bag.place, f"bounds of {one.type} {NOT_DECLARED}")
+                yield Unchecked(self.bag.place, f"bounds of {one.type} {NOT_DECLARED}")
                 continue
             bounds = one.declared.bounds
             yield from unmeasurable(self.bag.place, one.type, bounds, CLOUD_QUANTITIES)
             if not bounds:
-                yield Gap(self.bag.place, f"{one.type} declares no bounds")
+                yield Unchecked(self.bag.place, f"{one.type} declares no bounds")
             found.setdefault(one.type, []).append(measurable(bounds, CLOUD_QUANTITIES))
         return found
 
@@ -96,41 +98,46 @@ def label_differences(change: CloudChange) -> Iterator[str]:
     Points that were not removed keep their order; added ones come behind them.
     """
     clean, adversarial, labels = change.clean, change.adversarial, change.labels
-    removed, moved, added = (labels.action == word for word in ACTIONS)
+    removed, moved, added = (labels.action == action for action in ACTIONS)
     if not (removed | moved | added).all():
-        yield "labels hold an action that is none"
+        yield "labels hold an unknown action"
         return
     touched = labels.point[removed | moved]
     if len(np.unique(touched)) != len(touched) or ((touched < 0) | (touched >= len(clean))).any():
-        yield "labels name a point twice, or one that the clean cloud does not have"
+        yield "labels list a point twice, or one that the clean cloud does not have"
         return
     kept = np.ones(len(clean), dtype=bool)
     kept[labels.point[removed]] = False
     survivors = clean[kept]
     if len(adversarial) != len(survivors) + int(added.sum()):
-        yield "labels add and remove other numbers of points than the cloud shows"
+        yield "labels add or remove a different number of points than the cloud shows"
         return
     old, new = survivors, adversarial[: len(survivors)]
     is_other = _bytes(old) != _bytes(new)
-    told = np.zeros(len(clean), dtype=bool)
-    told[labels.point[moved]] = True
-    if (is_other.any(axis=1) != told[kept]).any():
-        count = int((is_other.any(axis=1) != told[kept]).sum())
-        yield f"{count} points are labelled as moved and were not, or were and are not labelled"
+    is_labelled = np.zeros(len(clean), dtype=bool)
+    is_labelled[labels.point[moved]] = True
+    if (is_other.any(axis=1) != is_labelled[kept]).any():
+        count = int((is_other.any(axis=1) != is_labelled[kept]).sum())
+        yield f"{count} points are labelled moved but were not moved, or were moved without a label"
         return
     if (old["ring"] != new["ring"]).any() or (_bytes(old, "time") != _bytes(new, "time")).any():
-        yield "points have another ring or time than in the clean cloud"
+        yield "points have a ring or time that differs from the clean cloud's"
     yield from _distances(change.displacement_m, labels.displacement_m[moved], MOVED)
     yield from _distances(change.added_distance_m, labels.displacement_m[added], ADDED)
     if np.isfinite(labels.displacement_m[removed]).any():
-        yield "labels give a removed point a displacement"
+        yield "labels state a displacement for a removed point"
 
 
-def _distances(real_m: npt.NDArray[np.float64], told_m: npt.NDArray[np.float64], word: str) -> Iterator[str]:
-    is_off = ~(np.abs(real_m - told_m) <= ROUNDING_M + 1e-6 * np.abs(real_m))
-    if is_off.any():
-        first = int(np.flatnonzero(is_off)[0])
-        yield f"{int(is_off.sum())} {word} points, by {real_m[first]:.6f} m where {told_m[first]:.6f} is told"
+def _distances(
+    real_m: npt.NDArray[np.float64], stated_m: npt.NDArray[np.float64], action: str
+) -> Iterator[str]:
+    is_wrong = ~(np.abs(real_m - stated_m) <= ROUNDING_M + 1e-6 * np.abs(real_m))
+    if is_wrong.any():
+        first = int(np.flatnonzero(is_wrong)[0])
+        yield (
+            f"{int(is_wrong.sum())} {action} points with a wrong displacement, such as "
+            f"{stated_m[first]:.6f} m for {real_m[first]:.6f} m"
+        )
 
 
 def _bytes(cloud: Cloud, name: str | None = None) -> npt.NDArray[np.uint8]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from advpipe.stages.verify.checks.base import BagCheck
-from advpipe.stages.verify.result import Fault, Gap, Result
+from advpipe.stages.verify.result import Fault, Result, Unchecked
 
 
 class ProvenanceCheck(BagCheck):
@@ -14,15 +14,17 @@ class ProvenanceCheck(BagCheck):
     def check(self) -> Iterator[Result]:
         bag = self.bag
         if not bag.provenance:
-            yield Gap(bag.place, "another tool's bag: it does not say where it comes from")
+            yield Unchecked(bag.place, "another tool's bag: it does not record its origin")
             return
         if not bag.is_attack:
             return
         if bag.parent is None and any(one.sha256 is None for one in bag.subject.candidates):
-            yield Gap(bag.place, "the bag that it may be made from cannot be read: it is verified alone")
+            yield Unchecked(
+                bag.place, "its possible parent bag cannot be read, so the attack is verified alone"
+            )
         elif bag.parent is None and bag.subject.layout is not None:
-            yield Fault(bag.place, "was made from a bag that is not the one in this data set (parent_sha256)")
+            yield Fault(bag.place, "was not made from this data set's bag (parent_sha256)")
         elif bag.parent is None:
-            yield Gap(bag.place, "the bag that it was made from is not here: the attack is verified alone")
-        elif bag.parent.provenance.said.scenario != bag.provenance.said.scenario:
-            yield Fault(bag.place, f"tells another scenario than its parent {bag.parent.place}")
+            yield Unchecked(bag.place, "its parent bag is not here, so the attack is verified alone")
+        elif bag.parent.provenance.fields.scenario != bag.provenance.fields.scenario:
+            yield Fault(bag.place, f"records a scenario that differs from its parent's ({bag.parent.place})")

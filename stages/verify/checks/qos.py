@@ -26,7 +26,9 @@ class QualityOfService(BagCheck):
                 if known is not None and topic.type != known.type:
                     yield Fault(f"{self.bag.place} {topic.name}", f"is a {topic.type}, not a {known.type}")
                 elif known is not None and topic.qos != known.qos:
-                    yield Fault(f"{self.bag.place} {topic.name}", "offers another QoS than the topic table's")
+                    yield Fault(
+                        f"{self.bag.place} {topic.name}", "offers a QoS that differs from the topic table's"
+                    )
 
 
 def known_topic(name: str) -> Topic | None:

@@ -11,8 +11,8 @@ from pydantic import ValidationError
 from advpipe.pipeline.messages.topics import CLOCK, TF, VehicleTopics
 from advpipe.pipeline.scenario.attacks import NS_PER_S
 from advpipe.pipeline.scenario.models import Scenario
-from advpipe.stages.verify.checks.base import MessageCheck, Seen
-from advpipe.stages.verify.result import Fault, Gap, Result
+from advpipe.stages.verify.checks.base import MessageCheck, MessageView
+from advpipe.stages.verify.result import Fault, Result, Unchecked
 from advpipe.stages.verify.subject import Bag
 
 TOLERANCE = 0.005
@@ -37,7 +37,7 @@ class Rates(MessageCheck):
         self._last_ns: dict[str, int] = {}
         self._counts: dict[str, int] = {}
 
-    def see(self, seen: Seen) -> Iterator[Result]:
+    def see(self, seen: MessageView) -> Iterator[Result]:
         name, time_ns = seen.raw.topic.name, seen.raw.log_time_ns
         self._first_ns.setdefault(name, time_ns)
         self._last_ns[name] = time_ns
@@ -50,7 +50,7 @@ class Rates(MessageCheck):
         try:
             scenario = Scenario.model_validate(self.bag.scenario)
         except ValidationError:
-            yield Gap(self.bag.place, "rates: its scenario is none of this version of advpipe")
+            yield Unchecked(self.bag.place, "rates: its scenario does not fit this version of advpipe")
             return
         is_whole = RECOVERED_KEY not in self.bag.provenance
         for name, expected in expected_rates(scenario).items():
@@ -61,7 +61,7 @@ class Rates(MessageCheck):
                 rate_hz = (count - 1) * NS_PER_S / max(self._last_ns[name] - self._first_ns[name], 1)
                 if abs(rate_hz - expected.rate_hz) > TOLERANCE * expected.rate_hz:
                     yield Fault(
-                        where, f"comes at {rate_hz:.3f} Hz; the scenario asks {expected.rate_hz:g} Hz"
+                        where, f"has a rate of {rate_hz:.3f} Hz; the scenario sets {expected.rate_hz:g} Hz"
                     )
 
 

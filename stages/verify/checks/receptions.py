@@ -10,9 +10,9 @@ from advpipe.pipeline.labels.messages import FILE
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import V2X_SENT, VehicleTopics
 from advpipe.pipeline.v2x.codec.btp import btp_packet
-from advpipe.stages.verify.checks.base import MessageCheck, Seen
+from advpipe.stages.verify.checks.base import MessageCheck, MessageView
 from advpipe.stages.verify.checks.rates import RECOVERED_KEY
-from advpipe.stages.verify.result import Fault, Gap, Result
+from advpipe.stages.verify.result import Fault, Result, Unchecked
 from advpipe.stages.verify.subject import Bag
 
 KEPT_S = 120
@@ -52,11 +52,11 @@ class ReceptionsCheck(MessageCheck):
         self._arrivals: dict[str, _Arrival] = {}
         kinds = {_received(name)[1] for name in bag.reader.topics}
         is_copy = bag.is_attack and not (bag.path / FILE).is_file()
-        self._is_asked = bag.is_own and not is_copy and _PACKETS in kinds
-        self._is_told = _TRUTHS in kinds
+        self._is_expected = bag.is_own and not is_copy and _PACKETS in kinds
+        self._has_truth = _TRUTHS in kinds
 
-    def see(self, seen: Seen) -> Iterator[Result]:
-        if not self._is_asked or not self._is_told:
+    def see(self, seen: MessageView) -> Iterator[Result]:
+        if not self._is_expected or not self._has_truth:
             return
         name = seen.raw.topic.name
         if name == V2X_SENT.name:
@@ -75,10 +75,12 @@ class ReceptionsCheck(MessageCheck):
     def check(self) -> Iterator[Result]:
         for vehicle, arrival in self._arrivals.items():
             yield from self._compare(vehicle, arrival, is_last=True)
-        if self._is_asked and not self._is_told:
-            yield Gap(self.bag.place, f"no {_TRUTHS}: which of the sent messages were received is not told")
+        if self._is_expected and not self._has_truth:
+            yield Unchecked(
+                self.bag.place, f"no {_TRUTHS}: the bag does not record which sent messages were received"
+            )
 
-    def _remember(self, seen: Seen) -> None:
+    def _remember(self, seen: MessageView) -> None:
         """Of what was sent; forgets what nobody waits for any more."""
         if (message := seen.message) is None:
             return
@@ -97,7 +99,8 @@ class ReceptionsCheck(MessageCheck):
             if len(beside) != len(packets) and not is_cut:
                 yield Fault(
                     self._where(vehicle, kind),
-                    f"holds {len(beside)} messages for the {len(packets)} received at {arrival.stamp_ns} ns",
+                    f"holds {len(beside)} messages for the {len(packets)} packets received at "
+                    f"{arrival.stamp_ns} ns",
                 )
         for packet, truth in zip(packets, truths, strict=False):
             if problem := self._wrong(packet, truth, arrival.stamp_ns):
@@ -109,14 +112,14 @@ class ReceptionsCheck(MessageCheck):
         number = int(truth.number)
         sent = self._sent.get(number)
         if sent is None:
-            return f"{number}, which nobody sent in the {KEPT_S} s before"
+            return f"{number}, which no station sent in the {KEPT_S} s before"
         if sent.station_id != truth.station_id:
             return f"{number} of station {truth.station_id}, which station {sent.station_id} sent"
         if sent.request_ns > arrival_ns:
             return f"{number}, which was sent later, at {sent.request_ns} ns"
         header = len(btp_packet(b""))
         if _digest(bytes(packet.data)[header:]) != sent.digest:
-            return f"{number}, whose bytes are not those received"
+            return f"{number}, whose bytes differ from the received ones"
         return ""
 
     def _where(self, vehicle: str, kind: str) -> str:

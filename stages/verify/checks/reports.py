@@ -22,12 +22,15 @@ class Reports(FolderCheck):
             path = folder / REPORT_NAME
             where = self.subject.place(path)
             try:
-                stated = read_report(path).bags
+                report = read_report(path)
             except AdvpipeError as error:
                 yield Fault(where, str(error))
                 continue
-            for name, sha256 in stated.items():
+            for name, sha256 in report.bags.items():
                 if name not in real:
                     yield Fault(where, f"compares {name}, which is not in the data set")
                 elif real[name].sha256 not in (sha256, None):
-                    yield Fault(where, f"was made from another {name} than the one in the data set")
+                    yield Fault(where, f"was made from a {name} that differs from the one in the data set")
+            known = {bag.sha256 for bag in real.values()}
+            if None not in known and report.clean_sha256s - known:
+                yield Fault(where, "was made from another clean bag than the one in the data set")

@@ -11,25 +11,25 @@ from advpipe.pipeline.core import plain_json
 from advpipe.pipeline.core.plain_yaml import LIMIT_BYTES, load_yaml
 from advpipe.pipeline.dataset.layout import SCENARIO_NAME
 from advpipe.pipeline.messages.topics import SCENARIO_INFO
-from advpipe.stages.verify.checks.base import MessageCheck, Seen
-from advpipe.stages.verify.result import Fault, Gap, Result
+from advpipe.stages.verify.checks.base import MessageCheck, MessageView
+from advpipe.stages.verify.result import Fault, Result, Unchecked
 
 ATTACK_NAME = "attack.yaml"
 _HIDDEN = ("kind", "scenario")  # what attack.yaml leaves out
 
 
 class ScenarioFiles(MessageCheck):
-    """Word for word, where the program writes them so."""
+    """Compared byte for byte where advpipe itself wrote them."""
 
-    def see(self, seen: Seen) -> Iterator[Result]:
+    def see(self, seen: MessageView) -> Iterator[Result]:
         if seen.raw.topic.name != SCENARIO_INFO.name or self.bag.scenario is None or seen.message is None:
             return
         try:
-            told = plain_json.load_json(seen.message.data)
+            document = plain_json.load_json(seen.message.data)
         except (ValueError, RecursionError):
-            told = None
-        if told != self.bag.scenario and told != {}:
-            yield Fault(seen.where, "is not the scenario in the bag's provenance")
+            document = None
+        if document != self.bag.scenario and document != {}:
+            yield Fault(seen.where, "differs from the scenario in the bag's provenance")
 
     def check(self) -> Iterator[Result]:
         subject, provenance = self.bag.subject, self.bag.provenance
@@ -38,13 +38,13 @@ class ScenarioFiles(MessageCheck):
             if not path.is_file():
                 yield self._missing(SCENARIO_NAME)
             elif path.stat().st_size > LIMIT_BYTES or path.read_bytes() != provenance["scenario"].encode():
-                yield Fault(SCENARIO_NAME, f"is not the scenario in {self.bag.place}")
+                yield Fault(SCENARIO_NAME, f"differs from the scenario in {self.bag.place}")
         if self.bag.is_attack and self.bag.path.is_dir():
             yield from self._attack_file()
 
     def _missing(self, where: str) -> Result:
         """A list of checksums tells what is missing; what was never shared was never claimed."""
-        return Gap(where, "was not shared") if self.bag.subject.has_sums else Fault(where, "is missing")
+        return Unchecked(where, "was not shared") if self.bag.subject.has_sums else Fault(where, "is missing")
 
     def _attack_file(self) -> Iterator[Result]:
         path = self.bag.path / ATTACK_NAME
@@ -54,21 +54,21 @@ class ScenarioFiles(MessageCheck):
             return
         try:
             text = path.read_bytes()[: LIMIT_BYTES + 1].decode()
-            told = load_yaml(text)
+            document = load_yaml(text)
         except (yaml.YAMLError, ValueError, RecursionError):
-            yield Fault(where, "is no YAML")
+            yield Fault(where, "is not valid YAML")
             return
         provenance = {key: text for key, text in self.bag.provenance.items() if key not in _HIDDEN}
         is_same = (
-            isinstance(told, dict)
-            and told.keys() == provenance.keys()
-            and all(_says(told[key], provenance[key]) for key in provenance)
+            isinstance(document, dict)
+            and document.keys() == provenance.keys()
+            and all(_equals(document[key], provenance[key]) for key in provenance)
         )
-        if not is_same or yaml.safe_dump(told, sort_keys=True) != text:
-            yield Fault(where, "is not the attack in the bag's provenance")
+        if not is_same or yaml.safe_dump(document, sort_keys=True) != text:
+            yield Fault(where, "differs from the attack in the bag's provenance")
 
 
-def _says(value: Any, text: str) -> bool:
+def _equals(value: Any, text: str) -> bool:
     """Whether a value is what a record has as text, or as JSON."""
     if value == text:
         return True

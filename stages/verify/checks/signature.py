@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.dataset import signature
 from advpipe.stages.verify.checks.base import FolderCheck
-from advpipe.stages.verify.result import Fault, Gap, Result
+from advpipe.stages.verify.result import Fault, Result, Unchecked
 
 
 class Signature(FolderCheck):
@@ -21,12 +21,12 @@ class Signature(FolderCheck):
         try:
             signature.verify_signature(root, key)
         except signature.NoLibraryError as error:
-            yield Gap(signature.FILE, str(error))
+            yield Unchecked(signature.FILE, str(error))
             return
         except AdvpipeError as error:
             yield Fault(signature.FILE, str(error))
             return
         if key is None:
-            yield Gap(
-                signature.FILE, f"right by {signature.KEY_FILE}, which anyone can have put there; pass --key"
+            yield Unchecked(
+                signature.FILE, f"valid for {signature.KEY_FILE}, which anyone could have added; pass --key"
             )

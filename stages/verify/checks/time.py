@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from advpipe.pipeline.messages import build
-from advpipe.stages.verify.checks.base import MessageCheck, Seen
+from advpipe.stages.verify.checks.base import MessageCheck, MessageView
 from advpipe.stages.verify.result import Fault, Result
 from advpipe.stages.verify.subject import Bag
 
@@ -18,16 +18,16 @@ class Time(MessageCheck):
         self._log_ns: dict[str, int] = {}
         self._stamp_ns: dict[str, int] = {}
 
-    def see(self, seen: Seen) -> Iterator[Result]:
+    def see(self, seen: MessageView) -> Iterator[Result]:
         name, log_ns = seen.raw.topic.name, seen.raw.log_time_ns
         if log_ns < self._log_ns.get(name, 0):
-            yield Fault(seen.where, f"log time goes back to {log_ns} ns")
+            yield Fault(seen.where, f"log times go backwards to {log_ns} ns")
         self._log_ns[name] = log_ns
         if seen.header is None:
             return
         stamp_ns = build.stamp_ns(seen.message)
         if stamp_ns < self._stamp_ns.get(name, stamp_ns):
-            yield Fault(seen.where, f"the header's stamp goes back to {stamp_ns} ns")
+            yield Fault(seen.where, f"header stamps go backwards to {stamp_ns} ns")
         self._stamp_ns[name] = stamp_ns
 
     def check(self) -> Iterator[Result]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from advpipe.pipeline.messages.topics import TF, TF_STATIC, VehicleTopics
-from advpipe.stages.verify.checks.base import MessageCheck, Seen
-from advpipe.stages.verify.result import Fault, Gap, Result
+from advpipe.stages.verify.checks.base import MessageCheck, MessageView
+from advpipe.stages.verify.result import Fault, Result, Unchecked
 from advpipe.stages.verify.subject import Bag
 
 _ODOMETRY = VehicleTopics().odometry.type
@@ -21,7 +21,7 @@ class Transforms(MessageCheck):
         self._ties: set[tuple[str, str]] = set()
         self._used: dict[tuple[str, str], None] = {}
 
-    def see(self, seen: Seen) -> Iterator[Result]:
+    def see(self, seen: MessageView) -> Iterator[Result]:
         if seen.message is None:
             return
         if seen.raw.topic.name in (TF.name, TF_STATIC.name):
@@ -38,20 +38,20 @@ class Transforms(MessageCheck):
         where = self.bag.place
         if not self._parents:
             if self._used:
-                yield Gap(where, "no transforms: nothing ties its frames together")
+                yield Unchecked(where, "no transforms: its frames are not connected")
             return
         frames = {*self._parents, *self._parents.values()}
         roots = sorted(frame for frame in frames if frame not in self._parents)
         if len(roots) != 1:
-            found = f"has several roots: {', '.join(roots)}" if roots else "runs in a circle"
-            yield Fault(where, f"the tree of frames {found}")
+            found = f"has several roots: {', '.join(roots)}" if roots else "forms a cycle"
+            yield Fault(where, f"the transform tree {found}")
         elif loose := sorted(frames - self._below(roots[0])):
-            yield Fault(where, f"the frames {', '.join(loose)} run in a circle")
+            yield Fault(where, f"the frames {', '.join(loose)} form a cycle")
         tied = {parent for parent, child in self._ties if child in frames}
         tied |= {child for parent, child in self._ties if parent in frames}
         for topic, frame in self._used:
             if frame not in frames | tied:
-                yield Fault(f"{where} {topic}", f"its frame {frame!r} is in no transform")
+                yield Fault(f"{where} {topic}", f"no transform contains its frame {frame!r}")
 
     def _below(self, root: str) -> set[str]:
         """The root and all frames that hang from it."""

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.messages.types import schema_text, type_hash
-from advpipe.stages.verify.checks.base import MessageCheck, Seen
-from advpipe.stages.verify.result import Fault, Gap, Result
+from advpipe.stages.verify.checks.base import MessageCheck, MessageView
+from advpipe.stages.verify.result import Fault, Result, Unchecked
 from advpipe.stages.verify.subject import Bag
 
 
@@ -19,7 +19,7 @@ class Types(MessageCheck):
         self._known: set[str] = set()
         self._of_others: set[str] = set()
 
-    def see(self, seen: Seen) -> Iterator[Result]:
+    def see(self, seen: MessageView) -> Iterator[Result]:
         if seen.raw.topic.name not in self._known:
             self._known.add(seen.raw.topic.name)
             yield from self._definition(seen)
@@ -29,7 +29,7 @@ class Types(MessageCheck):
     def check(self) -> Iterator[Result]:
         return iter(())
 
-    def _definition(self, seen: Seen) -> Iterator[Result]:
+    def _definition(self, seen: MessageView) -> Iterator[Result]:
         raw, name = seen.raw, seen.raw.topic.type
         try:
             expected, text = type_hash(name), schema_text(name)
@@ -37,20 +37,22 @@ class Types(MessageCheck):
             expected, text = "", ""
         if expected and self.bag.is_own:
             if raw.schema != text:
-                yield Fault(seen.where, f"has another definition of {name} than advpipe writes")
+                yield Fault(seen.where, f"defines {name} differently from advpipe")
             elif raw.topic.type_hash not in ("", expected):
-                yield Fault(seen.where, f"states another type hash than {name} has")
+                yield Fault(seen.where, f"states a type hash that is not that of {name}")
             return
         try:
             real = self.bag.reader.type_hash(raw)
         except AdvpipeError as error:
             self._of_others.add(raw.topic.name)
-            said = Gap if expected and not self.bag.provenance else Fault
+            said = Unchecked if expected and not self.bag.provenance else Fault
             yield said(seen.where, f"messages cannot be read: {error}")
             return
         if raw.topic.type_hash not in ("", real):
-            yield Fault(seen.where, f"states another type hash than its definition of {name} has")
+            yield Fault(seen.where, f"states a type hash that does not match its definition of {name}")
         if not expected:
-            yield Gap(seen.where, f"{name} is no type that advpipe knows; its definition is taken as it is")
+            yield Unchecked(
+                seen.where, f"advpipe does not know the type {name}; the bag's definition is used"
+            )
         elif real != expected:
-            yield Gap(seen.where, f"its definition of {name} is another release's")
+            yield Unchecked(seen.where, f"its definition of {name} comes from another release")

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from io import BytesIO
 from pathlib import Path
 
-from advpipe.pipeline.bag.provenance import RECORD_NAME, seal
+from advpipe.pipeline.bag.provenance import RECORD_NAME, with_checksum
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.mcap.qos import qos_to_yaml
@@ -34,7 +34,7 @@ def mcap_bytes(messages: Iterable[RawMessage], provenance: Mapping[str, str]) ->
     """The .mcap file of a bag, its checksums right; messages in any order, uncompressed."""
     stream = BytesIO()
     writer = McapWriter(stream, "none")
-    writer.add_metadata(RECORD_NAME, seal(provenance))
+    writer.add_metadata(RECORD_NAME, with_checksum(provenance))
     channels: dict[tuple[str, str], int] = {}
     for raw in messages:
         key = raw.topic.name, raw.schema

@@ -69,7 +69,7 @@ def test_a_drive_without_lidars_has_no_clouds_of_theirs(record: Record) -> None:
         UsageError, match=f"no LiDAR clouds .the point clouds of {FRONT.name}, {ROOF.name} are"
     ):
         find_lidar_topic(reader)
-    with pytest.raises(UsageError, match="holds no LiDAR clouds, so frames 0:1:1 choose no time"):
+    with pytest.raises(UsageError, match="holds no LiDAR clouds, so the frames 0:1:1 select no time span"):
         window_of(reader, FrameSlice(0, 1))
 
 
@@ -84,7 +84,7 @@ def test_without_sensors_in_the_scenario_every_cloud_may_be_one(record: Record, 
 @pytest.mark.parametrize(
     ("scenario", "message"),
     [
-        ("{", "holds no scenario: not read as JSON"),
+        ("{", "holds no scenario: not valid JSON"),
         ([], "holds no scenario: "),
         ({"sensors": 5}, "holds no scenario: sensors: "),
         ({"sensors": {"lidars": 5}}, "holds no scenario: sensors.lidars: "),

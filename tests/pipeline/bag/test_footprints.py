@@ -33,7 +33,7 @@ def test_a_court_in_a_building() -> None:
 @pytest.mark.parametrize(
     ("text", "what"),
     [
-        ("", "not read as JSON"),
+        ("", "not valid JSON"),
         ("{}", "type: Field required"),
         ('{"type": "Point", "coordinates": [0, 0]}', "type: Input should be 'MultiPolygon'"),
         ('{"type": "MultiPolygon"}', "coordinates: Field required"),

@@ -35,7 +35,7 @@ def test_what_is_in_a_bag(tmp_path: Path, record: Record, capsys: pytest.Capture
 
 
 def test_checksums_that_are_missing_are_told(tmp_path: Path, record_foreign: Record) -> None:
-    assert "damage would go unseen" in str(describe(record_foreign(tmp_path / "foreign")).checksums)
+    assert "damage would go unnoticed" in str(describe(record_foreign(tmp_path / "foreign")).checksums)
 
 
 def test_damage_between_the_chunks_is_found(tmp_path: Path, record: Record) -> None:

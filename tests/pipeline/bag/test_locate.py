@@ -31,7 +31,7 @@ def test_where_one_stands(tmp_path: Path, record: Record, monkeypatch: pytest.Mo
 def test_no_bag(tmp_path: Path) -> None:
     with pytest.raises(AdvpipeError, match="does not exist"):
         resolve_bag(tmp_path / "nothing")
-    with pytest.raises(AdvpipeError, match="is no bag"):
+    with pytest.raises(AdvpipeError, match="is not a bag"):
         resolve_bag(tmp_path)
 
 

@@ -6,7 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from advpipe.pipeline.bag.provenance import attack_provenance, clean_provenance, parent_sha256, seal, unseal
+from advpipe.pipeline.bag.provenance import (
+    attack_provenance,
+    checked_provenance,
+    clean_provenance,
+    parent_sha256,
+    with_checksum,
+)
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError
 
@@ -75,8 +81,8 @@ def test_an_attack_keeps_the_scenario_of_its_parent(tmp_path: Path, record: Reco
 
 
 def test_a_changed_record_is_refused() -> None:
-    record = seal({"kind": "clean", "seed": "7"})
-    assert unseal(record, Path("bag")) == {"kind": "clean", "seed": "7"}
+    record = with_checksum({"kind": "clean", "seed": "7"})
+    assert checked_provenance(record, Path("bag")) == {"kind": "clean", "seed": "7"}
     for changed in ({**record, "seed": "8"}, {**record, "more": ""}, {"kind": "clean", "seed": "7"}):
         with pytest.raises(AdvpipeError, match="damaged"):
-            unseal(changed, Path("bag"))
+            checked_provenance(changed, Path("bag"))

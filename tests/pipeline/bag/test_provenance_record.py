@@ -17,20 +17,20 @@ from advpipe.stages.evaluate.detection.baseline import USUAL_LOOKS, attack_query
 def test_nothing_is_said() -> None:
     nothing = Provenance({})
     assert not nothing
-    assert (nothing.parameters, nothing.said.attacks, nothing.is_attack) == ({}, (), False)
+    assert (nothing.parameters, nothing.fields.attacks, nothing.is_attack) == ({}, (), False)
     assert attack_query_budget(nothing) == USUAL_LOOKS
 
 
 def test_what_is_said() -> None:
-    assert Provenance({"seed": "7"}).said.seed == 7
+    assert Provenance({"seed": "7"}).fields.seed == 7
     assert attack_query_budget(Provenance({"looks": "13"})) == 13
     assert Provenance({"parameters": '{"ratio": 0.01}'}).parameters == {"ratio": 0.01}
     assert Provenance({"parameters": '[{"ratio": 0.01}]'}).parameters == {}  # of a coordinated attack
     attacks = '[{"type": "cam-dos", "parameters": {"rate_hz": 20.0}, "victim": null, "newer": 1}]'
     found = Provenance({"kind": "attack", "attacks": attacks})
     assert found.is_attack
-    assert found.said.attacks[0].parameters == {"rate_hz": 20.0}
-    assert found.said.attacks[0].values == json.loads(attacks)[0]
+    assert found.fields.attacks[0].parameters == {"rate_hz": 20.0}
+    assert found.fields.attacks[0].values == json.loads(attacks)[0]
 
 
 @pytest.mark.parametrize(
@@ -45,7 +45,7 @@ def test_what_is_said() -> None:
 def test_the_family_of_an_attack(keys: dict[str, object], family: str) -> None:
     """Whatever its name is; in older bags by the keys of its family."""
     attacks = json.dumps([{"type": "cam-drop", "parameters": {}, **keys}])
-    assert Provenance({"attacks": attacks}).said.attacks[0].family == family
+    assert Provenance({"attacks": attacks}).fields.attacks[0].family == family
 
 
 def test_it_is_the_record_too() -> None:
@@ -98,8 +98,8 @@ def test_a_record_without_end() -> None:
 
 
 def test_it_is_checked_when_it_is_written(tmp_path: Path) -> None:
-    with pytest.raises(AdvpipeError, match="parameters: not read as JSON: NaN"):
+    with pytest.raises(AdvpipeError, match="parameters: not valid JSON: NaN"):
         BagWriter(tmp_path / "bag", provenance={"parameters": '{"a": NaN}'})
     with BagWriter(tmp_path / "bag", provenance={"seed": "7"}):
         pass
-    assert BagReader(tmp_path / "bag").provenance.said.seed == 7
+    assert BagReader(tmp_path / "bag").provenance.fields.seed == 7

@@ -108,7 +108,7 @@ def test_a_file_without_an_index(tmp_path: Path, use_chunking: bool, in_order: b
         assert [stamp_ns for stamp_ns, _ in BagReader(path).messages("/clock")] == [1, 2, 3]
         assert BagReader(path).log_times_ns("/clock").tolist() == [1, 2, 3]
     else:
-        with pytest.raises(AdvpipeError, match="must lie in time order"):
+        with pytest.raises(AdvpipeError, match="must be in time order"):
             list(BagReader(path).raw_messages())
 
 
@@ -129,7 +129,7 @@ def test_types_are_read_as_the_bag_defines_them(tmp_path: Path, name: str, is_re
         ((stamp_ns, message),) = messages
         assert (stamp_ns, message.id, message.score) == (5, "car", 0.5)
     else:
-        with pytest.raises(AdvpipeError, match=r"another release's .*, without our .*class_id"):
+        with pytest.raises(AdvpipeError, match=r"of another release, without the field .*class_id"):
             list(messages)
 
 
@@ -182,7 +182,7 @@ def test_metadata_that_is_no_use(tmp_path: Path, text: str, reason: str) -> None
 def test_garbage(tmp_path: Path) -> None:
     path = tmp_path / "noise.mcap"
     path.write_bytes(np.random.default_rng(0).bytes(100_000))
-    assert "is no MCAP file" in refused(path)
+    assert "is not an MCAP file" in refused(path)
 
 
 def test_no_ros_bag(tmp_path: Path) -> None:

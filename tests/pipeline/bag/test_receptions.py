@@ -76,7 +76,7 @@ def test_packets_that_are_not_for_cams(tmp_path: Path, data: bytes) -> None:
 def test_a_message_beside_that_belongs_to_none(tmp_path: Path, place: int) -> None:
     messages = [*received(1, 100), received(2, 250)[place]]
     reader = bag_of(tmp_path / "bag", messages)
-    with pytest.raises(AdvpipeError, match=r"at 250 ns belongs to no message of /ego/v2x/rx/raw"):
+    with pytest.raises(AdvpipeError, match=r"at 250 ns matches no message of /ego/v2x/rx/raw"):
         recorded_receptions(reader, "ego")
 
 

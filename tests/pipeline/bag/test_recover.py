@@ -196,8 +196,8 @@ def test_nothing_to_save(tmp_path: Path, drive: Path) -> None:
     (tmp_path / "empty.mcap").touch()
     assert "is empty" in refused(tmp_path / "empty.mcap")
     (tmp_path / "noise.mcap").write_bytes(np.random.default_rng(0).bytes(5000))
-    assert "is no MCAP file" in refused(tmp_path / "noise.mcap")
-    assert "no whole chunk" in refused(cut(drive, 0.1, tmp_path / "early.mcap"))
+    assert "is not an MCAP file" in refused(tmp_path / "noise.mcap")
+    assert "no complete chunk" in refused(cut(drive, 0.1, tmp_path / "early.mcap"))
 
 
 def test_no_ros_recording(tmp_path: Path) -> None:
@@ -218,7 +218,7 @@ def test_an_output_stays_unless_overwrite(drive: Path, tmp_path: Path) -> None:
     recover(file, overwrite=True)
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "letter").touch()
-    with pytest.raises(AdvpipeError, match="not replacing it"):
+    with pytest.raises(AdvpipeError, match="not replaced"):
         recover(file, tmp_path / "mine", overwrite=True)
 
 
@@ -298,9 +298,9 @@ def test_while_recovering_no_run_removes_the_source(drive: Path, tmp_path: Path)
     dead = PartialFolder(tmp_path / "town")
     dead._lock.close()  # as the kernel does when a process is killed
     shutil.copy(drive / "drive_0.mcap", dead.path / "town_0.mcap")
-    from advpipe.pipeline.bag.remains import find_remains
+    from advpipe.pipeline.bag.partial_recording import find_partial_recording
 
-    with find_remains(tmp_path / "town"):
+    with find_partial_recording(tmp_path / "town"):
         PartialFolder(tmp_path / "town").commit(lambda _: False)
         assert dead.path.is_dir()
     os.rmdir(tmp_path / "town")

@@ -49,6 +49,8 @@ def test_a_bag_without_clouds_has_no_frames_to_choose(tmp_path: Path) -> None:
         bag.write(topics.CLOCK, build.clock(START_NS), START_NS)
     reader = BagReader(tmp_path / "bag")
     assert window_of(reader, FrameSlice()) == WHOLE_DRIVE
-    with pytest.raises(AdvpipeError, match="holds no LiDAR clouds, so frames 2:5:1 choose no time") as error:
+    with pytest.raises(
+        AdvpipeError, match="holds no LiDAR clouds, so the frames 2:5:1 select no time span"
+    ) as error:
         window_of(reader, FrameSlice(2, 5))
     assert "\n" not in str(error.value)

@@ -353,5 +353,5 @@ def test_a_working_folder_that_was_deleted(made: Path, tmp_path: Path, words: li
     done = subprocess.run(shell, capture_output=True, text=True, cwd=tmp_path / "gone")
     assert done.returncode == code, done.stderr
     if code:
-        assert "the working folder was deleted; go to one that exists" in done.stderr
+        assert "the working directory was deleted; change to one that exists" in done.stderr
         assert done.stderr.count("\n") == 1

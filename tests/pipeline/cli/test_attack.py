@@ -78,25 +78,25 @@ def test_options_become_an_attack(bag: Path, monkeypatch: pytest.MonkeyPatch) ->
         ({"settings": ["rounds=[1"]}, r"--set 'rounds=\[1': the value cannot be read"),
         (
             {"settings": ["rounds=&a [*a]"]},
-            "the value cannot be read: an alias stands for",
+            "the value cannot be read: an alias refers to",
         ),
         ({"settings": ["rounds=!!bool x"]}, "the value cannot be read: 'x' is no bool"),
         ({"settings": ["rounds=!!binary aGk="]}, "the value cannot be read: the tag"),
         ({"settings": ["rounds=" + "[" * 1000]}, "the value cannot be read: is nested too deeply"),
-        ({"settings": ["rounds=[[[[1]]]]"]}, "lists in lists in lists"),
+        ({"settings": ["rounds=[[[[1]]]]"]}, "nests lists too deeply"),
         ({"settings": ["rounds={a: 1}"]}, "rounds is a dict; give a number, a word or a list"),
         ({"settings": [r'objects="\ud800"']}, r"the value cannot be read: .*(U\+D800|Unicode)"),
         ({"settings": ["rounds=true"]}, "detach: rounds is True: Input should be a valid integer"),
         ({"settings": ["rounds=1e12"]}, r"detach: rounds is 1000000000000: it may be 1e\+06 at most"),
         ({"settings": ["rounds=1e300"]}, "rounds is 1e[+]300: Input should be a valid integer"),
-        ({"settings": ["rounds=.inf"]}, r"rounds is inf; it has to be finite, within 1e\+15"),
+        ({"settings": ["rounds=.inf"]}, r"rounds is inf; it must be finite and within 1e\+15"),
         ({"settings": ["rounds=" + "9" * 50]}, "rounds is 9+; it has to be finite"),
         ({"settings": ["rounds=" + "x" * 100_000]}, "^.{,200}rounds is a word of 100000 characters.{,50}$"),
         ({"settings": ["x" * 100_000]}, "^--set .{,110}: write name=value.{,50}$"),
         ({"settings": ["x" * 100_000 + "=1"]}, "^.{,500}$"),
         ({"recipe": "x" * 100_000}, "^.{,300}$"),
-        ({"ratio": 0.1, "settings": ["ratio=0.5"]}, "--set 'ratio=0.5': ratio is 0.1 already; leave one"),
-        ({"settings": ["rounds=4", "rounds=5"]}, "--set 'rounds=5': rounds is 4 already; leave one"),
+        ({"ratio": 0.1, "settings": ["ratio=0.5"]}, "--set 'ratio=0.5': ratio is already 0.1; give it once"),
+        ({"settings": ["rounds=4", "rounds=5"]}, "--set 'rounds=5': rounds is already 4; give it once"),
         ({"settings": ["round=1"]}, r"detach: unknown parameter 'round'; known: ratio, "),
         ({"settings": ["rounds=many"]}, "detach: rounds is 'many'"),
         ({"kind": "detatch"}, "unknown attack 'detatch'; known: .*detach, "),
@@ -104,7 +104,7 @@ def test_options_become_an_attack(bag: Path, monkeypatch: pytest.MonkeyPatch) ->
         ({"attacker": ["a"]}, "detach has no use for attackers"),
         (
             {"kind": "cam-dos", "attacker": ["a", "5%"]},
-            "--attacker 5%: a share or a roadside unit stands alone",
+            "--attacker 5%: a share or a roadside unit must be the only attacker",
         ),
         (
             {"kind": "cam-dos", "attacker": ["0%"]},
@@ -148,7 +148,7 @@ def said(capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.
 def test_each_attack_has_its_parameters_as_options(said: Said) -> None:
     shown = said("--type", "detach", "--help")
     assert "detach: Remove exactly round(ratio * N)" in shown
-    assert re.search(r"--ratio .*the share to remove, in \(0, 1\)", shown)
+    assert re.search(r"--ratio .*in \(0, 1\)", shown)
     assert re.search(r"--goal .*break\" detections", shown)  # in the words of `Constraints`
     assert "--eps-cm" not in shown
     assert "--ghosts" in said("--help", "--type=cam-sybil-grid")
@@ -170,7 +170,7 @@ def test_an_attack_of_a_user_has_its_own_too(said: Said, monkeypatch: pytest.Mon
         (["--type", "nope", "--ratio", "1"], "unknown attack 'nope'; known: perturb"),
         (["--ratio", "x"], "Invalid value for '?--ratio"),
         (["--objects", "[a"], r"--objects '\[a': the value cannot be read"),
-        (["--ratio", "0.1", "--set", "ratio=0.2"], "ratio is 0.1 already; leave one"),
+        (["--ratio", "0.1", "--set", "ratio=0.2"], "ratio is already 0.1; give it once"),
         (["--type"], "--type"),
     ],
 )

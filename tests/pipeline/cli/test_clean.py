@@ -55,11 +55,12 @@ def test_it_lists_alone_and_says_what_is_of_use(tree: Path) -> None:
     code, out = run()
     assert code == 0
     assert "advpipe recover datasets/.town.partial-abcdefgh` saves it" in out
-    assert "1 finished frames of datasets/town/adv: the same command goes on from there" in out
+    assert "1 finished frames of datasets/town/adv: running the same command again resumes there" in out
     assert "half of datasets/r: of no use" in out
     assert "3 in all" in out
-    assert "--remove removes 1 that nothing can use; --remove --all also removes 2 of use" in out.replace(
-        "\n", " "
+    assert (
+        "--remove deletes 1 that nothing can use; --remove --all also deletes 2 that can still be used"
+        in out.replace("\n", " ")
     )
     assert sorted(tree.rglob("*")) == before
 
@@ -71,7 +72,7 @@ def test_remove_keeps_what_is_of_use_unless_all_goes(tree: Path) -> None:
     assert ".r.partial-abcdefgh" not in names
     assert "2 of 2 removed" in run("--remove", "--all")[1]
     assert not list(tree.rglob(".*"))
-    assert run() == (0, "killed runs left nothing\n")
+    assert run() == (0, "no leftovers of killed runs\n")
     assert (tree / "datasets" / "whole").is_dir()
 
 
@@ -112,7 +113,7 @@ def test_a_linked_folder_of_data_sets_is_looked_into(tree: Path, monkeypatch: py
     [
         (["nowhere"], "nowhere does not exist; give a folder to look below"),
         (["datasets/whole/metadata.yaml"], "is no folder"),
-        (["--all"], "--all goes with --remove"),
+        (["--all"], "--all needs --remove"),
         (["datasets/.town.partial-abcdefgh/clean"], "give that folder"),
     ],
 )

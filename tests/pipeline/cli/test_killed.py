@@ -9,11 +9,12 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -72,6 +73,15 @@ IN_DATA_SET = ("lidar", "cam", "gnss", "evaluate", "sweep")
 """Cases whose output is a part of `d`: what a kill leaves there is in the way of nobody who shares it."""
 
 NIGHTLY = pytest.mark.nightly
+EVERY_TIME = ("simulate", "lidar", "share in parts")
+"""Killed in every run of the tests: a job, one that goes on where it stopped, files beside each other."""
+
+
+def chosen(names: Iterable[str]) -> list[Any]:
+    """The other commands are killed at night."""
+    return [name if name in EVERY_TIME else pytest.param(name, marks=NIGHTLY) for name in names]
+
+
 OWN_TIMES = {"times.json"}
 """Files that differ from run to run."""
 
@@ -175,14 +185,14 @@ def check(
         ways = [[], ["--overwrite"]] if case.has_overwrite else [[]]
         for overwrite in ways if every else ways[number % len(ways) :][:1]:
             again = forks.run(folder, *case.arguments, *overwrite)
-            is_done = again.code == 0 or (not overwrite and "exists already" in again.error)
+            is_done = again.code == 0 or (not overwrite and "already exists" in again.error)
             assert is_done, (moment, again.error)
         cleaned(forks, folder, "--remove", "--all")
         assert files(folder) == expected, moment
         assert not hidden(folder)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", chosen(CASES))
 def test_a_killed_command_is_run_again(
     forks: Forks, ready: Path, tmp_path: Path, alone: Alone, name: str
 ) -> None:
@@ -215,7 +225,7 @@ def test_an_output_that_was_being_replaced(forks: Forks, tmp_path: Path, alone: 
         work = copied(folder, tmp_path / "work")
         assert forks.run(work, *case.arguments, "--overwrite", kill_at=moment).code == -signal.SIGKILL
         again = forks.run(work, *case.arguments)
-        assert again.code == 0 or "exists already" in again.error, (moment, again.error)
+        assert again.code == 0 or "already exists" in again.error, (moment, again.error)
         cleaned(forks, work, "--remove", "--all")
         assert files(work) == expected, moment
         assert not hidden(work)
@@ -263,7 +273,7 @@ def left_by_a_full_disk(forks: Forks, folder: Path, before: dict[str, str], case
 
 
 @pytest.mark.parametrize("share_of_largest", [0.02, pytest.param(0.6, marks=NIGHTLY)])
-@pytest.mark.parametrize("name", [name for name in CASES if name not in ("plot", "schema")])
+@pytest.mark.parametrize("name", chosen(name for name in CASES if name not in ("plot", "schema")))
 def test_files_that_may_not_grow(
     forks: Forks, ready: Path, tmp_path: Path, alone: Alone, name: str, share_of_largest: float
 ) -> None:

@@ -43,10 +43,10 @@ def test_share_and_unpack(dataset: Path) -> None:
 def test_mistakes_cost_one_line(dataset: Path) -> None:
     CliRunner().invoke(app, ["share", "town"])
     for words, message in (
-        (["share", "town"], "shared/town exists already, not overwriting; pass --overwrite"),
+        (["share", "town"], "shared/town already exists; pass --overwrite"),
         (["share", "town", "--out", "x", "--split-mb", "1"], "end the output's name in .tar, as in x.tar"),
         (["share", "town", "--out", "x", "--sign", "none.pem"], "none.pem: the key cannot be read"),
-        (["unpack", "none.tar"], "none.tar does not exist, nor none.tar.000"),
+        (["unpack", "none.tar"], "neither none.tar nor none.tar.000 exists"),
     ):
         result = CliRunner().invoke(app, words)
         assert result.exit_code == 2

@@ -59,9 +59,9 @@ def test_a_name_that_is_not_utf8(tmp_path: Path) -> None:
         (pa.DictionaryArray.from_arrays(np.zeros(1 << 14, np.int32), ["x" * (1 << 20)]), "a text of 1048576"),
         (
             pa.DictionaryArray.from_arrays(np.zeros(FREE_ROWS + 50_000, np.int32), ["x"]),
-            "150000 rows are too many",
+            "150000 rows; at most",
         ),
-        (pa.array([[["x"]]]), "neither numbers nor texts"),
+        (pa.array([[["x"]]]), "neither numbers nor strings"),
     ],
 )
 def test_bombs(tmp_path: Path, column: pa.Array, reason: str) -> None:
@@ -123,7 +123,7 @@ def test_a_hundred_million_rows_in_a_small_file_are_refused_at_once(tmp_path: Pa
     equal_rows(tmp_path / "a.parquet", 100_000_000)
     assert (tmp_path / "a.parquet").stat().st_size < 2_000_000
     found = measured(tmp_path / "a.parquet")
-    assert "100000000 rows are too many to read" in found
+    assert "100000000 rows; at most" in found
     assert "True True" in found, found
 
 
@@ -165,7 +165,7 @@ def test_a_footer_that_tells_of_fewer_rows_than_there_are_gives_those(tmp_path: 
     lying(path, 3_000_001, 10)
     assert pq.read_metadata(path).num_rows == 10
     found = measured(path)
-    assert found.startswith(("10\n", f"{path}: no whole Parquet table")), found
+    assert found.startswith(("10\n", f"{path}: not a complete Parquet file")), found
     assert "True True" in found, found
 
 
@@ -185,7 +185,7 @@ def test_a_page_that_unpacks_to_hundreds_of_megabytes_is_refused(
     renamed_chunks(path, name.encode(), told.encode())
     lying(path, pq.read_metadata(path).row_group(0).column(0).total_uncompressed_size, 1000)
     found = measured(path)
-    assert "its pages unpack to" in found, found
+    assert "its pages decompress to" in found, found
     assert "True True" in found, found
 
 
@@ -194,7 +194,7 @@ def test_texts_as_differences_are_refused(tmp_path: Path, encoding: str) -> None
     """They unpack at once to as many texts as they say, whatever page and footer say."""
     path = tmp_path / "a.parquet"
     pq.write_table(pa.table({"a": ["x", "xy"]}), path, use_dictionary=False, column_encoding={"a": encoding})
-    with pytest.raises(AdvpipeError, match="a has an encoding that is not read here"):
+    with pytest.raises(AdvpipeError, match="a has an unsupported encoding"):
         list(batches(path))
 
 
@@ -238,7 +238,7 @@ def test_a_column_of_another_kind_is_named(tmp_path: Path) -> None:
 
 def test_a_long_footer_is_not_read(tmp_path: Path) -> None:
     (tmp_path / "a.parquet").write_bytes(b"PAR1" + bytes(100) + (1 << 30).to_bytes(4, "little") + b"PAR1")
-    with pytest.raises(AdvpipeError, match="a footer of 1073741824 bytes is too long to read"):
+    with pytest.raises(AdvpipeError, match="the Parquet footer has 1073741824 bytes"):
         list(rows(tmp_path / "a.parquet"))
 
 

@@ -112,7 +112,7 @@ from pathlib import Path
 import squares
 from advpipe.pipeline.core.jobs import run_jobs
 from advpipe.pipeline.core import signals
-from advpipe.pipeline.process.endings import ended
+from advpipe.pipeline.process.failures import ended
 
 if __name__ == "__main__":
     signals.install()

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from advpipe.pipeline.core.lock import LOCK_NAME, is_held, lock_of_dead, remove_folder, take_lock
+from advpipe.pipeline.core.lock import LOCK_NAME, is_locked, remove_folder, take_lock, take_stale_lock
 
 HOLD = """
 import os, sys
@@ -22,14 +22,14 @@ os.read(0, 1)
 
 def test_a_lock_is_one_runs_alone_and_ends_with_it(tmp_path: Path) -> None:
     file = tmp_path / LOCK_NAME
-    assert not is_held(file)
+    assert not is_locked(file)
     assert not file.exists()
     lock = take_lock(file)
     assert lock is not None
-    assert is_held(file)
+    assert is_locked(file)
     assert take_lock(file, patience_s=0) is None
     lock.close()
-    assert not is_held(file)
+    assert not is_locked(file)
     with pytest.raises(NotADirectoryError):
         take_lock(file / "below")
 
@@ -41,20 +41,20 @@ def test_a_killed_runs_worker_does_not_keep_its_lock(tmp_path: Path) -> None:
     ) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == b"held\n"
-        assert is_held(file)
+        assert is_locked(file)
         time.sleep(0.2)  # the worker has begun
         process.kill()
         process.wait()
-        lock = lock_of_dead(file)
+        lock = take_stale_lock(file)
         assert lock is not None
         lock.close()
 
 
 def test_a_lock_that_went_with_its_folder_is_nobodys(tmp_path: Path) -> None:
     assert take_lock(tmp_path / "gone" / LOCK_NAME) is None
-    assert lock_of_dead(tmp_path / "gone" / LOCK_NAME) is None
+    assert take_stale_lock(tmp_path / "gone" / LOCK_NAME) is None
     (tmp_path / LOCK_NAME).symlink_to(tmp_path / "elsewhere")
-    assert lock_of_dead(tmp_path / LOCK_NAME) is None
+    assert take_stale_lock(tmp_path / LOCK_NAME) is None
     assert not (tmp_path / "elsewhere").exists()
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from advpipe.pipeline.campaigns.sweep.options import SweepOptions
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.options import check_bounds, described, option
+from advpipe.pipeline.core.options import check_bounds, option, parser_options
 from advpipe.stages.evaluate.options import Options
 
 
@@ -23,8 +23,8 @@ class Rounds:
 
 
 def test_help_bounds_and_defaults() -> None:
-    assert described(Rounds, "rounds") == {"help": "How often.", "min": 1}
-    assert described(Rounds, "name") == {"help": "Whose."}
+    assert parser_options(Rounds, "rounds") == {"help": "How often.", "min": 1}
+    assert parser_options(Rounds, "name") == {"help": "Whose."}
     assert Rounds.rounds == Rounds().rounds == 3
 
 

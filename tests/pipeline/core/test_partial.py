@@ -92,7 +92,7 @@ def test_what_is_not_made_anew_stays(tmp_path: Path) -> None:
 def test_items_of_somebody_else_are_not_replaced(tmp_path: Path, name: str) -> None:
     (tmp_path / "out" / name).parent.mkdir(parents=True)
     (tmp_path / "out" / name).write_text("keep")
-    with pytest.raises(AdvpipeError, match=r"but no data/mark, so it is no thing; not replacing it"):
+    with pytest.raises(AdvpipeError, match=r"but no data/mark, so it is not a thing; it is not replaced"):
         fill(tmp_path / "out", "1")
     assert contents(tmp_path) == {f"out/{name}": "keep"}
 
@@ -102,7 +102,7 @@ def test_a_folder_that_appears_meanwhile_stays(tmp_path: Path) -> None:
     (staged.__enter__() / "info").write_text("new")
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "info").write_text("keep")
-    with pytest.raises(AdvpipeError, match="exists already"):
+    with pytest.raises(AdvpipeError, match="already exists"):
         staged.__exit__(None, None, None)
     assert contents(tmp_path) == {"out/info": "keep"}
 

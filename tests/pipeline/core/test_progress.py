@@ -12,7 +12,7 @@ import pytest
 from advpipe.pipeline.core import progress
 from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.core.streams import safe_streams
-from advpipe.pipeline.core.verbosity import Verbosity, speaking
+from advpipe.pipeline.core.verbosity import Verbosity, use_verbosity
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def test_what_is_quick_is_silent(capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.usefixtures("four_seconds_each")
 def test_quiet(capsys: pytest.CaptureFixture[str]) -> None:
-    with speaking(Verbosity(quiet=True)):
+    with use_verbosity(Verbosity(quiet=True)):
         assert len(list(track(range(100), "read", 100))) == 100
     assert capsys.readouterr() == ("", "")
 

@@ -85,7 +85,7 @@ def run_code(tmp_path: Path, code: str) -> subprocess.CompletedProcess[str]:
     script.write_text(
         "import os, signal, sys, time\n"
         "from advpipe.pipeline.core import signals\n"
-        "from advpipe.pipeline.process.endings import ended\n"
+        "from advpipe.pipeline.process.failures import ended\n"
         f"sys.path.insert(0, {str(tmp_path)!r})\n"
         "__name__ = 'advpipe.stages.busy'\n"
         f"{code}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from advpipe.pipeline.core.text import LINE_LIMIT, one_line, spelt_out
+from advpipe.pipeline.core.text import LINE_LIMIT, escape_unprintable, one_line
 
 
 @pytest.mark.parametrize(
@@ -25,7 +25,7 @@ from advpipe.pipeline.core.text import LINE_LIMIT, one_line, spelt_out
     ],
 )
 def test_what_a_terminal_would_obey_is_spelt_out(text: str, shown: str) -> None:
-    assert spelt_out(text) == shown
+    assert escape_unprintable(text) == shown
 
 
 def test_a_long_value_keeps_its_start_and_the_hint_at_the_end() -> None:

@@ -7,11 +7,11 @@ import warnings
 import pytest
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.verbosity import Verbosity, detail, notice, phase, say, speaking
+from advpipe.pipeline.core.verbosity import Verbosity, detail, notice, phase, say, use_verbosity
 
 
 def told(capsys: pytest.CaptureFixture[str], **how: bool) -> tuple[str, str]:
-    with speaking(Verbosity(**how)):
+    with use_verbosity(Verbosity(**how)):
         say("cell")
         notice("note\x1b")
         with phase("work"):

@@ -12,7 +12,7 @@ import pytest
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.dataset import checksums
 from advpipe.pipeline.dataset.archive import Limits, contents, pack, unpack_archive
-from advpipe.pipeline.dataset.lay_out import lay_out
+from advpipe.pipeline.dataset.lay_out import write_folder
 from advpipe.pipeline.dataset.layout import read_layout
 
 NAMES = ("README.md", "clean/clean_0.mcap", "clean/metadata.yaml", "figures/größe.png", "e/" * 60 + "empty")
@@ -115,9 +115,9 @@ def test_what_is_cut_off_or_missing_is_said(tmp_path: Path, folder: Path) -> Non
         refused(archive, "cut off")
     for garbage in (b"x", bytes(512), bytes(10_240)):
         archive.write_bytes(good + garbage)
-        refused(archive, "something follows the archive's end")
+        refused(archive, "there is data after the archive's end")
     archive.unlink()
-    refused(archive, "does not exist, nor town.tar.000")
+    refused(archive, "nor ")
     parts = pack(contents(folder), archive, 10_240)[:-1]
     for part, message in (
         (parts[0], "town.tar.000 is missing"),
@@ -129,13 +129,13 @@ def test_what_is_cut_off_or_missing_is_said(tmp_path: Path, folder: Path) -> Non
         (tmp_path / "away").rename(part)
     whole = parts[1].read_bytes()
     parts[1].write_bytes(whole[:-1])
-    refused(archive, "town.tar.001 has another size than town.tar.000")
+    refused(archive, "town.tar.001 differs in size from town.tar.000")
     parts[1].write_bytes(whole)
     (tmp_path / "town.tar.sha256").unlink()
     parts[-1].unlink()
     refused(archive, "cut off")
     archive.write_bytes(good)
-    refused(archive, "there are both")
+    refused(archive, "both ")
 
 
 def member(name: str, kind: bytes = tarfile.REGTYPE, data: bytes = b"x", link: str = "") -> tarfile.TarInfo:
@@ -145,22 +145,25 @@ def member(name: str, kind: bytes = tarfile.REGTYPE, data: bytes = b"x", link: s
 
 
 HOSTILE: dict[str, tuple[list[tarfile.TarInfo], str]] = {
-    "up": ([member("town/../../evil")], "leads out of"),
-    "absolute": ([member("/tmp/evil")], "leads out of"),
-    "no folder": ([member("evil")], "leads out of"),
-    "two folders": ([member("a/x"), member("b/y")], "leads out of"),
+    "up": ([member("town/../../evil")], "is outside the data set's folder"),
+    "absolute": ([member("/tmp/evil")], "is outside the data set's folder"),
+    "no folder": ([member("evil")], "is outside the data set's folder"),
+    "two folders": ([member("a/x"), member("b/y")], "is outside the data set's folder"),
     "twice": ([member("town/a"), member("town/a")], "comes twice or out of order"),
     "file as folder": ([member("town/a"), member("town/a/b")], "comes twice on this file system"),
     "our lock": ([member("town/.lock")], "comes twice on this file system"),
-    "symbolic link": ([member("town/a", tarfile.SYMTYPE, b"", "/etc")], "not as `advpipe share` writes"),
-    "hard link": ([member("town/a", tarfile.LNKTYPE, b"", "/etc/passwd")], "not as `advpipe share` writes"),
-    "device": ([member("town/a", tarfile.CHRTYPE, b"")], "not as `advpipe share` writes"),
-    "pipe": ([member("town/a", tarfile.FIFOTYPE, b"")], "not as `advpipe share` writes"),
-    "sparse": ([member("town/a", tarfile.GNUTYPE_SPARSE, b"")], "not as `advpipe share` writes"),
-    "control sign": ([member("town/a\x1b[2J")], "leads out of"),
-    "backslash": ([member("town\\..\\evil/a")], "leads out of"),
-    "drive letter": ([member("town/C:evil")], "leads out of"),
-    "long name": ([member("town/" + "a/" * 5000 + "a")], "not as `advpipe share` writes"),
+    "symbolic link": ([member("town/a", tarfile.SYMTYPE, b"", "/etc")], "is not what `advpipe share` writes"),
+    "hard link": (
+        [member("town/a", tarfile.LNKTYPE, b"", "/etc/passwd")],
+        "is not what `advpipe share` writes",
+    ),
+    "device": ([member("town/a", tarfile.CHRTYPE, b"")], "is not what `advpipe share` writes"),
+    "pipe": ([member("town/a", tarfile.FIFOTYPE, b"")], "is not what `advpipe share` writes"),
+    "sparse": ([member("town/a", tarfile.GNUTYPE_SPARSE, b"")], "is not what `advpipe share` writes"),
+    "control sign": ([member("town/a\x1b[2J")], "is outside the data set's folder"),
+    "backslash": ([member("town\\..\\evil/a")], "is outside the data set's folder"),
+    "drive letter": ([member("town/C:evil")], "is outside the data set's folder"),
+    "long name": ([member("town/" + "a/" * 5000 + "a")], "is not what `advpipe share` writes"),
     "deep folders": ([member("town/" + "a/" * 1900 + "a")], "more than 100 levels deep"),
     "nothing": ([], "holds no SHA256SUMS"),
     "no list": ([member("town/a")], "holds no SHA256SUMS"),
@@ -199,7 +202,7 @@ def test_limits_and_declared_sizes_hold(
 ) -> None:
     archive, _ = pack(contents(folder), tmp_path / "town.tar")
     refused(archive, "more than 3 files", files=3)
-    refused(archive, "more than the limit 1000", bytes=1000)
+    refused(archive, "the limit is 1000", bytes=1000)
     huge = tmp_path / "huge.tar"
     for size_bytes in (10**15, 8**11 - 1, 20_000):
         info = member("town/a")
@@ -214,7 +217,7 @@ def test_limits_and_declared_sizes_hold(
 def test_a_list_that_does_not_fit_is_refused(tmp_path: Path, folder: Path) -> None:
     (folder / "extra").write_text("")
     archive, _ = pack_anyway(folder, tmp_path / "town.tar")
-    refused(archive, "extra is not the file that SHA256SUMS lists")
+    refused(archive, "extra does not match SHA256SUMS")
     checksums.write(folder)
     (folder / "extra").unlink()
     archive, _ = pack_anyway(folder, archive)
@@ -232,19 +235,19 @@ def pack_anyway(folder: Path, archive: Path) -> tuple[Path, None]:
 def test_outputs_are_not_replaced_unasked(tmp_path: Path, folder: Path) -> None:
     archive = tmp_path / "town.tar"
     parts = pack(contents(folder), archive, 10_240)
-    with pytest.raises(AdvpipeError, match=r"town\.tar\.000 exists already, not overwriting"):
+    with pytest.raises(AdvpipeError, match=r"town\.tar\.000 already exists"):
         pack(contents(folder), archive)
     pack(contents(folder), archive, overwrite=True)
     assert not any(part.exists() for part in parts[:-1])
-    with pytest.raises(AdvpipeError, match="town exists already, not overwriting"):
+    with pytest.raises(AdvpipeError, match="town already exists"):
         unpack_archive(archive)
     with pytest.raises(AdvpipeError, match="is a folder; give the archive"):
         unpack_archive(folder)
     with pytest.raises(AdvpipeError, match=r"^\. is a folder; give the archive"):
         unpack_archive(Path())
-    with pytest.raises(AdvpipeError, match=r"ends in \.tar"):
+    with pytest.raises(AdvpipeError, match=r"must end in \.tar"):
         pack(contents(folder), tmp_path / "town.zip")
-    with pytest.raises(AdvpipeError, match="no signs that paths need"):
+    with pytest.raises(AdvpipeError, match="no characters that paths reserve"):
         pack(contents(folder), tmp_path / "a\nb.tar")
     with pytest.raises(AdvpipeError, match="too small"):
         pack(contents(folder), tmp_path / "b.tar", 100)
@@ -267,16 +270,16 @@ def test_files_and_their_list_must_fit(tmp_path: Path, folder: Path) -> None:
     with pytest.raises(AdvpipeError, match=r"README\.md is missing, though it lists it"):
         pack({name: path for name, path in files.items() if name != "README.md"}, tmp_path / "a.tar")
     with pytest.raises(AdvpipeError, match="more is not listed"):
-        lay_out({**files, "more": files["README.md"]}, tmp_path / "a")
+        write_folder({**files, "more": files["README.md"]}, tmp_path / "a")
     assert [path.name for path in tmp_path.iterdir()] == ["town"]
 
 
 def test_a_laid_out_folder_is_the_same(tmp_path: Path, folder: Path) -> None:
-    lay_out(contents(folder), tmp_path / "new")
+    write_folder(contents(folder), tmp_path / "new")
     assert bytes_of(tmp_path / "new") == bytes_of(folder)
     with pytest.raises(AdvpipeError, match="new exists already"):
-        lay_out(contents(folder), tmp_path / "new")
+        write_folder(contents(folder), tmp_path / "new")
     (folder / "README.md").write_text("other", encoding="utf-8")
     with pytest.raises(AdvpipeError, match=r"README\.md changed while it was copied"):
-        lay_out(contents(folder), tmp_path / "newer")
+        write_folder(contents(folder), tmp_path / "newer")
     assert not (tmp_path / "newer").exists()

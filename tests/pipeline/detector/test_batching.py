@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "stages" / "attack"))
 from linear_detector import BOX, LinearVoxelDetector
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.detector.batching import run_together
+from advpipe.pipeline.detector.batching import run_batched
 from advpipe.pipeline.detector.protocol import VoxelDetector
 from advpipe.pipeline.messages.cloud import POINT_DTYPE
 
@@ -53,7 +53,7 @@ class Batches(LinearVoxelDetector):
 
     def occupancy_loss_batch(self, inputs):
         self._note("occupancy_loss", [each.points for each in inputs])
-        return [self.occupancy_loss(each.points, each.boxes, each.labels, each.ghosts) for each in inputs]
+        return [self.occupancy_loss(each.points, each.boxes, each.labels, each.probes) for each in inputs]
 
 
 def cloud_of(points):
@@ -73,13 +73,13 @@ def asks_everything(number: int):
 
     def work(detector):
         assert isinstance(detector, VoxelDetector)
-        leaf, ghosts = points_of(number).requires_grad_(), points_of(100 + number)[:5]
+        leaf, probes = points_of(number).requires_grad_(), points_of(100 + number)[:5]
         loss = detector.loss(0.9 * leaf, BOXES, LABELS)  # not of a leaf
         (to_points,) = torch.autograd.grad(2 * loss, leaf)
         with torch.no_grad():
             still = detector.loss(leaf, BOXES, LABELS)
         assert not still.requires_grad
-        of_occupancy, occupancy, rows = detector.occupancy_loss(leaf, BOXES, LABELS, ghosts)
+        of_occupancy, occupancy, rows = detector.occupancy_loss(leaf, BOXES, LABELS, probes)
         assert occupancy.is_leaf
         assert occupancy.requires_grad
         gradients = torch.autograd.grad(of_occupancy, [occupancy, leaf])
@@ -93,7 +93,7 @@ def asks_everything(number: int):
 def test_each_hears_what_the_detector_would_tell_it_alone():
     detector = Batches()
     works = [asks_everything(number) for number in range(5)]
-    for result, work in zip(run_together(detector, works), works, strict=True):
+    for result, work in zip(run_batched(detector, works), works, strict=True):
         for part, wanted in zip(result, work(Batches()), strict=True):
             np.testing.assert_array_equal(part, wanted)
     assert detector.batches == [("loss", 5)] * 2 + [("occupancy_loss", 5), ("detect", 5)]
@@ -108,7 +108,7 @@ def test_there_is_no_second_derivative():
         gradient.sum().backward()
 
     with pytest.raises(RuntimeError, match="does not require grad"):
-        run_together(Batches(), [work, work])
+        run_batched(Batches(), [work, work])
 
 
 def asks(*kinds, pause_s=0.0):
@@ -129,7 +129,7 @@ def asks(*kinds, pause_s=0.0):
 def test_what_shares_a_batch_hangs_on_no_timing(slow):
     detector = Batches()
     words = [("loss", "detect", "loss"), ("detect", "loss"), ("loss", "loss", "detect", "detect", "loss")]
-    run_together(detector, [asks(*each, pause_s=0.02 * (n == slow)) for n, each in enumerate(words)])
+    run_batched(detector, [asks(*each, pause_s=0.02 * (n == slow)) for n, each in enumerate(words)])
     # Two ask for a loss, so the detection of the second one waits, and is in step with the first one's then.
     assert detector.batches == [
         *[("loss", 2), ("detect", 2), ("loss", 3)],
@@ -152,14 +152,14 @@ def test_a_bad_question_is_told_to_who_asked_it_alone():
     def good(detector):
         return [float(detector.loss(points_of(n), BOXES, LABELS).detach()) for n in (2, 3)]
 
-    results = run_together(Batches(), [good, caught, good])
+    results = run_batched(Batches(), [good, caught, good])
     alone = float(Batches().loss(points_of(1), BOXES, LABELS).detach())
     assert results == [good(Batches()), alone, good(Batches())]
 
 
 def test_a_batch_too_large_is_computed_one_by_one():
     detector = Batches(most=1)
-    run_together(detector, [asks("loss"), asks("loss")])
+    run_batched(detector, [asks("loss"), asks("loss")])
     assert detector.batches == [("loss", 2), ("loss", 1), ("loss", 1)]
 
 
@@ -183,7 +183,7 @@ def test_the_first_error_that_nobody_catches_ends_all(error):
 
     before = threading.active_count()
     with pytest.raises(error, match="first"):
-        run_together(Batches(), [endless, fails("first"), endless, fails("second")])
+        run_batched(Batches(), [endless, fails("first"), endless, fails("second")])
     assert ended == [True, True]
     assert threading.active_count() == before
 
@@ -195,10 +195,10 @@ def test_an_interruption_while_a_batch_is_computed_ends_all():
 
     before = threading.active_count()
     with pytest.raises(KeyboardInterrupt):
-        run_together(Interrupted(), [asks("loss", "detect"), asks("loss", "detect", "loss")])
+        run_batched(Interrupted(), [asks("loss", "detect"), asks("loss", "detect", "loss")])
     assert threading.active_count() == before
 
 
 def test_works_that_ask_nothing():
-    assert run_together(Batches(), [lambda detector: detector.classes, lambda detector: 7]) == [("car",), 7]
-    assert run_together(Batches(), []) == []
+    assert run_batched(Batches(), [lambda detector: detector.classes, lambda detector: 7]) == [("car",), 7]
+    assert run_batched(Batches(), []) == []

@@ -80,7 +80,7 @@ def rewritten(path, change):
         (lambda about, tensors: about.update(classes=4), "no detector checkpoint of advpipe"),
         (lambda about, tensors: about.update(provenance=None), "no detector checkpoint of advpipe"),
         (lambda about, tensors: about.update(provenance={"seed": 7}), "advpipe: provenance.seed"),
-        (lambda about, tensors: about.update(provenance={"a": float("nan")}), "not read as JSON: NaN"),
+        (lambda about, tensors: about.update(provenance={"a": float("nan")}), "not valid JSON: NaN"),
         (lambda about, tensors: about.update(provenance={"a": "\ud800"}), "surrogate"),
         (lambda about, tensors: about.update(preset="x" * 100_000), "advpipe: preset"),
         (lambda about, tensors: about.update(classes=[5]), "advpipe: classes.0"),

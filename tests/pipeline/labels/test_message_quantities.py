@@ -51,6 +51,5 @@ def test_an_added_message() -> None:
     }
     bounds = {"messages_added_per_s": (0.0, 40.0), "delay_s": (2.0, 4.0)}
     assert list(excesses(change, bounds, MESSAGE_QUANTITIES)) == [
-        "messages that an attacker added within a second: 41, where 0 to 40 is declared "
-        "(messages_added_per_s)"
+        "messages an attacker added within one second: 41, where 0 to 40 is declared (messages_added_per_s)"
     ]

@@ -61,10 +61,13 @@ def test_nothing_changed_measures_nothing() -> None:
         ),
         ({"points_added": (3, 3)}, ["points added: 1, where 3 is declared (points_added)"]),
         ({"share_removed": (0.0, 0.015)}, []),
-        ({"share_removed": (0.0, 0.0149)}, ["least share of the points that rounds to those removed: 0.015"]),
+        (
+            {"share_removed": (0.0, 0.0149)},
+            ["smallest share of the points that rounds to the number removed: 0.015"],
+        ),
         (
             {"max_added_distance_m": (0.0, 0.5), "max_intensity_change": (0.0, 0.2)},
-            ["by how much an intensity"],
+            ["largest change of an intensity"],
         ),
     ],
 )

@@ -13,7 +13,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.messages import build
-from advpipe.pipeline.messages.message_bounds import absurdity
+from advpipe.pipeline.messages.message_bounds import implausibility
 from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATIONS, VehicleTopics
 from advpipe.pipeline.messages.v2x import RadioPlace, received_messages, sent_message, stations_message
 from advpipe.pipeline.v2x.channel import Received, Sent
@@ -52,7 +52,7 @@ def test_stations(tmp_path: Path, field: str, value: float) -> None:
         "turn": station.pose.orientation,
     }[field]
     part.x = value
-    assert absurdity(V2X_STATIONS.name, V2X_STATIONS.type, message)
+    assert implausibility(V2X_STATIONS.name, V2X_STATIONS.type, message)
 
 
 def test_station_twice_and_no_rotation(tmp_path: Path) -> None:
@@ -66,7 +66,7 @@ def test_station_twice_and_no_rotation(tmp_path: Path) -> None:
     _, message = decoded(stations_message(5, [PLACE]), tmp_path / "bag")
     turn = message.stations[0].pose.orientation
     turn.x = turn.y = turn.z = turn.w = 0.0
-    assert "is no rotation" in absurdity(V2X_STATIONS.name, V2X_STATIONS.type, message)
+    assert "is not a rotation" in implausibility(V2X_STATIONS.name, V2X_STATIONS.type, message)
 
 
 @pytest.mark.parametrize(
@@ -127,8 +127,8 @@ def test_another_type_on_our_topic(tmp_path: Path) -> None:
 def test_a_fix_without_a_place_is_sound() -> None:
     for latitude, expected in ((float("nan"), ""), (1e9, "has the latitude"), (48.0, "")):
         fix = build.nav_sat_fix(5, latitude, 11.0, 500.0)
-        assert absurdity("/ego/gnss/fix", EGO.gnss_fix.type, fix).startswith(expected)
-        assert bool(absurdity("/ego/gnss/fix", EGO.gnss_fix.type, fix)) == bool(expected)
+        assert implausibility("/ego/gnss/fix", EGO.gnss_fix.type, fix).startswith(expected)
+        assert bool(implausibility("/ego/gnss/fix", EGO.gnss_fix.type, fix)) == bool(expected)
 
 
 def test_names(tmp_path: Path) -> None:

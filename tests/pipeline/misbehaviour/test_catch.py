@@ -13,7 +13,7 @@ from advpipe.pipeline.misbehaviour.catch import (
     catch_factors,
     catch_flags,
     catch_messages,
-    least_and_most_way_m,
+    travel_bounds_m,
 )
 from advpipe.pipeline.misbehaviour.claim import Claim, ReceivingVehicle
 
@@ -56,11 +56,11 @@ def test_position_and_speed_consistency(make: Make, ego: ReceivingVehicle) -> No
 def test_shortest_and_longest_way() -> None:
     """From 10 to 10 m/s in 2 s at ±2 m/s²: up to 12 and down is 22 m, down to 8 and up is 18 m."""
     speeds = np.array([10.0])
-    least, most = least_and_most_way_m(speeds, speeds, np.array([2.0]), 2.0, 2.0)
+    least, most = travel_bounds_m(speeds, speeds, np.array([2.0]), 2.0, 2.0)
     assert least[0] == pytest.approx(18.0)
     assert most[0] == pytest.approx(22.0)
     # From 2 to 2 m/s in 4 s it can stop in between: 1 m to brake, 1 m to get going.
-    least, _ = least_and_most_way_m(np.array([2.0]), np.array([2.0]), np.array([4.0]), 2.0, 2.0)
+    least, _ = travel_bounds_m(np.array([2.0]), np.array([2.0]), np.array([4.0]), 2.0, 2.0)
     assert least[0] == pytest.approx(2.0)
 
 

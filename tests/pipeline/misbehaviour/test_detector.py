@@ -38,7 +38,7 @@ def flags(claims: Sequence[Claim], ego: ReceivingVehicle, config: DetectorConfig
 def reasons(claim: Claim, before: Sequence[Claim], ego: ReceivingVehicle) -> set[str]:
     claims = [*before, claim]
     judged = judge_all(claims, [ego] * len(claims), CONFIG)
-    return {name for name, bad in zip(CHECKS, judged.because(CONFIG)[-1], strict=True) if bad}
+    return {name for name, bad in zip(CHECKS, judged.triggered(CONFIG)[-1], strict=True) if bad}
 
 
 def test_honest_messages_pass(make: Make, ego: ReceivingVehicle) -> None:
@@ -46,22 +46,22 @@ def test_honest_messages_pass(make: Make, ego: ReceivingVehicle) -> None:
 
 
 def test_a_constant_offset_is_a_lie_for_as_long_as_it_lasts(make: Make, ego: ReceivingVehicle) -> None:
-    """After 4 s everything is 30 m to the side; the places agree with each other from the second lie on."""
-    lies = [one._replace(y_m=30.0) for one in drive(make, 4.0)]
-    assert flags([*drive(make, stop_s=4.0), *lies], ego) == [False] * 10 + [True] * 10
+    """After 4 s all positions are 30 m to the side; from the second false message on they are consistent."""
+    false_ones = [one._replace(y_m=30.0) for one in drive(make, 4.0)]
+    assert flags([*drive(make, stop_s=4.0), *false_ones], ego) == [False] * 10 + [True] * 10
 
 
 def test_who_returns_to_the_truth_soon_is_believed(make: Make, ego: ReceivingVehicle) -> None:
-    lies = [one._replace(y_m=30.0) for one in drive(make, 4.0, 5.6)]
-    found = flags([*drive(make, stop_s=4.0), *lies, *drive(make, 5.6)], ego)
+    false_ones = [one._replace(y_m=30.0) for one in drive(make, 4.0, 5.6)]
+    found = flags([*drive(make, stop_s=4.0), *false_ones, *drive(make, 5.6)], ego)
     assert found == [False] * 10 + [True] * 4 + [False] * 6
 
 
 def test_pardon(make: Make, ego: ReceivingVehicle) -> None:
     """A jump to the side is pardoned once the messages after it agree for 2 s."""
-    lies = [one._replace(y_m=30.0) for one in drive(make, 4.0)]
+    false_ones = [one._replace(y_m=30.0) for one in drive(make, 4.0)]
     lenient = replace(CONFIG, pardon_s=2.0)
-    found = flags([*drive(make, stop_s=4.0), *lies], ego, lenient)
+    found = flags([*drive(make, stop_s=4.0), *false_ones], ego, lenient)
     assert found == [False] * 10 + [True] * 6 + [False] * 4
 
 
@@ -118,9 +118,9 @@ def test_old_messages(make: Make, ego: ReceivingVehicle) -> None:
 
 
 def test_two_in_one_place(make: Make, ego: ReceivingVehicle) -> None:
-    """A second station drives half a metre beside the first: the one heard for less long is flagged."""
-    ghost = drive(make, 4.0, station_id=9, y_m=0.5)
-    claims = [*drive(make), *(one._replace(arrival_ns=one.arrival_ns + 1) for one in ghost)]
+    """A second station drives half a metre beside the first: the one known for a shorter time is flagged."""
+    ghost_vehicle = drive(make, 4.0, station_id=9, y_m=0.5)
+    claims = [*drive(make), *(one._replace(arrival_ns=one.arrival_ns + 1) for one in ghost_vehicle)]
     assert flags(claims, ego) == [False] * 10 + [False, True] * 10
 
 
@@ -167,7 +167,7 @@ def test_a_minute_of_a_hundred_stations_is_quick_and_the_same_again(
 
 
 def test_unknown_checks_are_refused() -> None:
-    with pytest.raises(ValueError, match="no check is named hunch; known: decoding"):
+    with pytest.raises(ValueError, match="unknown check 'hunch'; known: decoding"):
         DetectorConfig(thresholds={"hunch": 1.0})
 
 

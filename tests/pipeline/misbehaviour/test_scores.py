@@ -32,12 +32,12 @@ def test_undefined_is_said() -> None:
 
 
 def test_latency_of_those_who_are_caught() -> None:
-    """Liar 1 lies at 1, 2, 3 s and is caught at 3; liar 2 lies at 5 and is not; liar 3 at once."""
-    liars = np.array([1, 1, 1, 2, 3, 1])
+    """Attacker 1 sends at 1, 2, 3 s and is detected at 3; attacker 2 sends at 5, undetected; 3 at once."""
+    senders = np.array([1, 1, 1, 2, 3, 1])
     times_s = np.array([1.0, 2.0, 3.0, 5.0, 6.0, 0.5])
     truth = np.array([True, True, True, True, True, False])
     flagged = np.array([False, False, True, False, True, True])
-    found = scores(flagged, truth, liars, times_s)
+    found = scores(flagged, truth, senders, times_s)
     assert found.latency_s == pytest.approx((2.0 + 0.0) / 2)
     assert found.caught == pytest.approx(2 / 3)
     assert (found.true_positives, found.false_positives) == (2, 1)

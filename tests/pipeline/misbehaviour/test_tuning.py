@@ -15,17 +15,20 @@ from advpipe.pipeline.misbehaviour.tuning import Stream, clean_thresholds, tune,
 Make = Callable[..., Claim]
 
 
-def stream(make: Make, ego: ReceivingVehicle, lie_from_s: float | None = None, seed: int = 0) -> Stream:
-    """Three cars in lanes of their own, whose places are off by 0.1 m; lies are 40 m ahead."""
+def stream(make: Make, ego: ReceivingVehicle, false_from_s: float | None = None, seed: int = 0) -> Stream:
+    """Three cars in lanes of their own, whose positions err by 0.1 m; false ones are 40 m ahead."""
     rng = np.random.default_rng(seed)
-    claims, is_lie = [], []
+    claims, is_false = [], []
     for nth in range(30):
         for station in (7, 8, 9):
-            time_s, lies = 0.4 * nth + 0.1 * station, lie_from_s is not None and 0.4 * nth >= lie_from_s
-            x_m = 10 * time_s + rng.normal(0, 0.1) + (40.0 if lies and station == 9 else 0.0)
+            time_s, is_false_now = (
+                0.4 * nth + 0.1 * station,
+                false_from_s is not None and 0.4 * nth >= false_from_s,
+            )
+            x_m = 10 * time_s + rng.normal(0, 0.1) + (40.0 if is_false_now and station == 9 else 0.0)
             claims.append(make(time_s, station_id=station, x_m=x_m, y_m=10.0 * station))
-            is_lie.append(lies and station == 9)
-    return Stream(claims, [ego] * len(claims), np.array(is_lie), "offset" if lie_from_s else "")
+            is_false.append(is_false_now and station == 9)
+    return Stream(claims, [ego] * len(claims), np.array(is_false), "offset" if false_from_s else "")
 
 
 def test_thresholds_are_what_honest_messages_reach_times_the_margin(
@@ -50,8 +53,8 @@ def test_the_more_may_be_above_the_lower(make: Make, ego: ReceivingVehicle) -> N
 
 
 def test_tuned_on_one_it_tells_lies_apart_on_another(make: Make, ego: ReceivingVehicle) -> None:
-    clean, lying = stream(make, ego), stream(make, ego, 6.0, seed=1)
-    found = tune([clean], [lying])
+    clean, attacked = stream(make, ego), stream(make, ego, 6.0, seed=1)
+    found = tune([clean], [attacked])
     assert found.false_positive_rate == 0.0
     assert found.mean_f1 == pytest.approx(1.0)
 
@@ -64,8 +67,8 @@ def test_where_no_setting_is_within_the_bound(make: Make, ego: ReceivingVehicle)
 
 
 def test_the_baseline_is_the_same_again(make: Make, ego: ReceivingVehicle) -> None:
-    clean, lying = stream(make, ego), stream(make, ego, 6.0, seed=1)
-    one, other = (tune_catch([clean], [lying], seed=3) for _ in range(2))
+    clean, attacked = stream(make, ego), stream(make, ego, 6.0, seed=1)
+    one, other = (tune_catch([clean], [attacked], seed=3) for _ in range(2))
     assert one == other
     assert one.false_positive_rate <= 0.005
     assert one.mean_f1 > 0

@@ -19,7 +19,7 @@ from advpipe.pipeline.replay.v2x_drive import LONGEST_STEP_NS, V2xDrive
 
 
 def test_a_bag_without_v2x(tmp_path: Path, record: Callable[..., Path]) -> None:
-    with pytest.raises(AdvpipeError, match=r"bag has no /.*: no V2X to send again"):
+    with pytest.raises(AdvpipeError, match=r"bag has no /.*, so there is no V2X to replay"):
         V2xDrive(BagReader(record(tmp_path / "bag", frames=1)))
 
 
@@ -28,7 +28,7 @@ def test_a_scenario_that_is_none(tmp_path: Path, info: str) -> None:
     with BagWriter(tmp_path / "bag", provenance={}) as writer:
         writer.write(SCENARIO_INFO, string(info), 5)
         writer.write_cdr(*stations_message(5, ()))
-    with pytest.raises(AdvpipeError, match="/scenario/info holds no scenario of this version"):
+    with pytest.raises(AdvpipeError, match="/scenario/info does not hold a scenario of this version"):
         V2xDrive(BagReader(tmp_path / "bag"))
 
 
@@ -43,7 +43,7 @@ def test_a_step_that_lasts_too_long(tmp_path: Path) -> None:
 def test_a_drive_after_the_last_time_stamp(tmp_path: Path) -> None:
     """What is sent again could not be stamped."""
     drive = V2xDrive(BagReader(_stations_at(tmp_path / "bag", LATEST_NS, LATEST_NS + 1)))
-    with pytest.raises(AdvpipeError, match=r"/v2x/stations at \d+ ns lies after January 2038"):
+    with pytest.raises(AdvpipeError, match=r"/v2x/stations at \d+ ns is after January 2038"):
         list(drive.steps())
 
 

@@ -8,17 +8,19 @@ from pathlib import Path
 import pytest
 from jsonschema import Draft202012Validator
 
+from advpipe.pipeline.results.deprecated import new_key
 from advpipe.pipeline.results.evaluation import SCHEMA
 from advpipe.pipeline.results.figures import CRITERIA
 from advpipe.pipeline.results.schema import report_schema, report_schema_json
 from advpipe.stages.evaluate.detection import scoring
 from advpipe.stages.evaluate.detection.baseline import baseline_words
 
-PUBLISHED = Path(__file__).parents[3] / "docs" / "schemas" / "report-1.json"
+SCHEMAS = Path(__file__).parents[3] / "docs" / "schemas"
+PUBLISHED, EARLIER = SCHEMAS / "report-2.json", SCHEMAS / "report-1.json"
 
 
 def test_the_published_schema_is_that_of_the_code():
-    """`advpipe schema --of report --out docs/schemas/report-1.json --overwrite` brings it up to date."""
+    """`advpipe schema --of report --out docs/schemas/report-2.json --overwrite` brings it up to date."""
     assert PUBLISHED.read_text() == report_schema_json() + "\n"
     assert f"advpipe-{PUBLISHED.stem}" == SCHEMA
     Draft202012Validator.check_schema(report_schema())
@@ -34,21 +36,21 @@ def test_it_knows_every_criterion_and_baseline():
 @pytest.mark.parametrize(
     ("change", "where"),
     [
-        (lambda report: report.update(schema="advpipe-report-2"), "schema"),
+        (lambda report: report.update(schema="advpipe-report-1"), "schema"),
         (lambda report: report.pop("rows"), ""),
         (lambda report: report["provenance"].update(seed="none"), "provenance.seed"),
         (lambda report: report["provenance"]["clean"].pop("sha256"), "provenance.clean"),
         (lambda report: report.update(v2x={}), "v2x"),
         (lambda report: report.update(radar=[]), ""),
         (lambda report: report["coordinated"][0].pop("attacks"), "coordinated.0"),
-        (lambda report: report["coordinated"][0].update(struck_fixes=None), "coordinated.0.struck_fixes"),
-        (lambda report: report["coordinated"][0].update(struck_radars=1), "coordinated.0"),
+        (lambda report: report["coordinated"][0].update(attacked_fixes=None), "coordinated.0.attacked_fixes"),
+        (lambda report: report["coordinated"][0].update(attacked_radars=1), "coordinated.0"),
     ],
 )
 def test_what_is_no_report_is_refused(change, where):
     report = {
         "schema": SCHEMA,
-        "banners": [],
+        "warnings": [],
         "formulas": {},
         "provenance": {
             "advpipe": "0",
@@ -65,7 +67,7 @@ def test_what_is_no_report_is_refused(change, where):
         "rows": [],
         "v2x": [],
         "coordinated": [
-            {"bag": "three", "vehicle": "ego", "attacks": {"fixes": ["gnss-jump"]}, "struck_fixes": 4}
+            {"bag": "three", "vehicle": "ego", "attacks": {"fixes": ["gnss-jump"]}, "attacked_fixes": 4}
         ],
     }
     report = json.loads(json.dumps(report))
@@ -74,3 +76,25 @@ def test_what_is_no_report_is_refused(change, where):
     change(report)
     (error,) = validator.iter_errors(report)
     assert ".".join(map(str, error.absolute_path)) == where
+
+
+def test_every_key_of_the_earlier_schema_is_still_allowed():
+    """Old keys are deprecated, not gone; report-1.json stays published for the reports that keep to it."""
+    earlier, now = json.loads(EARLIER.read_text()), report_schema()
+    Draft202012Validator.check_schema(earlier)
+    before, after = dict(keys_of(earlier)), dict(keys_of(now))
+    assert before.keys() <= after.keys()
+    renamed = {place for place in before if new_key(place[-1])}
+    assert {("banners",), ("v2x", "attacks", "lies")} <= renamed
+    for place in renamed:
+        of_new = after[(*place[:-1], new_key(place[-1]))]
+        assert after[place] == {**of_new, "deprecated": True}
+
+
+def keys_of(schema, path=()):
+    """Each key that the schema allows, by its path, and the schema of its value."""
+    for keyword in ("properties", "patternProperties"):
+        for key, value in schema.get(keyword, {}).items():
+            place = (*path, key.removeprefix("^"))
+            yield place, value
+            yield from keys_of(value.get("items", value), place)

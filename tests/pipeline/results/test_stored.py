@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from advpipe.pipeline.results.deprecated import with_new_keys
 from advpipe.pipeline.results.evaluation import plain_value
 from advpipe.pipeline.results.stored import stored_row
 
@@ -16,7 +17,7 @@ CELLS = sorted((Path(__file__).parents[3] / "datasets" / "reports").glob("*/cell
 
 def records() -> list[dict[str, Any]]:
     """Those of the committed sweeps: of every attack, and with every baseline."""
-    return [json.loads(path.read_text())["row"] for path in CELLS]
+    return [with_new_keys(json.loads(path.read_text())["row"], path.parent) for path in CELLS]
 
 
 def test_committed_rows_are_written_as_they_were_read() -> None:

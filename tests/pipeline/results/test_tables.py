@@ -23,7 +23,7 @@ RESULT = ResultRow(
     attacked=None,
     recounted=None,
     baselines={},
-    beats_random=None,
+    significant_vs_random=None,
     notes=(),
 )
 MATCH = MatchRow(

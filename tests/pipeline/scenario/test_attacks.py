@@ -94,7 +94,7 @@ def test_bad_schedules(keys: dict[str, object], line: str) -> None:
         ({"type": "detach", "parameters": {"ratio": float("nan")}}, "ratio is nan; it has to be finite"),
         ({"type": "detach", "parameters": {"ratio": {"a": 1}}}, "ratio is a dict; give a number"),
         ({"type": "cam-replay", "attackers": {"share": 0.1, "vehicles": ["a"]}}, "exactly one of"),
-        ({"type": "cam-replay", "attackers": {"vehicles": ["a", "a"]}}, "names one twice"),
+        ({"type": "cam-replay", "attackers": {"vehicles": ["a", "a"]}}, "lists one vehicle twice"),
         ({"type": "cam-replay", "attackers": {"share": float("nan")}}, "finite"),
         ({"type": "no word"}, "pattern"),
         ({"type": 3}, "string"),
@@ -131,12 +131,12 @@ BAD = {
     "attacks:\n  x:\n    - type: detach\n    - type: cam-dos\n      schedule: {from: 3}\n": (
         r"from \(line 8\): unknown key; did you mean 'from_s'"
     ),
-    "attacks:\n  x: []\n": r"attacks\.x \(line 5\): names no attack",
+    "attacks:\n  x: []\n": r"attacks\.x \(line 5\): lists no attack",
     "attacks:\n  x: 3\n": r"attacks\.x \(line 5\): ",
-    "attacks:\n  clean: {type: detach}\n": r"clean has the name of another folder",
+    "attacks:\n  clean: {type: detach}\n": r"clean has a name that data sets reserve",
     "attacks:\n  a/b: {type: detach}\n": r"pattern",
     "attacks:\n  x: {type: detach, schedule: {from_s: 20}}\n": r"begins at 20 s, but the recording",
-    "attacks:\n  x: {type: paa, victim: bob}\n": r"paa has the victim 'bob'; vehicles are ego",
+    "attacks:\n  x: {type: paa, victim: bob}\n": r"paa names the victim .bob., which is not one of",
 }
 
 

@@ -65,32 +65,32 @@ def test_a_word_with_colons_is_no_number_to_base_60() -> None:
 
 
 BAD = {
-    BOMB: (5, "more than 100000 keys and values once its aliases are written out"),
+    BOMB: (5, "more than 100000 keys and values once its aliases are expanded"),
     LONG: (2, "more than 4000000 characters once"),
     MERGES: (None, "more than 100000 keys and values once"),
-    "a: &a [*a]": (1, "an alias stands for a value that holds the alias itself"),
-    "a: &a {b: {c: *a}}": (1, "holds the alias itself"),
+    "a: &a [*a]": (1, "an alias refers to a value that contains the alias itself"),
+    "a: &a {b: {c: *a}}": (1, "contains the alias itself"),
     "a: *b": (1, "not YAML: found undefined alias"),
     "[" * 60: (1, "nested too deeply"),
     "[" * 1_000_000: (1, "nested too deeply"),
     "a:\n" + "- 1\n" * 100_001: (None, "holds more than 100000 keys and values"),
-    "x" * 4_000_001: (None, "4000001 characters are too many"),
+    "x" * 4_000_001: (None, "4000001 characters; at most"),
     "\na: !!bool x": (2, "'x' is no bool"),
     "\na: !!timestamp x": (2, "'x' is no timestamp"),
     "a: !!int ''": (1, "'' is no int"),
     "a: !!float x": (1, "'x' is no float"),
-    "a: !!set {x}": (1, "'tag:yaml.org,2002:set' is not read here"),
-    "a: !!binary aGk=": (1, "'tag:yaml.org,2002:binary' is not read here"),
-    "a: !!python/object:os.system x": (1, "is not read here"),
-    "a: !!int [1]": (1, "'tag:yaml.org,2002:int' is not read here"),
-    "!!omap [a: 1]": (1, "is not read here"),
+    "a: !!set {x}": (1, "'tag:yaml.org,2002:set' is not supported"),
+    "a: !!binary aGk=": (1, "'tag:yaml.org,2002:binary' is not supported"),
+    "a: !!python/object:os.system x": (1, "is not supported"),
+    "a: !!int [1]": (1, "'tag:yaml.org,2002:int' is not supported"),
+    "!!omap [a: 1]": (1, "is not supported"),
     'b: 1\na: "\\ud800"': (2, "U+D800|Unicode"),
     'a: "x\\0y"': (1, r"U\+0000"),
     '"a\\0": 1': (1, r"U\+0000"),
     'a: "\\e[31m"': (1, r"U\+001B"),
     "b: 1\na: \x1b": (2, r"U\+001B"),
-    "a: 1\n1: 2": (2, "'1' is no name of a key"),
-    "? [a]\n: 1": (1, "a list or a mapping is no name of a key"),
+    "a: 1\n1: 2": (2, "'1' is not a valid key"),
+    "? [a]\n: 1": (1, "a list or a mapping is not a valid key"),
     "a: 1\nb: {c: 1, c: 2}": (2, "'c' is given twice"),
     "<<: 5": (1, "<< takes a mapping"),
     "a: 1\n---\nb: 2": (2, "not YAML"),
@@ -121,5 +121,5 @@ def test_bombs_take_neither_time_nor_memory(tmp_path: Path, bomb: str, by_option
         flow = "{" + bomb.strip().replace("\n", ", ") + "}"
         given = ["smoke", f"attacks.x={{type: cam-dos, parameters: {flow}}}"]
     done = subprocess.run([sys.executable, "-c", LOAD, *given], capture_output=True, text=True, check=True)
-    assert "once its aliases are written out" in done.stdout
+    assert "once its aliases are expanded" in done.stdout
     assert "True True" in done.stdout, done.stdout

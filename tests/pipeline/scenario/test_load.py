@@ -52,8 +52,8 @@ BAD = {
     "traffic:\n  mix: {tank: 1}\n": r"traffic\.mix\.tank is no body; known: sedan",
     "traffic:\n  mix: {sedan: 0}\n": r"at least one share above zero",
     "traffic:\n  mix: {sedan: 1.0e+300}\n": r"mix\.sedan \(line 5\): .*less than or equal to 1000000",
-    "simulation:\n  start: 1999-12-31T23:00:00Z\n": r"start is in 1999; .* 2000 to 2037",
-    "simulation:\n  start: 2038-01-01T00:00:00Z\n": r"start is in 2038; .* 2000 to 2037",
+    "simulation:\n  start: 1999-12-31T23:00:00Z\n": r"start is in 1999; .* between 2000 and 2037",
+    "simulation:\n  start: 2038-01-01T00:00:00Z\n": r"start is in 2038; .* between 2000 and 2037",
     "simulation:\n  step_s: 0.0625\nsensors: {lidars: {lidar: {rotation_frequency: 16}}}\n": r"is no whole",
     "simulation:\n  step_s: 0.0015\n": r"whole number of milliseconds",
     "sensors:\n  lidars:\n    lidar:\n      x_m: .nan\n": r"x_m \(line 7\): .*finite",
@@ -63,12 +63,12 @@ BAD = {
     "simulation:\n  seed: 1\n  seed: 2\n": r"mine\.yaml line 6: 'seed' is given twice",
     "name: again\n": r"line 4: 'name' is given twice",
     "simulation:\n  start: 2026-02-30\n": r"mine\.yaml line 5: '2026-02-30' is no timestamp \(day is out",
-    f"simulation:\n  seed: {'9' * 5000}\n": r"mine\.yaml line 5: a number of 5000 characters is too long",
-    f"simulation:\n  seed: 0x{'f' * 5000}\n": r"mine\.yaml line 5: a number of 5002 characters is too long",
+    f"simulation:\n  seed: {'9' * 5000}\n": r"mine\.yaml line 5: a number has 5000 characters",
+    f"simulation:\n  seed: 0x{'f' * 5000}\n": r"mine\.yaml line 5: a number has 5002 characters",
     f"traffic: {'[' * 3000}{']' * 3000}\n": r"nested too deeply",
     f"description: {{a: {'x' * 5000}}}\n": r"description \(line 4\): .{,300}$",
     f"vehicles: [{'x' * 5000}]\n": r"vehicles \(line 4\): .{,300}$",
-    "traffic: &t {mix: *t}\n": r"mine\.yaml line 4: an alias stands for a value that holds the alias itself",
+    "traffic: &t {mix: *t}\n": r"mine\.yaml line 4: an alias refers to a value that contains the alias",
 }
 
 
@@ -88,12 +88,12 @@ def test_bad_keys_and_values_are_named(tmp_path: Path, text: str, message: str) 
         ("name.first=x", "name is a value"),
         ("simulation.seed={", "not YAML"),
         ("simulation.start=2026-02-30", "day is out of range for month"),
-        (f"simulation.seed={'9' * 5000}", r"^--set .{,200}a number of 5000 characters is too long"),
+        (f"simulation.seed={'9' * 5000}", r"^--set .{,200}a number has 5000 characters"),
         (f"traffic={'[' * 3000}", "nested too deeply"),
         ("simulation.duration_s=-1", r"^--set simulation\.duration_s: Input .*, not -1$"),
         ("simulation.duration_s=0.01", r"^--set simulation: duration_s 0\.01 is shorter"),
         ("simulation={duration_s: -1}", r"^--set simulation\.duration_s: "),
-        ("map=&m {origin: *m}", r"^--set 'map=.*holds the alias itself"),
+        ("map=&m {origin: *m}", r"^--set 'map=.*contains the alias itself"),
     ],
     ids=lambda text: text[:40],
 )
@@ -119,7 +119,7 @@ def test_an_unknown_name_lists_the_shipped_ones() -> None:
 
 
 def test_a_map_in_a_circle_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(AdvpipeError, match=r"mine\.yaml line 2: an alias stands for a value that holds"):
+    with pytest.raises(AdvpipeError, match=r"mine\.yaml line 2: an alias refers to a value that contains"):
         load_scenario(written(tmp_path, "name: here\nmap: &m {origin: *m}\n"))
 
 

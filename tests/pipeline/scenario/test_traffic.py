@@ -17,8 +17,8 @@ BAD = {
     "vehicles={ego: {route: main_street}}": r"vehicles\.ego\.route: ",
     "traffic.vehicles=-1": r"traffic\.vehicles: .*greater than or equal to 0",
     "traffic.transport=smoke_signals": r"traffic\.transport: .*'libsumo' or 'traci'",
-    "traffic.server.port=8813": r"server is of transport traci; set transport: traci beside it",
-    "traffic={transport: traci, server: {join: 'here:1', clients: 2}}": r"port and clients are of",
+    "traffic.server.port=8813": r"server needs transport: traci; set it too",
+    "traffic={transport: traci, server: {join: 'here:1', clients: 2}}": r"port and clients apply only",
     "traffic={transport: traci, server: {join: here}}": r"traffic\.server\.join: ",
     "trajectories={}": r"trajectories\.file: is missing",
 }

@@ -43,7 +43,7 @@ BAD = {
     "v2x.cam.dcc=limeric": r"dcc: Input should be 'none' or 'reactive', not 'limeric'",
     "v2x.ldm.expiry_s=0": r"expiry_s: .*equal to 0\.01",
     "v2x.ldm.rate_hz=7": r"v2x\.ldm\.rate_hz 7 makes 0\.142857 s between snapshots, .*step_s 0\.1",
-    "v2x.ldm.rate_hz=20": r"which is no multiple of simulation\.step_s 0\.1",
+    "v2x.ldm.rate_hz=20": r"which is not a multiple of simulation\.step_s 0\.1",
     "v2x.ldm.rate_hz=5": None,
     "v2x.radio.fadding=none": r"unknown key; did you mean 'fading'\?",
 }

@@ -30,8 +30,8 @@ class LinearVoxelDetector:
 
     voxel_grid = VoxelGrid((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (10, 10, 10))
 
-    def _scores(self, points, boxes, ghosts):
-        given = torch.cat([points, ghosts])
+    def _scores(self, points, boxes, probes):
+        given = torch.cat([points, probes])
         cells = torch.floor(given[:, :3].detach()).long()
         inside = ((cells >= 0) & (cells < 10)).all(dim=1)
         keys, rows = torch.unique((cells @ torch.tensor([100, 10, 1]))[inside], return_inverse=True)
@@ -51,9 +51,9 @@ class LinearVoxelDetector:
     def loss(self, points, boxes, labels):
         return -self._scores(points, boxes, torch.zeros(0, 4))[0].sum()
 
-    def occupancy_loss(self, points, boxes, labels, ghosts=None):
+    def occupancy_loss(self, points, boxes, labels, probes=None):
         scores, occupancy, voxel = self._scores(
-            points, boxes, torch.zeros(0, 4) if ghosts is None else ghosts
+            points, boxes, torch.zeros(0, 4) if probes is None else probes
         )
         return -scores.sum(), occupancy, voxel
 
@@ -115,5 +115,5 @@ class Batched(Shipped):
 
     def occupancy_loss_batch(self, inputs):
         return self._each(
-            [self.occupancy_loss(each.points, each.boxes, each.labels, each.ghosts) for each in inputs]
+            [self.occupancy_loss(each.points, each.boxes, each.labels, each.probes) for each in inputs]
         )

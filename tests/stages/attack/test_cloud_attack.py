@@ -13,7 +13,7 @@ import yaml
 from advpipe.pipeline.bag.frames import read_frames
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.detector import device
-from advpipe.pipeline.detector.batching import run_together
+from advpipe.pipeline.detector.batching import run_batched
 from advpipe.pipeline.detector.protocol import Range
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import SMALL
@@ -102,7 +102,7 @@ def test_groups_are_of_one_attack_and_of_so_many_at_most():
 
 def unkept(attack):
     """The attack with its last attempt: it need not do harm, which to random weights it hardly does."""
-    attack.tactics = replace(attack.tactics, keep=False)
+    attack.settings = replace(attack.settings, keep_best=False)
     return attack
 
 
@@ -132,7 +132,7 @@ def test_second_is_attacked_in_batches_as_one_by_one(make_cloud, make_boxes, mak
     def work(number):
         return lambda seen: make()(clouds[number], truths[number], seen, np.random.default_rng(number))
 
-    together = run_together(detector, [work(number) for number in range(4)])
+    together = run_batched(detector, [work(number) for number in range(4)])
     for number, result in enumerate(together):
         alone = work(number)(detector)
         assert result.note == alone.note

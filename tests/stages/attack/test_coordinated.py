@@ -224,7 +224,7 @@ def test_what_cannot_be_done_is_refused(drive, tmp_path, specs, line):
 
 
 def test_a_bag_without_v2x_and_gps(clean_bag, tmp_path):
-    with pytest.raises(AdvpipeError, match="no V2X to send again"):
+    with pytest.raises(AdvpipeError, match="no V2X to replay"):
         attack(clean_bag, tmp_path / "adv", AttackRequest((AttackSpec(type="cam-dos"),)))
     with pytest.raises(AdvpipeError, match="no vehicle with GPS"):
         attack(clean_bag, tmp_path / "adv", AttackRequest((AttackSpec(type="gnss-bias"),)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.core.plugins import mistakes_reported, plugin_names
+from advpipe.pipeline.core.plugins import plugin_errors, plugin_names
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.lidar.build import build_lidar_attack
 from advpipe.stages.attack.registry import find_attack
@@ -140,9 +140,9 @@ def test_a_module_that_goes_wrong_is_one_line(tmp_path, monkeypatch, text, said)
 def test_what_is_not_the_users_stays_as_it_is():
     assert plugin_names(["detach", "small"]) == ()
     assert plugin_names(["detach", "mine:Detector", "mine:Detector"]) == ("mine:Detector",)
-    with pytest.raises(KeyError), mistakes_reported(()):
+    with pytest.raises(KeyError), plugin_errors(()):
         raise KeyError("of ours")
-    with pytest.raises(AdvpipeError, match=r"^said$"), mistakes_reported(["mine:Detector"]):
+    with pytest.raises(AdvpipeError, match=r"^said$"), plugin_errors(["mine:Detector"]):
         raise AdvpipeError("said")
-    with pytest.raises(FileNotFoundError), mistakes_reported(["mine:Detector"]):
+    with pytest.raises(FileNotFoundError), plugin_errors(["mine:Detector"]):
         open("not there")  # noqa: SIM115

@@ -13,7 +13,7 @@ from advpipe.stages.attack import parameters as parameters_of
 from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits
 from advpipe.stages.attack.lidar.base import Budget, LidarAttack, LidarTraits
 from advpipe.stages.attack.lidar.build import build_lidar_attack, query_budget_of
-from advpipe.stages.attack.own import source_sha256
+from advpipe.stages.attack.plugin import source_sha256
 from advpipe.stages.attack.registry import ATTACKS, find_attack
 
 BUDGET = Budget(title="Size in m", parameter="size_m", unit="m")

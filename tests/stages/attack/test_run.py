@@ -293,7 +293,7 @@ def test_existing_output(clean_bag, tmp_path):
         ({"parameters": {"ratio": 0.1, "eps": 0.1}}, "unknown parameter 'eps'; known: ratio, rounds"),
         ({"detector": "large"}, "unknown detector 'large'"),
         ({"detector": "nothing.safetensors"}, "no detector checkpoint at nothing.safetensors"),
-        ({"frames": "6:9"}, "choose none of the bag's 6 frames"),
+        ({"frames": "6:9"}, "select none of the bag's 6 frames"),
     ],
 )
 def test_bad_request_is_one_line_and_leaves_nothing(clean_bag, tmp_path, changes, line):

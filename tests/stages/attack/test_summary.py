@@ -6,7 +6,7 @@ import numpy as np
 from conftest import cloud_of
 
 from advpipe.stages.attack.lidar.base import unchanged
-from advpipe.stages.attack.summary import MOST_NOTES, AttackSummary
+from advpipe.stages.attack.summary import MAX_NOTES, AttackSummary
 
 
 def told(notes):
@@ -23,6 +23,6 @@ def test_notes_come_with_their_frames():
 
 def test_a_note_of_its_own_in_every_frame_does_not_fill_the_screen():
     lines = told([*(f"only {count} points lie near enough" for count in range(50)), "often", "often"])
-    assert len(lines) == 1 + MOST_NOTES + 1
+    assert len(lines) == 1 + MAX_NOTES + 1
     assert "  2 of 52 frames: often" in lines
-    assert lines[-1] == f"  {52 - 2 - (MOST_NOTES - 1)} of 52 frames: others, see frames.parquet"
+    assert lines[-1] == f"  {52 - 2 - (MAX_NOTES - 1)} of 52 frames: others, see frames.parquet"

@@ -21,7 +21,7 @@ from advpipe.pipeline.v2x.facilities.reference_point import reference_point
 from advpipe.pipeline.v2x.facilities.station_state import StationState
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.section import V2x
-from advpipe.stages.attack.v2x.base import AttackContext, Numbers
+from advpipe.stages.attack.v2x.base import AllocatedIds, AttackContext
 from advpipe.stages.attack.v2x.cams import CamEditor
 
 BEGIN_NS, STEP_NS, MS = 1_700_000_000_000_000_000, 100_000_000, 1_000_000
@@ -97,7 +97,7 @@ def context(name, attackers=(1,), victim=None, active=lambda time_ns: True, seed
         v2x=V2x(**settings),
         geodesy=GEODESY,
         cams=CamEditor(),
-        numbers=Numbers(10**6, {1, 2, 3, 4, 5}),
+        numbers=AllocatedIds(10**6, {1, 2, 3, 4, 5}),
     )
 
 

@@ -56,10 +56,10 @@ def test_an_attack_that_beats_every_baseline(clean, attacked, tmp_path, capsys):
     assert row["map_ratio_percent"] == 65.0
     for word in row["baselines"]:
         assert row[f"{word}_points_removed"] == 45 * FRAMES
-        low, high = row[f"map_ratio_minus_{word}_ci95"]
-        assert low <= row[f"map_ratio_minus_{word}"] <= high < 0
-        assert row[f"beats_{word}"] is True
-    assert row["beats_random"] is True
+        low, high = row[f"map_ratio_delta_points_vs_{word}_ci95"]
+        assert low <= row[f"map_ratio_delta_points_vs_{word}"] <= high < 0
+        assert row[f"significant_vs_{word}"] is True
+    assert row["significant_vs_random"] is True
     records = document(tmp_path / "report")["baselines"]
     assert [record["baseline"] for record in records] == row["baselines"]
     assert document(tmp_path / "report")["provenance"]["baseline_tries"] == 3
@@ -71,7 +71,7 @@ def test_an_attack_that_does_nothing_is_reported_as_such(clean, attacked, tmp_pa
     report = evaluate(clean, [attacked(lambda cloud: cloud[:-45])], tmp_path / "report")  # of the ground
     (row,) = rows(tmp_path / "report")
     assert row["map_ratio_percent"] == 100.0
-    assert row["beats_random"] is False
+    assert row["significant_vs_random"] is False
     assert any("Does not beat the same budget spent at random" in note for note in row["notes"])
     print_report(report)
     assert "Beats plain random: no." in unwrapped(capsys)
@@ -101,7 +101,7 @@ def test_attack_success_by_class_and_range(clean, attacked, tmp_path):
     records = {
         (each["class"], each["range"]): each
         for each in document(tmp_path / "report")["attack_success"]
-        if each["cloud"] == "adv"
+        if each["condition"] == "adv"
     }
     assert len(records) == 3 * 4
     whole, cars, near = records["all", "all"], records["car", "all"], records["car", "0-30 m"]
@@ -184,12 +184,12 @@ def test_defences(clean, attacked, tmp_path, capsys):
     ]  # fmt: skip
     for name in ("sample:drop=0.02", "jitter:sigma_m=0.001", "outliers:k=2,sigmas=50"):
         each = records[name]
-        assert (each["map_clean"], each["kept_percent"]) == (1.0, 100.0)
+        assert (each["map_clean"], each["clean_map_kept_percent"]) == (1.0, 100.0)
         assert each["map_adv"] == 26 / 40
         assert each["map_ratio_percent"] == each["map_adv_percent"] == 65.0
         assert each["map_ratio_ci95"] == [65.0, 65.0]
     # in a mirrored world none of the places holds points any more
-    assert records["flip"]["map_clean"] == records["flip"]["kept_percent"] == 0.0
+    assert records["flip"]["map_clean"] == records["flip"]["clean_map_kept_percent"] == 0.0
     assert records["flip"]["map_ratio_percent"] is None
     assert 0 < records["shift:max_m=0.01"]["map_clean"] <= 1.0
     print_report(report)
@@ -199,7 +199,7 @@ def test_defences(clean, attacked, tmp_path, capsys):
 def test_defences_on_a_clean_bag_alone(clean, tmp_path):
     evaluate(clean, [], tmp_path / "report", defences=["sample"], frames=FrameSlice(0, 4))
     (record,) = document(tmp_path / "report")["defences"]
-    assert record["kept_percent"] == 100.0
+    assert record["clean_map_kept_percent"] == 100.0
     assert "map_adv" not in record
 
 
@@ -310,6 +310,8 @@ def test_a_real_report_keeps_to_the_published_schema(clean, attacked, tmp_path):
     validator = Draft202012Validator(report_schema())
     for folder in (out, tmp_path / "alone"):
         report = json.loads((folder / "report.json").read_text())
-        assert report["schema"] == "advpipe-report-1"
+        assert report["schema"] == "advpipe-report-2"
         assert [error.message for error in validator.iter_errors(report)] == []
+        assert report["deprecated_keys"]["beats_random"] == "significant_vs_random"
+        assert report["rows"][0]["beats_random"] is report["rows"][0]["significant_vs_random"]
     assert {"attack_success", "baselines", "defences"} <= json.loads((out / "report.json").read_text()).keys()

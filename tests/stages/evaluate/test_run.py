@@ -37,8 +37,8 @@ def test_figures_by_hand(clean, attacked, tmp_path, capsys):
     assert row["ap_pedestrian_adv"] == 1.0
     # the same number of points taken at random hides nothing
     assert row["baseline_map_ratio_percent"] == 100.0
-    assert row["map_ratio_minus_baseline"] == -35.0
-    assert row["map_ratio_minus_baseline_ci95"] == [-35.0, -35.0]
+    assert row["map_ratio_delta_points_vs_baseline"] == -35.0
+    assert row["map_ratio_delta_points_vs_baseline_ci95"] == [-35.0, -35.0]
     assert row["points_removed"] == row["baseline_points_removed"] == 45 * FRAMES
     assert row["points_added"] == row["max_displacement_m"] == 0
     assert (row["lost_objects"], row["baseline_lost_objects"]) == (FRAMES, 0)
@@ -111,7 +111,7 @@ def test_random_recipe_is_given_no_baseline(clean, attacked, tmp_path):
     (row,) = rows(tmp_path / "report")
     assert row["map_adv"] is not None
     assert row["baseline_map_adv"] is None
-    assert row["map_ratio_minus_baseline"] is None
+    assert row["map_ratio_delta_points_vs_baseline"] is None
 
 
 def test_clean_bag_alone(clean, tmp_path, capsys):

@@ -37,8 +37,8 @@ def test_a_banner_stands_before_everything_else(mapped, tmp_path, capsys):
     assert printed.startswith(BANNER)
     body = page.partition("<body>")[2].strip()
     assert body.startswith('<p class="banner" role="alert">' + BANNER)
-    assert document["banners"] == list(report.banners)
-    assert document["banners"][0].startswith(BANNER)
+    assert document["warnings"] == list(report.warnings)
+    assert document["warnings"][0].startswith(BANNER)
     assert document["provenance"]["detectors"][0]["is_training_map"] is True
 
 
@@ -46,7 +46,7 @@ def test_a_map_that_it_was_not_trained_on_needs_none(mapped, tmp_path, capsys):
     report = evaluate(mapped, [], tmp_path / "report", detector="map_detectors:TrainedElsewhere")
     printed, page, document = shown(report, tmp_path / "report", capsys)
     assert "raining map" not in printed + page.partition("<body>")[2].partition("<h2>How the")[0]
-    assert document["banners"] == []
+    assert document["warnings"] == []
     assert document["provenance"]["detectors"][0]["is_training_map"] is False
 
 
@@ -76,6 +76,6 @@ def test_what_nobody_knows_is_said(mapped, clean, tmp_path, capsys, detector, is
 def test_each_of_several_detectors_is_named(mapped, tmp_path):
     names = ["map_detectors:TrainedElsewhere", "map_detectors:TrainedHere", "place_drive:PlaceDetector"]
     report = evaluate(mapped, [], tmp_path / "report", detector=names)
-    first, second = report.banners
+    first, second = report.warnings
     assert "TrainedHere was trained" in first
     assert "PlaceDetector may have" in second

@@ -48,7 +48,7 @@ def test_both_overlaps_and_the_score_stand_where_lost_stands(clean, attacked, tm
     (whole,) = [
         each
         for each in json.loads((tmp_path / "report" / "report.json").read_text())["attack_success"]
-        if (each["cloud"], each["class"], each["range"]) == ("adv", "all", "all")
+        if (each["condition"], each["class"], each["range"]) == ("adv", "all", "all")
     ]
     assert (whole["found_clean"], whole["lost"], whole["attack_success_percent"]) == (4 * FRAMES, 0, 0.0)
     assert (whole["strict_found_clean"], whole["strict_lost"]) == (4 * FRAMES, FRAMES)
@@ -78,7 +78,7 @@ def test_the_baselines_are_called_what_they_are(clean, attacked, tmp_path, capsy
         assert "(the strongest plain random baseline)" in text
         assert "Beats plain random: yes." in text
     document = json.loads((tmp_path / "report" / "report.json").read_text())
-    assert "random-best, which is stronger" in document["formulas"]["beats_random"]
+    assert "random-best, which is stronger" in document["formulas"]["significant_vs_random"]
     assert "true boxes" in document["formulas"]["white_box"]
 
 

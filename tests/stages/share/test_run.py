@@ -175,7 +175,7 @@ def test_an_archive_in_signed_parts_comes_back_whole(recorded: Path, tmp_path: P
     data[data.index(b"tiny/SHA256SUMS.sig") + 512] ^= 1
     place.write_bytes(data)
     (tmp_path / "tiny.tar.sha256").unlink()
-    with pytest.raises(AdvpipeError, match="not the signature of SHA256SUMS"):
+    with pytest.raises(AdvpipeError, match="does not sign SHA256SUMS"):
         unpack_archive(made[0], tmp_path / "damaged")
     assert bytes_of(folder).items() >= bytes_of(recorded).items()
 
@@ -188,13 +188,13 @@ def test_sharing_again_replaces_what_sharing_made_and_keeps_the_authors_words(
     assert bytes_of(tmp_path / "tiny") == bytes_of(shared)
     (dataset / "README.md").write_text("Recorded on a rainy day.", encoding="utf-8")
     (dataset / ".DS_Store").write_text("x")
-    with pytest.raises(AdvpipeError, match="tiny exists already, not overwriting"):
+    with pytest.raises(AdvpipeError, match="tiny already exists"):
         share(dataset, tmp_path / "tiny", options)
     share(dataset, tmp_path / "tiny", ShareOptions(licence="CC-BY-4.0", overwrite=True))
     assert "## From its author\n\nRecorded on a rainy day." in card_of(tmp_path / "tiny")
     assert not (tmp_path / "tiny" / ".DS_Store").exists()
     (tmp_path / "mine").mkdir()
-    with pytest.raises(AdvpipeError, match="mine is no shared data set"):
+    with pytest.raises(AdvpipeError, match="mine is not a shared data set"):
         share(dataset, tmp_path / "mine", ShareOptions(overwrite=True))
 
 
@@ -270,7 +270,7 @@ def test_a_report_on_other_bags_is_refused(dataset: Path, tmp_path: Path) -> Non
         share(dataset, tmp_path / "out")
     report["rows"] = 5
     path.write_text(json.dumps(report))
-    with pytest.raises(AdvpipeError, match="is no report of this version: rows"):
+    with pytest.raises(AdvpipeError, match="is not a report of this version: rows"):
         share(dataset, tmp_path / "out")
 
 
@@ -287,7 +287,7 @@ def test_names_that_links_and_shells_take_otherwise(dataset: Path, tmp_path: Pat
 
 def test_bad_requests_are_refused(recorded: Path, dataset: Path, tmp_path: Path) -> None:
     for folder, message in (
-        (recorded / "clean", "is no data set: it holds no clean/metadata.yaml"),
+        (recorded / "clean", "is not a data set: it holds no clean/metadata.yaml"),
         (tmp_path / "none", "does not exist"),
         (recorded / "scenario.yaml", "is no folder"),
     ):
@@ -305,7 +305,7 @@ def test_bad_requests_are_refused(recorded: Path, dataset: Path, tmp_path: Path)
         share(dataset, tmp_path / "out")
     (dataset / "link").unlink()
     (dataset / "reports" / "small" / "report.json").write_text("{")
-    with pytest.raises(AdvpipeError, match=r"report\.json is no report of this version: not read as JSON"):
+    with pytest.raises(AdvpipeError, match=r"report\.json is not a report of this version: not valid JSON"):
         share(dataset, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 

@@ -114,7 +114,7 @@ def test_what_hangs_on_parameters(data_set: Path, options: dict[str, object], cl
     spec = attack_spec({**options, "attackers": {"share": 1.0}})
     attack(data_set / "clean", bag, AttackRequest((spec,)), workers=1)
     assert pq.read_table(bag / CAMS).num_rows > 0
-    assert len(BagReader(bag).provenance.said.attacks[0].declared.untrue) == claims
+    assert len(BagReader(bag).provenance.fields.attacks[0].declared.untrue) == claims
     assert faults(bag, CamsCheck) == []
 
 
@@ -125,21 +125,21 @@ def test_what_hangs_on_parameters(data_set: Path, options: dict[str, object], cl
             "gnss",
             Fixes,
             {"fix_displacement_m": [0, 0.1]},
-            "is beyond the bounds of gnss-bias: how far a false fix lies from the true one: ",
+            "is beyond the bounds of gnss-bias: distance between the false and the true fix: ",
         ),
-        ("gnss", Fixes, {"fix_height_change_m": [0, 0]}, "by how much the height of a fix changed"),
+        ("gnss", Fixes, {"fix_height_change_m": [0, 0]}, "absolute change of a fix's height"),
         (
             "cam",
             CamsCheck,
             {"position_offset_m": [0, 20]},
-            "beyond the bounds of cam-position-offset: how far the told position was moved on the ground: ",
+            "beyond the bounds of cam-position-offset: horizontal offset of the reported position: ",
         ),
-        ("cam", CamsCheck, {"delay_s": [1, 2]}, "how much later a message is sent: 0 s, where 1 to 2 s"),
+        ("cam", CamsCheck, {"delay_s": [1, 2]}, "delay of a message: 0 s, but the attack declares 1 to 2 s"),
         (
             "dos",
             CamsCheck,
             {"messages_added_per_s": [0, 5]},
-            "messages that an attacker added within a second: 6, where 0 to 5 is declared",
+            "messages an attacker added within one second: 6, where 0 to 5 is declared",
         ),
     ],
 )
@@ -216,4 +216,4 @@ def test_a_fix_that_lies_farther_off(data_set: Path, rewrite: Rewrite) -> None:
         table = table.set_column(at, table.schema.field(at), pa.array(values, table.schema.field(at).type))
     pq.write_table(table, bag / FIXES)
     (line,) = faults(bag, Fixes)
-    assert line.startswith("fix 0 of ego is beyond the bounds of gnss-bias: how far a false fix lies")
+    assert line.startswith("fix 0 of ego exceeds the bounds of gnss-bias: distance between the false")

@@ -105,9 +105,9 @@ def test_several_attacks_on_one_message(data_set: Path) -> None:
     def other_mix(attacks: Attacks) -> None:
         attacks[1]["declared"]["parts"] = [{"name": "cam-dimensions"}]
 
-    assert "is not by part 'cam-heading-reversed' of cam-mix" in " ".join(faults(bag, CamsCheck, other_mix))
+    assert "with part 'cam-heading-reversed' of cam-mix" in " ".join(faults(bag, CamsCheck, other_mix))
     what = " ".join(gap.what for gap in verify(bag).unchecked)
-    assert "between several attacks on them is believed" in what
+    assert "were changed by several attacks" in what
 
 
 def later(attacks: Attacks) -> None:
@@ -121,9 +121,9 @@ def by_others(attacks: Attacks) -> None:
 @pytest.mark.parametrize(
     ("bag", "check", "change", "words"),
     [
-        ("cam", CamsCheck, later, "when cam-position-offset was not on"),
-        ("delay", CamsCheck, later, "when cam-delay was not on"),
-        ("cam", CamsCheck, by_others, "whose messages cam-position-offset does not touch"),
+        ("cam", CamsCheck, later, "when cam-position-offset was not active"),
+        ("delay", CamsCheck, later, "when cam-delay was not active"),
+        ("cam", CamsCheck, by_others, "whose messages cam-position-offset does not attack"),
         ("gnss", Fixes, later, "is attacked by nobody, not gnss-bias"),
     ],
 )
@@ -146,8 +146,12 @@ def bounded_by(**bounds: list[float]) -> Callable[[Attacks], None]:
     [
         ("perturb", {"max_displacement_m": [0, 1e-4]}, "m, where 0 to 0.0001 m is declared"),
         ("attach", {"points_added": [1, 1]}, "points added: "),
-        ("attach", {"max_added_distance_m": [0, 1e-4]}, "how far an added point stands from the clean cloud"),
-        ("detach", {"share_removed": [0, 1e-4]}, "least share of the points"),
+        (
+            "attach",
+            {"max_added_distance_m": [0, 1e-4]},
+            "largest distance of an added point from the clean cloud",
+        ),
+        ("detach", {"share_removed": [0, 1e-4]}, "smallest share of the points"),
     ],
 )
 def test_bounds_that_were_not_kept(
@@ -198,7 +202,7 @@ def test_what_older_versions_did_not_declare(
 def test_bounds_that_nobody_measures(data_set: Path) -> None:
     """Of a later version, or made up."""
     said = unchecked(data_set / "detach", Points, bounded_by(points_painted=[0, 3]))
-    assert "points_painted of detach not checked: this version measures no such" in said
+    assert "points_painted of detach not checked: unknown quantity in this version" in said
     assert "detach declares no bounds" in unchecked(data_set / "detach", Points, bounded_by())
 
 
@@ -209,7 +213,7 @@ def test_labels_as_older_versions_wrote_them(data_set: Path) -> None:
     pq.write_table(table.set_column(table.column_names.index("fields"), "fields", words), path)
     assert faults(path.parent, CamsCheck) == []
     unchecked = " ".join(gap.what for gap in verify(path.parent).unchecked)
-    assert "part and fields: not as this version writes them" in unchecked
+    assert "part and fields: not in the form of this version" in unchecked
 
 
 @pytest.mark.parametrize(

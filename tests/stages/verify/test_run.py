@@ -206,7 +206,7 @@ def test_a_drive_recorded_before_receptions_were(data_set: Path, rewrite: Rewrit
     result = verify(data_set / "clean")
     assert result.findings == []
     (gap,) = (gap for gap in result.unchecked if gap.check == "receptions")
-    assert "which of the sent messages were received is not told" in gap.what
+    assert "does not record which sent messages were received" in gap.what
 
 
 def test_files_that_tell_something_else(data_set: Path) -> None:
@@ -280,7 +280,7 @@ def test_another_tools_bag(tmp_path: Path) -> None:
     result = verify(tmp_path / "b")
     assert result.findings == []
     said = " ".join(map(str, result.unchecked))
-    assert "does not say where it comes from" in said
+    assert "does not record its origin" in said
     assert "none in the bag" in said
     metadata = tmp_path / "b" / "metadata.yaml"
     metadata.write_text(metadata.read_text().replace("message_count: 10", "message_count: 11"))

@@ -81,7 +81,7 @@ def test_hidden_files_are_no_part_of_a_data_set(shared: Path) -> None:
     result = verify(shared, quick=True)
     assert result.is_good
     assert [gap.what for gap in result.unchecked] == [
-        ".cache/x is hidden and not listed: no part of the data set"
+        ".cache/x is hidden and not listed, so not part of the data set"
     ]
 
 
@@ -151,5 +151,5 @@ def test_the_command(shared: Path) -> None:
     assert done.returncode == 1
     assert done.stderr == ""
     first, last = done.stdout.splitlines()
-    assert first == "scenario.yaml: has another SHA-256 than SHA256SUMS lists [checksums]"
+    assert first == "scenario.yaml: does not match its SHA-256 in SHA256SUMS [checksums]"
     assert last.endswith(": 1 finding")

@@ -19,7 +19,7 @@ from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.network.embedded.station import Station, update_states
-from advpipe.stages.simulate.network.protocol import Exchange
+from advpipe.stages.simulate.network.protocol import NetworkStep
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 
 
@@ -48,11 +48,11 @@ class EmbeddedNetwork:
         self._messages = 0
         self.radios: tuple[RadioPlace, ...] = ()
 
-    def simulate_until(self, stamp_ns: int) -> Exchange:
-        exchange = self._exchange(stamp_ns)
+    def simulate_until(self, stamp_ns: int) -> NetworkStep:
+        step = self._step(stamp_ns)
         self._step_traffic()
         self._now_ns = stamp_ns
-        return exchange
+        return step
 
     def update(self, drivers: Mapping[str, RoadUser], estimates: Mapping[str, Estimate]) -> None:
         if not self._v2x.enabled:
@@ -71,16 +71,16 @@ class EmbeddedNetwork:
         names = [name for name in self._instrumented if name in self._stations]
         return [(name, self.channel.snapshot(name, self._now_ns)) for name in names]
 
-    def finish(self) -> Exchange:
+    def finish(self) -> NetworkStep:
         heard = self.channel.finish(self._now_ns, stations_of(self._v2x, self.radios))
-        return Exchange(self._now_ns, received=heard.received)
+        return NetworkStep(self._now_ns, received=heard.received)
 
     def statistics(self) -> Statistics | None:
         return self.channel.statistics() if self._v2x.enabled else None
 
-    def _exchange(self, until_ns: int) -> Exchange:
+    def _step(self, until_ns: int) -> NetworkStep:
         if until_ns == self._now_ns or not self._v2x.enabled:  # the first frame: nobody is known yet
-            return Exchange(until_ns)
+            return NetworkStep(until_ns)
         stations = self._by_id
         due = [(cam, station) for station in stations for cam in station.cams_before(until_ns)]
         due.sort(key=lambda item: (item[0].time_ns, item[1].id))
@@ -98,7 +98,7 @@ class EmbeddedNetwork:
         for load in heard.loads:
             for station, busy_ratio in zip(stations, load.busy_ratio.tolist(), strict=True):
                 station.hear_load(busy_ratio)
-        return Exchange(until_ns, sent, heard.received)
+        return NetworkStep(until_ns, sent, heard.received)
 
     def _new_station(self, name: str, user: RoadUser) -> Station:
         clock = self._clock

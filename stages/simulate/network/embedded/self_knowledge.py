@@ -23,7 +23,7 @@ nonsense of their path history; those of receivers wander."""
 _BLOCK = 64
 
 
-class Wander:
+class GaussMarkovErrors:
     """First-order Gauss-Markov errors of one station: east, north, heading, speed."""
 
     def __init__(self, knowledge: SelfKnowledge, step_s: float, rng: np.random.Generator) -> None:
@@ -59,7 +59,7 @@ def accuracy_of_receiver(knowledge: SelfKnowledge) -> Accuracy:
     return Accuracy((variance_m2, 0.0, variance_m2), None, heading_rad, knowledge.speed_stddev_mps, None)
 
 
-class Knowledge(NamedTuple):
+class SelfEstimates(NamedTuple):
     """What S stations believe of themselves.
 
     map_SE3_base: (S, 4, 4). speed_mps: (S,), negative backwards. acceleration_mps2: (S,), forward.
@@ -72,17 +72,20 @@ class Knowledge(NamedTuple):
     yaw_rate_radps: Float64
 
 
-class Senses:
+class ReceiverErrors:
     """One station's own: the errors of its receiver, and its yaw and speed at the step before."""
 
     def __init__(self, knowledge: SelfKnowledge, step_s: float, rng: np.random.Generator) -> None:
-        self.wander = Wander(knowledge, step_s, rng)
+        self.position_errors = GaussMarkovErrors(knowledge, step_s, rng)
         self.before: tuple[float, float] | None = None
 
 
-def believed(
-    users: Sequence[RoadUser], senses: Sequence[Senses], estimates: Mapping[str, Estimate], step_s: float
-) -> Knowledge:
+def self_estimates(
+    users: Sequence[RoadUser],
+    errors: Sequence[ReceiverErrors],
+    estimates: Mapping[str, Estimate],
+    step_s: float,
+) -> SelfEstimates:
     """Estimates where there are some, by the vehicle's name; the truth and its errors elsewhere.
 
     Acceleration and yaw rate come from instruments of their own and not from places, so the truth's have
@@ -93,7 +96,7 @@ def believed(
     smooth_mps: Float64 = np.einsum(
         "si,si->s", poses[:, :3, 0], np.array([user.velocity_mps for user in users])
     )
-    east_m, north_m, turn_rad, error_mps = np.array([sense.wander.step() for sense in senses]).T
+    east_m, north_m, turn_rad, error_mps = np.array([each.position_errors.step() for each in errors]).T
     speed_mps = _with_error(smooth_mps, error_mps)
     _turn(poses, turn_rad)
     poses[:, 0, 3] += east_m
@@ -103,13 +106,13 @@ def believed(
         poses[index] = estimate.map_SE3_base
         speed_mps[index] = smooth_mps[index] = estimate.base_velocity_mps[0]
     now = list(zip(yaw_rad.tolist(), smooth_mps.tolist(), strict=True))
-    before = np.array([sense.before or at for sense, at in zip(senses, now, strict=True)])
-    for sense, at in zip(senses, now, strict=True):
-        sense.before = at
+    before = np.array([each.before or at for each, at in zip(errors, now, strict=True)])
+    for each, at in zip(errors, now, strict=True):
+        each.before = at
     yaw_rate_radps = wrap_angle(yaw_rad - before[:, 0]) / step_s
     for index, estimate in estimated:
         yaw_rate_radps[index] = estimate.base_turn_rate_radps[2]
-    return Knowledge(poses, speed_mps, (smooth_mps - before[:, 1]) / step_s, yaw_rate_radps)
+    return SelfEstimates(poses, speed_mps, (smooth_mps - before[:, 1]) / step_s, yaw_rate_radps)
 
 
 def _with_error(true_mps: Float64, error_mps: Float64) -> Float64:

@@ -23,7 +23,11 @@ from advpipe.pipeline.v2x.facilities.own_state import Identity, accuracy_of_esti
 from advpipe.pipeline.v2x.facilities.reference_point import reference_points
 from advpipe.pipeline.v2x.facilities.station_state import StationState
 from advpipe.pipeline.v2x.section import V2x
-from advpipe.stages.simulate.network.embedded.self_knowledge import Senses, accuracy_of_receiver, believed
+from advpipe.stages.simulate.network.embedded.self_knowledge import (
+    ReceiverErrors,
+    accuracy_of_receiver,
+    self_estimates,
+)
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 
 
@@ -38,7 +42,9 @@ class Station:
     ) -> None:
         self.id, self.user = station_id, user
         self.type = user.variant.body.station_type or StationType.UNKNOWN
-        self.senses = Senses(v2x.others, step_s, named_generator(seed, "v2x", "self-knowledge", user.id))
+        self.errors = ReceiverErrors(
+            v2x.others, step_s, named_generator(seed, "v2x", "self-knowledge", user.id)
+        )
         self.state: StationState | None = None
         self._generator = CamGenerator(now_ns, GenerationRules.of(v2x.cam))
         self._dcc = ReactiveDcc() if v2x.cam.dcc == "reactive" else None
@@ -79,7 +85,7 @@ def update_states(
     if not stations:
         return
     users = [station.user for station in stations]
-    known = believed(users, [station.senses for station in stations], estimates, step_s)
+    known = self_estimates(users, [station.errors for station in stations], estimates, step_s)
     lengths_m = np.array([user.variant.length_m for user in users])
     receiver = accuracy_of_receiver(v2x.others)
     for station, place, speed_mps, acceleration_mps2, yaw_rate_radps in zip(

@@ -98,7 +98,7 @@ class SumoConnection:
         try:
             yield
         except (*self.refusals, *self._fatal()) as error:
-            reason = (self._server.last_words() if self._server is not None else None) or error
+            reason = (self._server.exit_reason() if self._server is not None else None) or error
             raise AdvpipeError(f"SUMO cannot go on with this network or traffic: {reason}") from None
 
     def _fatal(self) -> tuple[type[Exception], ...]:

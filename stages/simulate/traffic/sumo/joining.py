@@ -23,7 +23,7 @@ SETTERS = {
 """TraCI's, by attribute; it has none for the others, which are set as parameters."""
 
 
-def fit_in(
+def prepare_server(
     sumo: SumoConnection, network: RoadNetwork, variants: Mapping[str, Variant], step_s: float
 ) -> None:
     """Defines our vehicle types where the server has none of their names.

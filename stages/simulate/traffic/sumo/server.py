@@ -17,12 +17,12 @@ from advpipe.pipeline.core.verbosity import notice
 from advpipe.pipeline.scenario.traffic import SumoServer
 from advpipe.stages.simulate.road_network.file import last_error, sumo_program
 
-HERE = "127.0.0.1"
-START_PATIENCE_S = 300.0
+LOCALHOST = "127.0.0.1"
+START_TIMEOUT_S = 300.0
 """SUMO listens as soon as it has read its options; on a busy machine its start alone takes seconds."""
 
-JOIN_PATIENCE_S = 10.0
-END_PATIENCE_S = 5.0
+JOIN_TIMEOUT_S = 10.0
+END_TIMEOUT_S = 5.0
 """For a server of ours to end by itself when the drive has ended: other clients may go on so long."""
 
 
@@ -45,12 +45,12 @@ class Server:
                 self.client.close(False)
         if self.process is not None:
             try:
-                self.process.wait(END_PATIENCE_S)
+                self.process.wait(END_TIMEOUT_S)
             except subprocess.TimeoutExpired:
                 self.process.kill()
                 self.process.wait()
 
-    def last_words(self) -> str | None:
+    def exit_reason(self) -> str | None:
         """Why a server of ours has ended; None for one that runs, or is not ours."""
         if self.process is None or self.log is None:
             return None
@@ -70,7 +70,7 @@ def connect(settings: SumoServer, options: Sequence[str], log: Path) -> Server:
     """
     if settings.join is not None:
         host, _, port = settings.join.rpartition(":")
-        server = Server(_reach(host, int(port), JOIN_PATIENCE_S, Server(None)))
+        server = Server(_reach(host, int(port), JOIN_TIMEOUT_S, Server(None)))
     else:
         server = _start(settings, options, log)
     if settings.join is not None or settings.clients > 1:
@@ -90,7 +90,7 @@ def _start(settings: SumoServer, options: Sequence[str], log: Path) -> Server:
         process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=words)
     server = Server(None, process, log)
     try:
-        server.client = _reach(HERE, port, START_PATIENCE_S, server)
+        server.client = _reach(LOCALHOST, port, START_TIMEOUT_S, server)
         if settings.clients > 1:
             others = f"{settings.clients - 1} more client{'s' * (settings.clients > 2)}"
             notice(f"SUMO listens on port {port} and waits for {others}")
@@ -100,21 +100,21 @@ def _start(settings: SumoServer, options: Sequence[str], log: Path) -> Server:
     return server
 
 
-def _reach(host: str, port: int, patience_s: float, server: Server) -> Any:
+def _reach(host: str, port: int, timeout_s: float, server: Server) -> Any:
     """A connection to a server that may still be starting."""
     import traci
 
-    until_s = time.monotonic() + patience_s
+    until_s = time.monotonic() + timeout_s
     while True:
         if server.process is not None and server.process.poll() is not None:
-            raise AdvpipeError(f"SUMO does not start as a server on port {port}: {server.last_words()}")
+            raise AdvpipeError(f"SUMO does not start as a server on port {port}: {server.exit_reason()}")
         try:
             return traci.connect(port, numRetries=0, host=host)
         except (traci.exceptions.FatalTraCIError, OSError):
             if time.monotonic() > until_s:
                 whose = "it" if server.process is not None else "`sumo --remote-port`"
                 raise AdvpipeError(
-                    f"no SUMO answers at {host}:{port} within {patience_s:g} s; is {whose} running?"
+                    f"no SUMO answers at {host}:{port} within {timeout_s:g} s; is {whose} running?"
                 ) from None
         time.sleep(0.02)
 
@@ -123,7 +123,7 @@ def _free_port(wanted: int | None) -> int:
     """The wanted port if nobody listens there, or any that is free."""
     with socket.socket() as probe:
         try:
-            probe.bind((HERE, wanted or 0))
+            probe.bind((LOCALHOST, wanted or 0))
         except OSError as error:
             raise AdvpipeError(
                 f"traffic.server.port: {wanted} cannot be had ({error.strerror}); choose another, or none"

@@ -19,10 +19,10 @@ from advpipe.stages.simulate.traffic.road_users import RoadUser
 from advpipe.stages.simulate.traffic.sumo.connection import SumoConnection
 from advpipe.stages.simulate.traffic.sumo.controlled_vehicles import ControlledVehicles
 from advpipe.stages.simulate.traffic.sumo.external_vehicles import ExternalVehicles
-from advpipe.stages.simulate.traffic.sumo.joining import fit_in
-from advpipe.stages.simulate.traffic.sumo.own_traffic import own_traffic
+from advpipe.stages.simulate.traffic.sumo.joining import prepare_server
 from advpipe.stages.simulate.traffic.sumo.population import Population
 from advpipe.stages.simulate.traffic.sumo.routes import Routes
+from advpipe.stages.simulate.traffic.sumo.user_traffic import user_traffic
 from advpipe.stages.simulate.traffic.sumo.vehicle_types import vehicle_types_xml
 from advpipe.stages.simulate.traffic.sumo.vehicles import SumoVehicles
 from advpipe.stages.simulate.traffic.trajectories.trajectories import TrajectoryPlayer
@@ -55,7 +55,7 @@ class SumoTraffic(TrafficSource):
                 routes.checked(vehicle.route, f"vehicles.{name}.route")
         types = scratch / "vehicle_types.add.xml"
         types.write_text(vehicle_types_xml(variants), encoding="utf-8")
-        self._own = own_traffic(scenario, network, routes, types, self._trajectories.ids)
+        self._own = user_traffic(scenario, network, routes, types, self._trajectories.ids)
         self._options = [*_options(scenario, network), *self._own.options(types)]
         self._external = ExternalVehicles(sumo, network)
         self._controlled = ControlledVehicles(sumo, scenario, network)
@@ -70,7 +70,9 @@ class SumoTraffic(TrafficSource):
         try:
             with self._sumo.errors():
                 if self._scenario.traffic.server.join is not None:
-                    fit_in(self._sumo, self._network, self._variants, self._scenario.simulation.step_s)
+                    prepare_server(
+                        self._sumo, self._network, self._variants, self._scenario.simulation.step_s
+                    )
                 self._warm_up()
         except BaseException:
             self._sumo.close(after_error=True)
@@ -163,7 +165,7 @@ class SumoTraffic(TrafficSource):
         for name, vehicle in self._scenario.vehicles.items():
             if vehicle.driver != "trajectory" and name not in loaded:
                 self._population.insert_instrumented(name)
-        if not self._own.is_users:
+        if not self._own.is_user_supplied:
             others = {*self._scenario.vehicles, *self._trajectories.ids, *self._external.images}
             self._population.fill_up(others, keep_away_m)
 
@@ -195,7 +197,7 @@ class SumoTraffic(TrafficSource):
         }
         fixed |= self._external.images
         present = self._sumo.vehicle.getIDList()
-        if self._own.is_users:
+        if self._own.is_user_supplied:
             present = [name for name in present if name in self._scenario.vehicles]
         return [name for name in present if name not in fixed]
 

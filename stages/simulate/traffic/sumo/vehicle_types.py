@@ -36,17 +36,17 @@ BODIES_OF_CLASS: dict[str, tuple[str, ...]] = {
 }
 """Bodies that stand for a vClass of SUMO; rail, water, air and pedestrian classes have none."""
 
-CHOICE = 3
+NEAREST_VARIANTS = 3
 """A vehicle of the user's gets one of this many variants nearest to its length, drawn by the seed."""
 
 
-def stand_in(
+def substitute_variant(
     variants: Mapping[str, Variant], vclass: str, length_m: float, rng: np.random.Generator
 ) -> Variant:
     """The variant that stands for a vehicle of a known class and length."""
     names = [name for body in BODIES_OF_CLASS[vclass] for name in variants_of(variants, body)]
     names.sort(key=lambda name: (abs(variants[name].length_m - length_m), name))
-    return variants[names[int(rng.integers(min(CHOICE, len(names))))]]
+    return variants[names[int(rng.integers(min(NEAREST_VARIANTS, len(names))))]]
 
 
 def vehicle_types_xml(variants: Mapping[str, Variant]) -> str:

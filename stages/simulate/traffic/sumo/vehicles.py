@@ -13,7 +13,7 @@ from advpipe.stages.simulate.road_network.network import RoadNetwork
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 from advpipe.stages.simulate.traffic.sumo.connection import SumoConnection
 from advpipe.stages.simulate.traffic.sumo.pose import base_poses
-from advpipe.stages.simulate.traffic.sumo.vehicle_types import stand_in
+from advpipe.stages.simulate.traffic.sumo.vehicle_types import substitute_variant
 
 
 class SumoVehicles:
@@ -58,7 +58,7 @@ class SumoVehicles:
             variant = self._variants.get(vehicle.getTypeID(name))
             if variant is None:
                 rng = named_generator(self._seed, "own traffic", name)
-                variant = stand_in(
+                variant = substitute_variant(
                     self._variants, vehicle.getVehicleClass(name), vehicle.getLength(name), rng
                 )
                 vehicle.setLength(name, variant.length_m)

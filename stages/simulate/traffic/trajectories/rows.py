@@ -9,7 +9,7 @@ from typing import Any, TextIO
 
 from advpipe.pipeline.core.bounded_parquet import batches, flat_columns
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.core.shown import cut, shown
+from advpipe.pipeline.core.short_repr import short_repr, shorten
 
 MOST_ROWS = 5_000_000
 """An hour of 140 vehicles at 10 Hz; all rows are held in memory, in 64 bytes each."""
@@ -50,7 +50,7 @@ def _check_columns(names: Sequence[str], needed: Sequence[str], where: str) -> N
         raise AdvpipeError(f"{where} has two columns of the same name")
     for name in needed:
         if name not in names:
-            has = cut(", ".join(map(cut, names)), 300) or "none"
+            has = shorten(", ".join(map(shorten, names)), 300) or "none"
             raise AdvpipeError(f"{where} has no column {name}; it has {has}")
 
 
@@ -111,7 +111,7 @@ def _unread(path: Path, where: str, error: AdvpipeError) -> AdvpipeError:
 
 
 def _no_table(where: str, error: Exception) -> AdvpipeError:
-    return AdvpipeError(f"{where} is no CSV or Parquet table: {cut(' '.join(str(error).split()), 200)}")
+    return AdvpipeError(f"{where} is no CSV or Parquet table: {shorten(' '.join(str(error).split()), 200)}")
 
 
 def number_in(value: object) -> float:
@@ -129,5 +129,5 @@ def name_in(value: object) -> str:
     """The name in a field of the table; ValueError for what is none."""
     text = "" if value is None else str(value).strip()
     if not text or len(text) > 100 or any(ord(sign) < 33 or sign in "<>&\"'" for sign in text):
-        raise ValueError(f"{shown(text)} is no name (1 to 100 characters, no spaces)")
+        raise ValueError(f"{short_repr(text)} is no name (1 to 100 characters, no spaces)")
     return text

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.core.shown import shown
+from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.stages.simulate.traffic.trajectories.rows import name_in, number_in, table_rows
 
@@ -41,14 +41,14 @@ def read_trajectory_table(path: Path, bodies: frozenset[str]) -> dict[str, Rows]
     more rows or ids than are held in memory.
     """
     columns, rows = table_rows(path, ("id", *REQUIRED), ("id", *REQUIRED, *OPTIONAL, "body"))
-    read = _Reading(f"trajectories.file: {path}", columns, bodies)
+    read = _TableReader(f"trajectories.file: {path}", columns, bodies)
     for place, values in rows:
         read.add(place, values)
     return read.finished()
 
 
 @dataclass
-class _Own:
+class _PartialRows:
     """What one id has so far, seven numbers a row; place: of its first."""
 
     place: str
@@ -57,12 +57,12 @@ class _Own:
     last_s: float = -np.inf
 
 
-class _Reading:
+class _TableReader:
     """Takes row after row, and keeps its numbers alone."""
 
     def __init__(self, where: str, columns: Sequence[str], bodies: frozenset[str]) -> None:
         self._where, self._columns, self._bodies = where, columns, bodies
-        self._of: dict[str, _Own] = {}
+        self._of: dict[str, _PartialRows] = {}
 
     def add(self, place: str, values: Sequence[Any]) -> None:
         given = dict(zip(self._columns, values, strict=True))
@@ -70,19 +70,19 @@ class _Reading:
         body = self._name(place, "body", given.get("body", DEFAULT_BODY))
         if body not in self._bodies:
             known = ", ".join(sorted(self._bodies))
-            raise self._error(place, "body", f"{shown(body)} is no body; known: {known}")
+            raise self._error(place, "body", f"{short_repr(body)} is no body; known: {known}")
         numbers = [self._number(place, one, given.get(one, 0.0)) for one in (*REQUIRED, *OPTIONAL)]
         own = self._of.get(name)
         if own is None:
             if len(self._of) >= MOST_IDS:
                 raise AdvpipeError(f"{self._where}, {place}: more than {MOST_IDS} ids, too many to drive")
-            own = self._of[name] = _Own(place, body)
+            own = self._of[name] = _PartialRows(place, body)
         if numbers[0] <= own.last_s:
-            rises = f"{numbers[0]:g} does not come after {own.last_s:g}, the row of {shown(name)} before"
+            rises = f"{numbers[0]:g} does not come after {own.last_s:g}, the row of {short_repr(name)} before"
             hint = "sort the rows of each id and drop repeated times"
             raise self._error(place, "time_s", f"{rises}; {hint}")
         if body != own.body:
-            raise self._error(place, "body", f"{shown(name)} is a {own.body} in its first row")
+            raise self._error(place, "body", f"{short_repr(name)} is a {own.body} in its first row")
         own.last_s = numbers[0]
         own.values.extend(numbers)
 
@@ -94,7 +94,7 @@ class _Reading:
             own = self._of.pop(name)
             values = np.frombuffer(own.values, np.float64).reshape(-1, len(REQUIRED) + len(OPTIONAL))
             if len(values) == 1:
-                only = f"{self._where}, {own.place}: {shown(name)} has only this row"
+                only = f"{self._where}, {own.place}: {short_repr(name)} has only this row"
                 raise AdvpipeError(f"{only}; give it two at least")
             found[name] = Rows(values, own.body)
         return found
@@ -108,7 +108,7 @@ class _Reading:
     def _number(self, place: str, column: str, value: object) -> float:
         number = number_in(value)
         if not abs(number) <= LARGEST:
-            raise self._error(place, column, f"{shown(value)} is no finite number within {LARGEST:g}")
+            raise self._error(place, column, f"{short_repr(value)} is no finite number within {LARGEST:g}")
         return number
 
     def _error(self, place: str, column: str, what: str) -> AdvpipeError:

@@ -10,7 +10,7 @@ from scipy.spatial import Delaunay
 
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.stages.simulate.road_network.network import RoadNetwork
-from advpipe.stages.simulate.road_network.roads import KERB_M, Deck, Roads, offset_right, resample
+from advpipe.stages.simulate.road_network.roads import KERB_M, RoadLevel, Roads, offset_right, resample
 from advpipe.stages.simulate.world.raycast.mesh import Mesh, merge, strip, surface
 from advpipe.stages.simulate.world.raycast.shapes import triangulated
 
@@ -29,7 +29,7 @@ Height = Callable[[Float64], Float64]
 
 def build_ground(network: RoadNetwork, roads: Roads, rng: np.random.Generator) -> Mesh:
     """Everything that one drives and walks on."""
-    lowest = roads.decks[0]
+    lowest = roads.levels[0]
     piece_m = 20.0 if roads.is_flat else 4.0
     parts = []
     if roads.is_flat:
@@ -39,10 +39,10 @@ def build_ground(network: RoadNetwork, roads: Roads, rng: np.random.Generator) -
         parts += [_junction(outline, roads) for outline in network.junctions_m]
     kerbs = [line for line in roads.kerbs_m if len(line) > 1]
     streets = shapely.unary_union([shapely.LineString(line[:, :2]) for line in kerbs])
-    # A pavement goes on below a bridge, and ends where a road of another deck begins.
+    # A pavement goes on below a bridge, and ends where a road of another level begins.
     spans = [
-        deck.area.difference(deck.area.intersection(lowest.area).buffer(-0.5).buffer(8.5))
-        for deck in roads.decks[1:]
+        level.area.difference(level.area.intersection(lowest.area).buffer(-0.5).buffer(8.5))
+        for level in roads.levels[1:]
     ]
     taken = shapely.unary_union([lowest.area, roads.medians, *spans])
     for inner_m, outer_m, material in PAVEMENT_M:
@@ -54,8 +54,8 @@ def build_ground(network: RoadNetwork, roads: Roads, rng: np.random.Generator) -
         parts.append(_sheet(ring.difference(taken), lowest.height_at, material, KERB_M, piece_m))
     parts.append(_sheet(roads.medians, lowest.height_at, "grass", KERB_M, piece_m))
     parts += [strip(line + (0, 0, KERB_M), line, "kerbstone") for line in kerbs]
-    for deck in roads.decks[1:]:
-        parts += _bridge_sides(deck, roads)
+    for level in roads.levels[1:]:
+        parts += _bridge_sides(level, roads)
     parts.append(_grass(roads, rng))
     return merge(parts)
 
@@ -84,10 +84,12 @@ def _junction(outline_m: Float64, roads: Roads) -> Mesh:
     area = shapely.make_valid(shapely.Polygon(outline_m[:, :2]))
     if area.area < 0.1:  # a dead end
         return merge([])
-    deck = _deck_at(outline_m, roads)
+    level = _level_at(outline_m, roads)
     line = resample(np.concatenate([outline_m, outline_m[:1]]), 4.0)[:-1]
-    border = np.column_stack([line[:, :2], deck.height_at(line[:, :2])])
-    lanes = deck.samples_m[shapely.contains_xy(area.buffer(-0.3), deck.samples_m[:, 0], deck.samples_m[:, 1])]
+    border = np.column_stack([line[:, :2], level.height_at(line[:, :2])])
+    lanes = level.samples_m[
+        shapely.contains_xy(area.buffer(-0.3), level.samples_m[:, 0], level.samples_m[:, 1])
+    ]
     points = np.concatenate([border, lanes])
     # One point for each decimetre: where lanes cross, their samples come close.
     _, first = np.unique(np.round(points[:, :2], 1), axis=0, return_index=True)
@@ -98,18 +100,18 @@ def _junction(outline_m: Float64, roads: Roads) -> Mesh:
     return surface(points, faces[inside], "asphalt")
 
 
-def _deck_at(points_m: Float64, roads: Roads) -> Deck:
-    errors = [np.abs(deck.height_at(points_m[:, :2]) - points_m[:, 2]).mean() for deck in roads.decks]
-    near = [deck.tree.query(points_m[:, :2])[0].min() for deck in roads.decks]
-    return roads.decks[int(np.argmin(np.array(errors) + 10.0 * (np.array(near) > 6.0)))]
+def _level_at(points_m: Float64, roads: Roads) -> RoadLevel:
+    errors = [np.abs(level.height_at(points_m[:, :2]) - points_m[:, 2]).mean() for level in roads.levels]
+    near = [level.tree.query(points_m[:, :2])[0].min() for level in roads.levels]
+    return roads.levels[int(np.argmin(np.array(errors) + 10.0 * (np.array(near) > 6.0)))]
 
 
-def _bridge_sides(deck: Deck, roads: Roads) -> list[Mesh]:
-    """The edge beams of a deck that spans another."""
+def _bridge_sides(level: RoadLevel, roads: Roads) -> list[Mesh]:
+    """The edge beams of a road level that spans another."""
     lines = [
         line
         for line in roads.verges_m
-        if len(line) > 1 and np.abs(deck.height_at(line[:, :2]) - line[:, 2]).max() < 0.3
+        if len(line) > 1 and np.abs(level.height_at(line[:, :2]) - line[:, 2]).max() < 0.3
     ]
     return [strip(line + (0, 0, KERB_M), line - (0, 0, SKIRT_M), "barrier_concrete") for line in lines]
 
@@ -117,7 +119,7 @@ def _bridge_sides(deck: Deck, roads: Roads) -> list[Mesh]:
 def _grass(roads: Roads, rng: np.random.Generator) -> Mesh:
     """Uneven grass, a little below the roads, as far as `GROUND_MARGIN_M` or twice that from them."""
     per_block = round(GROUND_MARGIN_M / GROUND_CELL_M)
-    places = np.concatenate([deck.samples_m[:, :2] for deck in roads.decks])
+    places = np.concatenate([level.samples_m[:, :2] for level in roads.levels])
     blocks = np.unique(np.floor(places / GROUND_MARGIN_M).astype(np.int64), axis=0)
     around = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1], indexing="ij"), axis=-1).reshape(-1, 2)
     blocks = np.unique((blocks[:, None] + around).reshape(-1, 2), axis=0)
@@ -138,13 +140,13 @@ def terrain_at(xy_m: Float64, roads: Roads) -> Float64:
     That of the nearest road; an embankment leads up to a bridge, and never covers a lower road.
     """
     if roads.is_flat:
-        return roads.decks[0].height_at(xy_m)
+        return roads.levels[0].height_at(xy_m)
     nearest_m = np.full(len(xy_m), np.inf)
     terrain = np.zeros(len(xy_m))
     rise = []
-    for deck in roads.decks:
-        distances_m, nearest = deck.tree.query(xy_m, k=list(range(1, 65)))
-        heights_m = np.append(deck.samples_m[:, 2], np.inf)[nearest]
+    for level in roads.levels:
+        distances_m, nearest = level.tree.query(xy_m, k=list(range(1, 65)))
+        heights_m = np.append(level.samples_m[:, 2], np.inf)[nearest]
         terrain = np.where(distances_m[:, 0] < nearest_m, heights_m[:, 0], terrain)
         nearest_m = np.minimum(nearest_m, distances_m[:, 0])
         # A cell's own size: none of its corners may rise over a road that passes inside it.

@@ -57,7 +57,7 @@ class MaterialHits(Hits):
 
 
 @dataclass(frozen=True)
-class Panes:
+class PanePassages:
     """E passages of rays through panes. rays: (E,) int64. range_m, transmittance: (E,) float32."""
 
     rays: npt.NDArray[np.int64]
@@ -81,7 +81,7 @@ class Returns:
     range_m: Float32
     cos_incidence: Float32
     materials: npt.NDArray[np.uint8]
-    panes: Panes
+    panes: PanePassages
 
 
 class Scene:
@@ -128,7 +128,7 @@ class Scene:
         if not passed:
             passed = [(through, range_m[:0], range_m[:0])]
         columns = (np.concatenate(column) for column in zip(*passed, strict=True))
-        return Returns(range_m, cos, materials, Panes(*columns))
+        return Returns(range_m, cos, materials, PanePassages(*columns))
 
     def _first(
         self, rays: Float32, parts: npt.NDArray[np.int32] | None

@@ -50,7 +50,7 @@ class Plot:
 
 
 @dataclass(frozen=True)
-class _Thing:
+class _RoadsideObject:
     """A mesh in the frame of its plot, the ground that it takes, and how far from the kerb it stands."""
 
     mesh: Mesh
@@ -60,7 +60,7 @@ class _Thing:
     turn_rad: float = 0.0
 
 
-Draw = Callable[[np.random.Generator], _Thing]
+Draw = Callable[[np.random.Generator], _RoadsideObject]
 
 
 def _plots(
@@ -161,34 +161,34 @@ def _signals(network: RoadNetwork, occupied: Occupied, rng: np.random.Generator)
     return meshes
 
 
-def _lamp_post(rng: np.random.Generator) -> _Thing:
-    return _Thing(furniture.lamp_post(rng), 0.6, 0.6, POLE_OFFSET_M + rng.uniform(-0.1, 0.1))
+def _lamp_post(rng: np.random.Generator) -> _RoadsideObject:
+    return _RoadsideObject(furniture.lamp_post(rng), 0.6, 0.6, POLE_OFFSET_M + rng.uniform(-0.1, 0.1))
 
 
-def _sign(rng: np.random.Generator) -> _Thing:
+def _sign(rng: np.random.Generator) -> _RoadsideObject:
     kind = rng.random()
     if kind < 0.15:
-        return _Thing(furniture.bollard(rng), 0.3, 0.3, 0.5)
-    return _Thing(furniture.traffic_sign(rng), 0.6, 1.0, POLE_OFFSET_M, rng.normal(0.0, 0.08))
+        return _RoadsideObject(furniture.bollard(rng), 0.3, 0.3, 0.5)
+    return _RoadsideObject(furniture.traffic_sign(rng), 0.6, 1.0, POLE_OFFSET_M, rng.normal(0.0, 0.08))
 
 
-def _roadside_post(rng: np.random.Generator) -> _Thing:
+def _roadside_post(rng: np.random.Generator) -> _RoadsideObject:
     if rng.random() < 0.6:
-        return _Thing(furniture.delineator(rng), 0.2, 0.2, 1.4)
-    return _Thing(furniture.traffic_sign(rng), 0.6, 1.8, 2.6, rng.normal(0.0, 0.05))
+        return _RoadsideObject(furniture.delineator(rng), 0.2, 0.2, 1.4)
+    return _RoadsideObject(furniture.traffic_sign(rng), 0.6, 1.8, 2.6, rng.normal(0.0, 0.05))
 
 
-def _tree(rng: np.random.Generator) -> _Thing:
+def _tree(rng: np.random.Generator) -> _RoadsideObject:
     kind = (trees.round_tree, trees.round_tree, trees.conifer, trees.columnar_tree)[int(rng.integers(4))]
-    return _Thing(kind(rng), 1.6, 1.6, rng.uniform(*TREE_OFFSET_M))
+    return _RoadsideObject(kind(rng), 1.6, 1.6, rng.uniform(*TREE_OFFSET_M))
 
 
-def _far_tree(rng: np.random.Generator) -> _Thing:
-    thing = _tree(rng) if rng.random() < 0.6 else _Thing(trees.bush(rng), 1.5, 1.5, 0.0)
-    return _Thing(thing.mesh, thing.length_m, thing.width_m, rng.uniform(*FAR_OFFSET_M))
+def _far_tree(rng: np.random.Generator) -> _RoadsideObject:
+    thing = _tree(rng) if rng.random() < 0.6 else _RoadsideObject(trees.bush(rng), 1.5, 1.5, 0.0)
+    return _RoadsideObject(thing.mesh, thing.length_m, thing.width_m, rng.uniform(*FAR_OFFSET_M))
 
 
-def _clutter(rng: np.random.Generator) -> _Thing:
+def _clutter(rng: np.random.Generator) -> _RoadsideObject:
     """Hedges, bushes, fences, walls, bins, containers and shelters behind the walkway."""
     kind = int(rng.choice(7, p=(0.2, 0.2, 0.15, 0.12, 0.13, 0.15, 0.05)))
     offset_m, turn_rad = rng.uniform(*BESIDE_WALKWAY_M), rng.normal(0, 0.15)
@@ -196,25 +196,25 @@ def _clutter(rng: np.random.Generator) -> _Thing:
     if kind == 0:
         width_m, long_m = rng.uniform(0.6, 1.1), min(long_m, 6.0)
         mesh = trees.hedge(long_m, width_m, rng.uniform(0.8, 1.9), rng)
-        return _Thing(mesh, long_m, width_m, offset_m, 0.2 * turn_rad)
+        return _RoadsideObject(mesh, long_m, width_m, offset_m, 0.2 * turn_rad)
     if kind == 1:
-        return _Thing(trees.bush(rng), 2.0, 2.0, offset_m)
+        return _RoadsideObject(trees.bush(rng), 2.0, 2.0, offset_m)
     if kind == 2:
-        return _Thing(furniture.fence(long_m, rng), long_m, 0.3, offset_m, 0.2 * turn_rad)
+        return _RoadsideObject(furniture.fence(long_m, rng), long_m, 0.3, offset_m, 0.2 * turn_rad)
     if kind == 3:
         mesh = box_mesh((long_m, 0.25, rng.uniform(0.6, 1.6)), "masonry")
-        return _Thing(mesh, long_m, 0.25, offset_m, 0.2 * turn_rad)
+        return _RoadsideObject(mesh, long_m, 0.25, offset_m, 0.2 * turn_rad)
     if kind == 4:
-        return _Thing(furniture.litter_bin(rng), 1.3, 0.8, offset_m, turn_rad)
+        return _RoadsideObject(furniture.litter_bin(rng), 1.3, 0.8, offset_m, turn_rad)
     if kind == 5:
         mesh = furniture.container(rng)
         size = np.ptp(mesh.vertices_m, axis=0)
-        return _Thing(mesh, float(size[0]), float(size[1]), offset_m, turn_rad)
-    return _Thing(furniture.shelter(rng), 4.0, 1.8, offset_m + 0.5)
+        return _RoadsideObject(mesh, float(size[0]), float(size[1]), offset_m, turn_rad)
+    return _RoadsideObject(furniture.shelter(rng), 4.0, 1.8, offset_m + 0.5)
 
 
-def _building(rng: np.random.Generator) -> _Thing:
+def _building(rng: np.random.Generator) -> _RoadsideObject:
     length_m, depth_m = rng.uniform(8, 26), rng.uniform(8, 14)
     storeys = int(rng.choice([1, 2, 3, 4, 5, 7], p=(0.15, 0.3, 0.2, 0.15, 0.15, 0.05)))
     offset_m = rng.uniform(*BUILDING_OFFSET_M) + depth_m / 2
-    return _Thing(building(length_m, depth_m, storeys, rng), length_m, depth_m, offset_m)
+    return _RoadsideObject(building(length_m, depth_m, storeys, rng), length_m, depth_m, offset_m)

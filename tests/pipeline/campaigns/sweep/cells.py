@@ -68,7 +68,7 @@ def cell(
         attacked=figures(ratio, distance),
         recounted=RecountedFigures(9, ratio / 100, ratio, None, 0, 0.0),
         baselines=baselines,
-        beats_random=True if baselines else None,
+        significant_vs_random=True if baselines else None,
         notes=(),
     )
     return Cell(budget, recipe, SETTINGS, row, "c" * 64, (0, 2, 4), found, lost, draws)

@@ -109,9 +109,9 @@ def test_median_frame(lost, found, frame):
     assert median_frame([cell("detach-1", 50.0, lost=each, found=found) for each in lost]) == frame
 
 
-def test_a_cell_comes_back_from_its_file():
+def test_a_cell_comes_back_from_its_file(tmp_path):
     made = cell("detach-1", 50.0, draws=(48.0, None))
-    again = Cell.from_json(made.to_json())
+    again = Cell.from_json(made.to_json(), tmp_path)
     assert again == made
     assert cell_differences(made, again) == []
     assert cell_differences(made, cell("detach-1", 51.0, draws=(48.0, None)))[-1].startswith("row.map_ratio_")

@@ -15,17 +15,17 @@ CLOSE = {"rtol": 1e-9, "atol": 1e-12}
 
 
 def inputs_of(scene) -> list[LossInput]:
-    """Clouds that differ: with ghosts, without; without objects; without points; out of range."""
+    """Clouds that differ: with probes, without; without objects; without points; out of range."""
     points, boxes, labels = scene[0].double(), scene[1].double(), scene[2]
-    shifted, ghosts = points.clone(), points[:40] + points.new_tensor([0.0, 0.0, 0.5, 0.0])
+    shifted, probes = points.clone(), points[:40] + points.new_tensor([0.0, 0.0, 0.5, 0.0])
     shifted[:, 0] = -shifted[:, 0]
     return [
-        LossInput(points, boxes, labels, ghosts),
+        LossInput(points, boxes, labels, probes),
         LossInput(shifted[:300], boxes[:1], labels[:1]),
-        LossInput(points[::2], boxes[:0], labels[:0], ghosts[:7]),
+        LossInput(points[::2], boxes[:0], labels[:0], probes[:7]),
         LossInput(points[:0], boxes, labels),
         LossInput(points + 50, boxes, labels),
-        LossInput(points[:0], boxes, labels, ghosts),
+        LossInput(points[:0], boxes, labels, probes),
         LossInput(points, boxes, labels),
     ]
 
@@ -62,7 +62,7 @@ def test_occupancies_with_ghosts_are_those_of_the_clouds_alone(double: Second, s
     gradients = iter(torch.autograd.grad([loss for loss, _, _ in found], leaves))
     for each, (loss, held, rows) in zip(alone, found, strict=True):
         wanted, wanted_held, wanted_rows = double.occupancy_loss(
-            each.points, each.boxes, each.labels, each.ghosts
+            each.points, each.boxes, each.labels, each.probes
         )
         assert held.is_leaf
         torch.testing.assert_close(loss, wanted, **CLOSE)

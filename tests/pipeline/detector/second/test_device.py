@@ -47,10 +47,10 @@ def cloud_of(points):
 
 def all_of_it(detector: Second, points, boxes, labels) -> list[torch.Tensor]:
     """The loss and its gradients, by points and by occupancy, and the detections."""
-    leaf, ghosts = points.clone().requires_grad_(), points[:40] + points.new_tensor([0.0, 0.0, 0.5, 0.0])
+    leaf, probes = points.clone().requires_grad_(), points[:40] + points.new_tensor([0.0, 0.0, 0.5, 0.0])
     loss = detector.loss(leaf, boxes, labels)
     (to_points,) = torch.autograd.grad(loss, leaf)
-    of_occupancy, occupancy, row = detector.occupancy_loss(leaf, boxes, labels, ghosts)
+    of_occupancy, occupancy, row = detector.occupancy_loss(leaf, boxes, labels, probes)
     gradients = torch.autograd.grad(of_occupancy, [occupancy, leaf])
     found = detector.detect(cloud_of(points))
     assert len(found)

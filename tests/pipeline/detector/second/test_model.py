@@ -126,7 +126,7 @@ def kitti(tiny, scene):
     return Second(net)
 
 
-def ghosts_of(detector, points, count=40):
+def probes_of(detector, points, count=40):
     """Points in voxels beside those of `points`, none in one of them."""
     grid = detector.voxel_grid
     draw = np.random.default_rng(4)
@@ -142,8 +142,8 @@ def test_ghosts_at_zero_are_not_there_and_at_one_are_points(request, scene, name
     detector = request.getfixturevalue(name)
     points, boxes, labels = scene
     labels = labels.clamp(max=len(detector.classes) - 1)
-    ghosts = ghosts_of(detector, points)
-    loss, occupancy, row_of = detector.occupancy_loss(points, boxes, labels, ghosts)
+    probes = probes_of(detector, points)
+    loss, occupancy, row_of = detector.occupancy_loss(points, boxes, labels, probes)
     assert occupancy.is_leaf
     rows = row_of[len(points) :].unique()
     read = rows[rows >= 0]
@@ -153,18 +153,18 @@ def test_ghosts_at_zero_are_not_there_and_at_one_are_points(request, scene, name
     assert float(loss.detach()) == pytest.approx(float(detector.loss(points, boxes, labels)), rel=1e-5)
     (gradient,) = torch.autograd.grad(loss, occupancy)
     assert (gradient[read] != 0).float().mean() > 0.9
-    voxels = detector._voxels(points, ghosts)
+    voxels = detector._voxels(points, probes)
     for raised in (read[:1], read):
         filled = occupancy.detach().clone()
         filled[raised] = 1
-        really = torch.cat([points, ghosts[torch.isin(row_of[len(points) :], raised)]])
+        really = torch.cat([points, probes[torch.isin(row_of[len(points) :], raised)]])
         expected = float(detector.loss(really, boxes, labels))
         assert float(detector._loss(voxels, boxes, labels, filled)) == pytest.approx(expected, rel=1e-5)
 
 
 def test_kitti_reads_no_ghost_past_its_voxels(kitti, scene):
-    ghosts = ghosts_of(kitti, scene[0], 400)
-    _, occupancy, row_of = kitti.occupancy_loss(scene[0], scene[1], scene[2].clamp(max=2), ghosts)
+    probes = probes_of(kitti, scene[0], 400)
+    _, occupancy, row_of = kitti.occupancy_loss(scene[0], scene[1], scene[2].clamp(max=2), probes)
     assert len(occupancy) == kitti.preset.max_voxels
     assert (row_of[: len(scene[0])] >= 0).all()
     assert (row_of[len(scene[0]) :] < 0).any()
@@ -176,10 +176,10 @@ def test_gradient_to_ghosts_matches_finite_differences(request, scene, still_iou
     detector.net.double()
     points, boxes = scene[0].double().requires_grad_(), scene[1].double()
     labels = scene[2].clamp(max=len(detector.classes) - 1)
-    ghosts = ghosts_of(detector, scene[0]).double()
-    loss, occupancy, row_of = detector.occupancy_loss(points, boxes, labels, ghosts)
+    probes = probes_of(detector, scene[0]).double()
+    loss, occupancy, row_of = detector.occupancy_loss(points, boxes, labels, probes)
     to_points, to_occupancy = torch.autograd.grad(loss, [points, occupancy])
-    voxels = detector._voxels(points.detach(), ghosts)
+    voxels = detector._voxels(points.detach(), probes)
     for row in row_of[len(points) :].unique()[-3:]:
         raised = occupancy.detach().clone()
         raised[row] = 1e-7  # between the kinks of the ReLUs
@@ -190,9 +190,9 @@ def test_gradient_to_ghosts_matches_finite_differences(request, scene, still_iou
 
 
 def test_ghosts_in_occupied_voxels_and_outside_change_nothing(tiny, scene):
-    ghosts = torch.cat([scene[0][:50], torch.tensor([[50.0, 0.0, 0.0, 0.0]])])
+    probes = torch.cat([scene[0][:50], torch.tensor([[50.0, 0.0, 0.0, 0.0]])])
     plain_loss, plain, plain_rows = tiny.occupancy_loss(*scene)
-    loss, occupancy, rows = tiny.occupancy_loss(*scene, ghosts)
+    loss, occupancy, rows = tiny.occupancy_loss(*scene, probes)
     assert torch.equal(occupancy, plain)
     assert float(loss.detach()) == float(plain_loss.detach())
     assert rows.tolist() == [*plain_rows.tolist(), *plain_rows[:50].tolist(), -1]

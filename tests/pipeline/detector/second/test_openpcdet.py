@@ -233,8 +233,8 @@ def test_the_command_refuses_before_it_reads(tmp_path, checkpoint):
     out = tmp_path / "out.safetensors"
     out.write_bytes(b"mine")
     for words, message in [
-        ([str(checkpoint), "--out", str(out)], "exists already"),
-        ([str(checkpoint), "--out", str(tmp_path / "out.pth")], "named .safetensors"),
+        ([str(checkpoint), "--out", str(out)], "already exists"),
+        ([str(checkpoint), "--out", str(tmp_path / "out.pth")], "must end in .safetensors"),
         ([str(tmp_path / "none"), "--out", str(tmp_path / "x.safetensors")], "no OpenPCDet checkpoint at"),
     ]:
         done = CliRunner().invoke(app, ["import-weights", *words])

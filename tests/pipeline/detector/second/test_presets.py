@@ -63,7 +63,9 @@ def test_360_is_kitti_in_size_with_our_classes():
     assert SecondNet(ALL_AROUND).backbone3d.out_channels == 256
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize(
+    "name", [name if name == "small" else pytest.param(name, marks=pytest.mark.nightly) for name in PRESETS]
+)
 def test_a_network_of_each_preset_learns(name):
     """On a range of 128 x 128 voxels, forty steps on one scene at least halve the loss."""
     torch.manual_seed(0)

@@ -14,7 +14,7 @@ def test_any_port() -> None:
 
 
 def test_what_is_no_cam_packet() -> None:
-    with pytest.raises(CamError, match="3 bytes are no BTP-B packet"):
+    with pytest.raises(CamError, match="3 bytes are too few for a BTP-B packet"):
         cam_payload(b"\x07\xd1\x00")
-    with pytest.raises(CamError, match="BTP-B port 2002 is not that of CAMs"):
+    with pytest.raises(CamError, match="BTP-B port 2002 is not the CAM port"):
         cam_payload(btp_packet(b"", 2002))

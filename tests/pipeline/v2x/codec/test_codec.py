@@ -57,7 +57,7 @@ def test_threads_do_not_meet(random_cam_tree: Callable[..., CamTree]) -> None:
 
 def test_no_truncation_is_a_cam(cam_vector: bytes) -> None:
     for length in range(len(cam_vector)):
-        with pytest.raises(CamError, match=f"^{length} bytes are no CAM"):
+        with pytest.raises(CamError, match=f"^{length} bytes are not a CAM"):
             decode_cam_tree(cam_vector[:length])
 
 
@@ -89,7 +89,7 @@ def test_bytes_after_the_end(cam_vector: bytes) -> None:
 
 @pytest.mark.parametrize(("version", "message"), [(1, 2), (2, 1), (0, 0)])
 def test_other_messages(cam_vector: bytes, version: int, message: int) -> None:
-    with pytest.raises(CamError, match=f"message {message} of protocol version {version} is no CAM"):
+    with pytest.raises(CamError, match=f"message {message} of protocol version {version} is not a CAM"):
         decode_cam_tree(bytes([version, message]) + cam_vector[2:])
 
 
@@ -117,5 +117,5 @@ def test_values_that_make_no_cam(cam_vector: bytes, path: tuple[str, ...], value
     for name in path[:-1]:
         part = part[name]
     part[path[-1]] = value
-    with pytest.raises(CamError, match="these values make no CAM"):
+    with pytest.raises(CamError, match="cannot encode these values as a CAM"):
         encode_cam_tree(tree)

@@ -8,7 +8,7 @@ from advpipe.pipeline.v2x.codec.codes import DriveDirection
 from advpipe.pipeline.v2x.facilities.cam import Cam
 from advpipe.pipeline.v2x.facilities.cam_tree import encode_cam
 from advpipe.pipeline.v2x.facilities.cam_values import changed_fields, values_of_payload
-from advpipe.pipeline.v2x.facilities.effect import fix_matters, matters
+from advpipe.pipeline.v2x.facilities.effect import fix_has_effect, has_effect
 
 
 def said(time_ms=0, **fields):
@@ -49,25 +49,25 @@ def said(time_ms=0, **fields):
     ],
 )
 def test_thresholds(true, false, expected):
-    assert matters(said(**true), said(**false), 0.0, 1.1) == expected
+    assert has_effect(said(**true), said(**false), 0.0, 1.1) == expected
 
 
 def test_fixes_as_messages():
     """0.6 m and 0.8 m aside are 1 m: the bound itself; 5 m in height."""
-    assert not fix_matters(0.6, -0.8, 5.0)
-    assert fix_matters(0.61, -0.8, 0.0)
-    assert fix_matters(0.0, 0.0, -5.1)
+    assert not fix_has_effect(0.6, -0.8, 5.0)
+    assert fix_has_effect(0.61, -0.8, 0.0)
+    assert fix_has_effect(0.0, 0.0, -5.1)
 
 
 def test_place_and_time():
     """More than a metre; a time by which the map's entry has expired, over the cycle of 65.536 s as well."""
-    assert not matters(said(), said(), 0.9, 1.1)
-    assert matters(said(), said(), 1.1, 1.1)
-    assert not matters(said(1000), said(0), 0.0, 1.1)
-    assert matters(said(1200), said(0), 0.0, 1.1)
-    assert not matters(said(66_000), said(0), 0.0, 1.1)
-    assert matters(said(), None, math.nan, 1.1)
-    assert matters(said(), said(latitude_deg=None), math.nan, 1.1)
+    assert not has_effect(said(), said(), 0.9, 1.1)
+    assert has_effect(said(), said(), 1.1, 1.1)
+    assert not has_effect(said(1000), said(0), 0.0, 1.1)
+    assert has_effect(said(1200), said(0), 0.0, 1.1)
+    assert not has_effect(said(66_000), said(0), 0.0, 1.1)
+    assert has_effect(said(), None, math.nan, 1.1)
+    assert has_effect(said(), said(latitude_deg=None), math.nan, 1.1)
 
 
 def test_changed_fields():

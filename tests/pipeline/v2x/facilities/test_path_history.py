@@ -17,14 +17,15 @@ Places = npt.NDArray[np.float64]
 
 
 def drive(path_m: Places) -> tuple[Places, list[float], PathHistory]:
-    """Feed a path (N, 2) in metres, ten places a second; the told polyline (K + 1, 2), latest first."""
+    """Feed a path (N, 2) in metres, ten places a second; return the polyline of its points (K + 1, 2), latest
+    first."""
     history = PathHistory()
     for step, (x, y) in enumerate(path_m):
         place = GEODESY.to_geographic([x, y, 0.01 * step])
         history.add(step * STEP_NS, *place)
-    told = history.points(*place, time_ns=(len(path_m) - 1) * STEP_NS)
+    points = history.points(*place, time_ns=(len(path_m) - 1) * STEP_NS)
     polyline, times_s = [place], []
-    for point in told:
+    for point in points:
         assert point.delta_latitude_deg is not None
         assert point.delta_longitude_deg is not None
         assert point.delta_altitude_m is not None
@@ -66,7 +67,7 @@ def test_every_place_passed_lies_by_the_line_told() -> None:
         np.testing.assert_allclose(polyline[-1, :2], path_m[oldest], atol=0.02)
 
 
-def test_told_points_are_places_passed_at_their_times() -> None:
+def test_points_are_places_passed_at_their_times() -> None:
     path_m = winding()
     polyline, times_s, _ = drive(path_m)
     ages = np.round(np.cumsum(times_s) * 10).astype(int)
@@ -130,6 +131,6 @@ def test_across_the_date_line() -> None:
     for step in range(100):
         longitude = math.remainder(179.9995 + 2e-5 * step, 360)
         history.add(step * STEP_NS, 10.0, longitude, 0.0)
-    told = history.points(10.0, longitude, 0.0, 99 * STEP_NS)
-    back_deg = sum(point.delta_longitude_deg or 0 for point in told)
+    points = history.points(10.0, longitude, 0.0, 99 * STEP_NS)
+    back_deg = sum(point.delta_longitude_deg or 0 for point in points)
     assert -222 / 109_640 < back_deg < -200 / 109_640  # a degree of longitude is 109.64 km there

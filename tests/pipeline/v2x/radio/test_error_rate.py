@@ -7,7 +7,7 @@ from advpipe.pipeline.v2x.radio.error_rate import (
     THREE_QUARTERS,
     TWO_THIRDS,
     Code,
-    flawless_db,
+    error_free_snr_db,
     success_rate,
 )
 
@@ -69,7 +69,7 @@ def test_success_rises_from_none_to_all(rate: float) -> None:
 @pytest.mark.parametrize("rate", MODULATIONS)
 def test_flawless_is_certain(rate: float) -> None:
     """Above it, the longest frame of 4095 bytes has a chance of one to the last bit; a little below, not."""
-    sure_db = flawless_db(rate)
+    sure_db = error_free_snr_db(rate)
     assert (success_rate(np.linspace(sure_db, 200, 5000), 8 * 4095, rate) == 1.0).all()
     assert success_rate(np.array(sure_db - 3), 8 * 4095, rate) < 1.0
 

@@ -31,15 +31,15 @@ def follow() -> Follow:
         innovations: Sequence[Innovation] = (),
         seed: int = 1,
     ) -> list[np.ndarray | None]:
-        spoof, told = attack.begin(np.random.default_rng(seed)), []
+        spoof, spoofed = attack.begin(np.random.default_rng(seed)), []
         genuine = [TrueFix(k * PERIOD_NS, np.array(p, dtype=float)) for k, p in enumerate(positions_m)]
         for k in range(first, len(genuine)):
             interval_s = 0.1 if k > first else 0.0
             seen = (lambda now: lambda: innovations[now])(k)
-            told.append(
+            spoofed.append(
                 spoof(SpoofingContext(genuine[: k + 1], 0.1 * (k - first), interval_s, heading_rad, seen))
             )
-        return told
+        return spoofed
 
     return follow
 

@@ -8,8 +8,8 @@ from advpipe.stages.attack.gnss.bias import Bias
 
 
 def test_one_vector_for_all_fixes(follow):
-    told = follow(Bias(bound_m=3, bound_up_m=0), [[0, 0, 5], [10, 0, 5], [20, 2, 5]])
-    deltas = np.array(told) - [[0, 0, 5], [10, 0, 5], [20, 2, 5]]
+    spoofed = follow(Bias(bound_m=3, bound_up_m=0), [[0, 0, 5], [10, 0, 5], [20, 2, 5]])
+    deltas = np.array(spoofed) - [[0, 0, 5], [10, 0, 5], [20, 2, 5]]
     assert np.allclose(deltas, deltas[0])
     assert deltas[0, 2] == 0
     assert 0 < np.abs(deltas[0, :2]).max() <= 3

@@ -66,7 +66,9 @@ JAM = {"type": "gnss-jam", "schedule": {"from_s": 2, "to_s": 4}}
 def test_the_fix_is_off_by_the_bias_and_keeps_its_claims(drive, biased):
     made, new = biased
     (delta,) = {
-        tuple(np.round(one.lie.position_m - one.genuine_m, 9)) for one in made.vehicles[0].records if one.lie
+        tuple(np.round(one.false_fix.position_m - one.true_m, 9))
+        for one in made.vehicles[0].records
+        if one.false_fix
     }
     old_fixes, new_fixes = (decoded(drive, raws, EGO.gnss_fix.name) for raws in (drive.raw_messages(), new))
     geodesy = read_filter(drive).geodesy
@@ -228,7 +230,7 @@ def test_a_place_without_a_fix_is_left_alone(drive, tmp_path: Path):
     gaps = BagReader(tmp_path / "gaps")
     made = change(gaps, {"type": "gnss-freeze"})
     records = made.vehicles[0].records
-    assert [one.genuine is None for one in records] == [index % 10 < 5 for index in range(80)]
-    assert all(one.lie is None for one in records if one.genuine is None)
+    assert [one.true_geographic is None for one in records] == [index % 10 < 5 for index in range(80)]
+    assert all(one.false_fix is None for one in records if one.true_geographic is None)
     old = cdrs(gaps.raw_messages(), EGO.gnss_fix.name)
     assert cdrs(made.messages(), EGO.gnss_fix.name)[:5] == old[:5]

@@ -7,7 +7,7 @@ import pytest
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.localisation.estimate import Innovation
-from advpipe.stages.attack.gnss.drift_aware import DriftAware, unsuspicious_m
+from advpipe.stages.attack.gnss.drift_aware import DriftAware, undetected_range_m
 
 UNIT = np.array([0.0, 1.0, 0.0])
 
@@ -24,24 +24,24 @@ def test_allowed_is_seven_tenths_of_the_gate():
 
 def test_the_roots_of_the_parabola():
     """Variance 4, residual (3, 1, 0): nis(a) = (9 + (1 + a)^2) / 4 = 6.25 at a = 3 and a = -5."""
-    assert np.allclose(unsuspicious_m(innovation([3, 1, 0], 4), UNIT, 6.25), (-5, 3))
+    assert np.allclose(undetected_range_m(innovation([3, 1, 0], 4), UNIT, 6.25), (-5, 3))
     # 9 / 4 is the least that any offset leaves, at a = -1
-    assert np.allclose(unsuspicious_m(innovation([3, 1, 0], 4), UNIT, 2.0), (-1, -1))
+    assert np.allclose(undetected_range_m(innovation([3, 1, 0], 4), UNIT, 2.0), (-1, -1))
 
 
 def test_grows_as_fast_as_it_may(follow):
     """Allowed is 1: with 0, 0, 0.85, 2, -0.5 m to the left already, 1, 1, 0.15, -1 and 1.5 m more pass."""
     attack = DriftAware(rate_mps=5, share=1 / 16.26623619623813)
     seen = [innovation([0, y, 0]) for y in (0, 0, 0.85, 2, -0.5)]
-    told = np.array(follow(attack, [[0, 0, 0]] * 5, innovations=seen))
-    assert np.allclose(told[:, 1], [0, 0.5, 0.15, 0, 0.5], atol=1e-6)
-    assert np.allclose(told[:, [0, 2]], 0)
+    spoofed = np.array(follow(attack, [[0, 0, 0]] * 5, innovations=seen))
+    assert np.allclose(spoofed[:, 1], [0, 0.5, 0.15, 0, 0.5], atol=1e-6)
+    assert np.allclose(spoofed[:, [0, 2]], 0)
 
 
 def test_never_beyond_its_bound(follow):
     attack = DriftAware(rate_mps=5, most_m=0.7, angle_deg=0)
-    told = np.array(follow(attack, [[0, 0, 0]] * 4, innovations=[innovation([0, 0, 0])] * 4))
-    assert np.allclose(told[:, 0], [0, 0.5, 0.7, 0.7])
+    spoofed = np.array(follow(attack, [[0, 0, 0]] * 4, innovations=[innovation([0, 0, 0])] * 4))
+    assert np.allclose(spoofed[:, 0], [0, 0.5, 0.7, 0.7])
 
 
 @pytest.mark.parametrize(

@@ -83,8 +83,8 @@ def test_position_speed_and_heading_are_those_of_the_estimate(drive):
             forward = estimate.map_SE3_base[:3, 0]
             front = estimate.map_SE3_base[:3, 3] + forward * ego.size_m[0] / 2
             geodesy = editor._geodesy
-            told = geodesy.to_map([cam.latitude_deg, cam.longitude_deg, cam.altitude_m])
-            assert np.allclose(told, front, atol=0.02)
+            spoofed = geodesy.to_map([cam.latitude_deg, cam.longitude_deg, cam.altitude_m])
+            assert np.allclose(spoofed, front, atol=0.02)
             assert cam.speed_mps == pytest.approx(abs(estimate.base_velocity_mps[0]), abs=0.011)
             clockwise = math.pi / 2 - math.atan2(forward[1], forward[0])
             assert math.remainder(cam.heading_rad - clockwise, math.tau) == pytest.approx(0, abs=0.003)

@@ -18,11 +18,11 @@ def test_glitches_of_five_metres_one_in_fifty(follow):
 
 
 def test_steps_add_up(follow):
-    told = np.array(follow(Jump(mode="step", distance_m=2, probability=0.02), STILL))
-    steps = np.linalg.norm(np.diff(told, axis=0), axis=1)
+    spoofed = np.array(follow(Jump(mode="step", distance_m=2, probability=0.02), STILL))
+    steps = np.linalg.norm(np.diff(spoofed, axis=0), axis=1)
     assert np.allclose(steps[steps > 0], 2)
-    assert np.linalg.norm(told[-1] - told[0]) > 2  # more than 7 steps in random directions
-    assert not told[:, 2].any()
+    assert np.linalg.norm(spoofed[-1] - spoofed[0]) > 2  # more than 7 steps in random directions
+    assert not spoofed[:, 2].any()
 
 
 def test_always_and_never(follow):

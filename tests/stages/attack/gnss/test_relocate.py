@@ -17,10 +17,10 @@ def test_an_offset_moves_along(follow):
 
 
 def test_a_place_stays_where_it_was_at_the_begin(follow):
-    told = np.array(follow(Relocate(mode="place", least_m=80, most_m=80), PATH, first=1))
-    assert np.array_equal(told[0], told[1])
-    assert np.hypot(*(told[0] - PATH[1])[:2]) == pytest.approx(80)
-    assert told[1, 2] == 1
+    spoofed = np.array(follow(Relocate(mode="place", least_m=80, most_m=80), PATH, first=1))
+    assert np.array_equal(spoofed[0], spoofed[1])
+    assert np.hypot(*(spoofed[0] - PATH[1])[:2]) == pytest.approx(80)
+    assert spoofed[1, 2] == 1
 
 
 def test_distances_are_uniform(follow):

@@ -9,8 +9,8 @@ PATH = [[float(k), 0, 0] for k in range(10)]
 
 
 def test_the_fix_of_three_tenths_of_a_second_ago(follow):
-    told = follow(GnssReplay(delay_s=0.3), PATH, first=5)
-    assert [place[0] for place in told] == [2, 3, 4, 5, 6]
+    spoofed = follow(GnssReplay(delay_s=0.3), PATH, first=5)
+    assert [place[0] for place in spoofed] == [2, 3, 4, 5, 6]
 
 
 def test_between_two_fixes_the_older_one(follow):

@@ -64,5 +64,5 @@ def test_jammed_they_tell_no_place(drive, station):
 
 
 def test_without_a_filter_there_is_none_to_be_aware_of(drive, station):
-    with pytest.raises(AdvpipeError, match="has no filter in the bag to be aware of; strike an instrumented"):
+    with pytest.raises(AdvpipeError, match="has no filter in the bag to be aware of; attack an instrumented"):
         spoof(drive, [attack_spec({"type": "gnss-drift-aware", "victim": station})], 7)

@@ -16,12 +16,14 @@ TEN_SECONDS = RecordedTimes(START_NS, START_NS + 10_000_000_000)
 
 def offsets(*specs: dict, seed: int = 1) -> list[float | None]:
     """To the east, of fixes once a second on a straight road to the east at 10 m/s; None where left alone."""
-    strikes = SpoofingSchedule("ego", [attack_spec(spec) for spec in specs], TEN_SECONDS, seed)
+    schedule = SpoofingSchedule("ego", [attack_spec(spec) for spec in specs], TEN_SECONDS, seed)
     found = []
     for second in range(11):
         genuine = np.array([10.0 * second, 0, 0])
-        lie = strikes.of(START_NS + second * 1_000_000_000, genuine, 0.0, lambda: pytest.fail("no filter"))
-        found.append(None if lie is None else round(float(lie.position_m[0] - genuine[0]), 9))
+        false_fix = schedule.of(
+            START_NS + second * 1_000_000_000, genuine, 0.0, lambda: pytest.fail("no filter")
+        )
+        found.append(None if false_fix is None else round(float(false_fix.position_m[0] - genuine[0]), 9))
     return found
 
 

@@ -162,8 +162,8 @@ def test_intensity_is_attacked_on_demand(make_cloud, make_boxes):
     class Bright(LinearVoxelDetector):
         """Also sees by how bright the points are: each adds its intensity to the score."""
 
-        def _scores(self, points, boxes, ghosts):
-            scores, occupancy, voxel = super()._scores(points, boxes, ghosts)
+        def _scores(self, points, boxes, probes):
+            scores, occupancy, voxel = super()._scores(points, boxes, probes)
             return scores + 0.1 * points[:, 3].sum(), occupancy, voxel
 
     cloud, boxes, detector = scene_of(make_cloud, make_boxes, Bright)

@@ -8,7 +8,7 @@ import pytest
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.stages.attack.lidar.constraints import Constraints, Rules, along_rays
-from advpipe.stages.attack.lidar.ghost import Ghost
+from advpipe.stages.attack.lidar.ghost_object import GhostObject
 
 
 def rules(points, boxes=None, **options):
@@ -57,10 +57,10 @@ def test_objects_by_id_or_where_there_are_none_by_place(make_boxes):
 
 def test_ghost_stands_on_the_ground():
     ground = np.float32([[x, y, -1.8] for x in range(5, 15) for y in range(-5, 5)])
-    ghost = Ghost("car", 10.0, 0.0, 0.5).boxes(ground)
+    ghost = GhostObject("car", 10.0, 0.0, 0.5).boxes(ground)
     assert ghost.geometry[0].tolist() == pytest.approx([10, 0, -1.8 + 1.55 / 2, 4.5, 1.85, 1.55, 0.5])
-    assert len(Ghost("car", 60.0, 0.0).boxes(ground)) == 0  # nothing there to stand on
-    assert Ghost.parse("pedestrian:4:-2.5:1") == Ghost("pedestrian", 4.0, -2.5, 1.0)
+    assert len(GhostObject("car", 60.0, 0.0).boxes(ground)) == 0  # nothing there to stand on
+    assert GhostObject.parse("pedestrian:4:-2.5:1") == GhostObject("pedestrian", 4.0, -2.5, 1.0)
 
 
 def wall_and_post():
@@ -106,7 +106,7 @@ def test_limit_takes_the_most_worth():
 
 def test_from_plain_values():
     read = Constraints.of({"ghost": "car:12:3", "near_objects_m": 0.5})
-    assert read == Constraints(ghost=Ghost("car", 12.0, 3.0), near_objects_m=0.5)
+    assert read == Constraints(ghost=GhostObject("car", 12.0, 3.0), near_objects_m=0.5)
     assert Constraints.of({"objects": "car1,car2"}).objects == ("car1", "car2")
     assert Constraints.of({"objects": [3]}).objects == ("3",)
 

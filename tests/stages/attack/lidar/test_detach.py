@@ -129,10 +129,10 @@ def test_gradient_used_up_fills_the_budget_at_random(hand_worked):
 class WithBackground(LinearVoxelDetector):
     """Its loss also counts what stands at the anchors that are no target, as a detector's does."""
 
-    def occupancy_loss(self, points, boxes, labels, ghosts=None):
+    def occupancy_loss(self, points, boxes, labels, probes=None):
         anchors = torch.as_tensor(self.anchors, dtype=torch.float32)
-        ghosts = torch.zeros(0, 4) if ghosts is None else ghosts
-        scores, occupancy, voxel = self._scores(points, anchors, ghosts)
+        probes = torch.zeros(0, 4) if probes is None else probes
+        scores, occupancy, voxel = self._scores(points, anchors, probes)
         is_target = (anchors[:, None] == boxes[None]).all(2).any(1)
         return torch.where(is_target, -scores, scores).sum(), occupancy, voxel
 

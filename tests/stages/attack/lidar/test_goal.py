@@ -48,10 +48,10 @@ def test_success_counts_what_the_map_counts(scene):
 class Contrasting(LinearVoxelDetector):
     """Its loss falls with the scores of what is loss_targets and rises with those of what is not."""
 
-    def occupancy_loss(self, points, boxes, labels, ghosts=None):
+    def occupancy_loss(self, points, boxes, labels, probes=None):
         places = torch.as_tensor(self.anchors, dtype=torch.float32)
-        ghosts = torch.zeros(0, 4) if ghosts is None else ghosts
-        scores, occupancy, voxel = self._scores(points, places, ghosts)
+        probes = torch.zeros(0, 4) if probes is None else probes
+        scores, occupancy, voxel = self._scores(points, places, probes)
         loss_targets = (places[:, None] == boxes[None]).all(2).any(1)
         return torch.where(loss_targets, -scores, scores).sum(), occupancy, voxel
 
@@ -86,9 +86,9 @@ def test_a_ghost_is_conjured_from_points_about(make_cloud, make_boxes, make_dete
 def test_every_other_gradient_is_that_of_a_lie(scene, monkeypatch):
     loss_targets, ask = [], LinearVoxelDetector.occupancy_loss
 
-    def watched(self, points, boxes, labels, ghosts=None):
+    def watched(self, points, boxes, labels, probes=None):
         loss_targets.append(len(boxes))
-        return ask(self, points, boxes, labels, ghosts)
+        return ask(self, points, boxes, labels, probes)
 
     monkeypatch.setattr(LinearVoxelDetector, "occupancy_loss", watched)
     Perturb(eps_cm=10, steps=4)(*scene, rng())
@@ -97,7 +97,9 @@ def test_every_other_gradient_is_that_of_a_lie(scene, monkeypatch):
 
 def test_robust_moves_points_where_the_reach_is_shorter_than_its_landing(scene):
     attack = Perturb(eps_cm=2, recipe="robust")
-    attack.tactics = type(attack.tactics)(landing_m=attack.tactics.landing_m, jitter_m=0.01, keep=False)
+    attack.settings = type(attack.settings)(
+        landing_m=attack.settings.landing_m, jitter_m=0.01, keep_best=False
+    )
     result = attack(*scene, rng())
     assert len(result.labels) > 0
     assert result.loss_after > result.loss_before

@@ -19,8 +19,8 @@ class Blind(LinearVoxelDetector):
     def loss(self, points, boxes, labels):
         return super().loss(points, boxes, labels).detach()
 
-    def occupancy_loss(self, points, boxes, labels, ghosts=None):
-        loss, occupancy, voxel = super().occupancy_loss(points, boxes, labels, ghosts)
+    def occupancy_loss(self, points, boxes, labels, probes=None):
+        loss, occupancy, voxel = super().occupancy_loss(points, boxes, labels, probes)
         return loss.detach(), occupancy, voxel
 
 

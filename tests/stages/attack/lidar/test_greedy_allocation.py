@@ -12,20 +12,20 @@ from advpipe.stages.attack.lidar.greedy_allocation import allocate, greedy_alloc
 def test_allocation_is_the_best_there_is(seed):
     draw = np.random.default_rng(seed)
     costs = [[0, *np.cumsum(draw.integers(1, 5, draw.integers(0, 4))).tolist()] for _ in range(5)]
-    harms = [np.round(draw.uniform(0, 1, len(cost)), 2).tolist() for cost in costs]
+    values = [np.round(draw.uniform(0, 1, len(cost)), 2).tolist() for cost in costs]
     budget = int(draw.integers(0, 25))
 
-    def total(rungs):
-        return sum(harm[r] - harm[0] for harm, r in zip(harms, rungs, strict=True))
+    def total(levels):
+        return sum(value[r] - value[0] for value, r in zip(values, levels, strict=True))
 
-    def price(rungs):
-        return sum(cost[r] for cost, r in zip(costs, rungs, strict=True))
+    def price(levels):
+        return sum(cost[r] for cost, r in zip(costs, levels, strict=True))
 
     every = product(*[range(len(cost)) for cost in costs])
-    best = max(total(rungs) for rungs in every if price(rungs) <= budget)
-    rungs = allocate(costs, harms, budget)
-    assert price(rungs) <= budget
-    assert total(rungs) == pytest.approx(best)
+    best = max(total(levels) for levels in every if price(levels) <= budget)
+    levels = allocate(costs, values, budget)
+    assert price(levels) <= budget
+    assert total(levels) == pytest.approx(best)
 
 
 class Wall:
@@ -35,7 +35,7 @@ class Wall:
         self.needs, self.helper, self.asked = np.array(needs), helper, 0
 
     @property
-    def most(self):
+    def max_items(self):
         return np.full(len(self.needs), 10)
 
     def propose(self, taken, wanted, room):
@@ -43,14 +43,14 @@ class Wall:
         have = np.bincount(taken // 10, minlength=len(self.needs))
         return [10 * m + have[m] + np.arange(min(count, 10 - have[m])) for m, count in enumerate(wanted)]
 
-    def harm(self, taken):
+    def evaluate(self, taken):
         have = np.bincount(np.asarray(taken, int) // 10, minlength=len(self.needs))
         if self.helper and have[1]:  # object 0 falls one item sooner while object 1 has lost one
             have[0] += 1
         return np.where(have >= self.needs, 1.0, 0.1 * have / self.needs)
 
-    def enough(self, harm):
-        return harm >= 1
+    def is_satisfied(self, values):
+        return values >= 1
 
 
 def test_climb_takes_the_objects_that_fall_to_the_fewest_items():
@@ -63,15 +63,15 @@ def test_climb_takes_the_objects_that_fall_to_the_fewest_items():
 
 def test_a_choice_that_leant_on_a_neighbour_is_priced_anew():
     # Object 0 fell with four items as object 1 had lost some; alone it takes five. Object 1 never falls.
-    game = Wall([5, 99], helper=True)
-    chosen, _ = greedy_allocation(game, 5, 10)
-    assert game.harm(chosen)[0] == 1.0
+    problem = Wall([5, 99], helper=True)
+    chosen, _ = greedy_allocation(problem, 5, 10)
+    assert problem.evaluate(chosen)[0] == 1.0
     assert len(chosen) <= 5
 
 
 def test_nothing_found_follows_the_gradient_once():
-    game = Wall([1, 1])
-    game.enough = lambda harm: np.ones(2, bool)
-    chosen, reserve = greedy_allocation(game, 4, 10)
-    assert game.asked == 1
+    problem = Wall([1, 1])
+    problem.is_satisfied = lambda values: np.ones(2, bool)
+    chosen, reserve = greedy_allocation(problem, 4, 10)
+    assert problem.asked == 1
     assert len(chosen) + len(reserve) >= 4

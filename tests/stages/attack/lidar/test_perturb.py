@@ -48,7 +48,7 @@ def test_best_raises_the_loss_more_than_the_others(scene):
     after = {name: Perturb(eps_cm=30, recipe=name)(*scene, rng()).loss_after for name in RECIPE_NAMES}
     # The detector of this test is one object, so that best must hide it wholly to be kept: compare unkept.
     attack = Perturb(eps_cm=30)
-    attack.tactics = type(attack.tactics)(keep=False)
+    attack.settings = type(attack.settings)(keep_best=False)
     crossed = attack(*scene, rng()).loss_after
     assert crossed > max(after["random"], after["random-near"], after["paper"]) + 5
 
@@ -78,8 +78,8 @@ def test_random_moves_all_points_by_eps(scene):
 @pytest.mark.parametrize("recipe", ["best", "robust", "random-near", "random-best"])
 def test_only_points_near_objects_move(scene, recipe):
     attack = Perturb(eps_cm=40, recipe=recipe, steps=3)
-    attack.tactics = type(attack.tactics)(keep=False)
-    near = points_in_boxes(xyz(scene[0]), scene[1].geometry, attack.tactics.margin_m)[0]
+    attack.settings = type(attack.settings)(keep_best=False)
+    near = points_in_boxes(xyz(scene[0]), scene[1].geometry, attack.settings.margin_m)[0]
     assert np.isin(attack(*scene, rng()).labels.point, near).all()
 
 
@@ -133,7 +133,7 @@ def test_detector_without_occupancies_gets_pgd_and_says_so(scene):
     attack = Perturb(eps_cm=40, steps=3)
     result = attack(scene[0], scene[1], plain(scene[2]), rng())
     assert "occupancy_loss" in result.note
-    near = points_in_boxes(xyz(scene[0]), scene[1].geometry, attack.tactics.margin_m)[0]
+    near = points_in_boxes(xyz(scene[0]), scene[1].geometry, attack.settings.margin_m)[0]
     assert np.isin(result.labels.point, near).all()
 
 
@@ -180,14 +180,14 @@ def test_cloud_without_points(make_cloud, scene, recipe):
 @pytest.mark.parametrize("recipe", RECIPE_NAMES)
 def test_limit_on_points(scene, recipe):
     attack = Perturb(eps_cm=40, recipe=recipe, steps=3, max_points=7)
-    attack.tactics = type(attack.tactics)(keep=False)
+    attack.settings = type(attack.settings)(keep_best=False)
     assert 0 <= len(attack(*scene, rng()).labels) <= 7
 
 
 @pytest.mark.parametrize("recipe", RECIPE_NAMES)
 def test_along_the_ray(scene, recipe):
     attack = Perturb(eps_cm=40, recipe=recipe, steps=3, along_ray=True)
-    attack.tactics = type(attack.tactics)(keep=False)
+    attack.settings = type(attack.settings)(keep_best=False)
     result = attack(*scene, rng())
     start = xyz(scene[0]).astype(np.float64)
     away = np.cross(xyz(result.cloud) - start, start)
@@ -197,7 +197,7 @@ def test_along_the_ray(scene, recipe):
 
 def test_occlusion_order_is_kept(scene):
     attack = Perturb(eps_cm=100, steps=3, keep_occlusion_order=True)
-    attack.tactics = type(attack.tactics)(keep=False)
+    attack.settings = type(attack.settings)(keep_best=False)
     result = attack(*scene, rng())
     rules = Rules(attack.constraints, xyz(scene[0]), scene[1])
     moved = result.labels.point
@@ -208,7 +208,7 @@ def test_occlusion_order_is_kept(scene):
 
 def test_intensities_are_attacked_on_demand_only(scene):
     attack = Perturb(eps_cm=40, steps=3, intensity=True)
-    attack.tactics = type(attack.tactics)(keep=False)
+    attack.settings = type(attack.settings)(keep_best=False)
     result = attack(*scene, rng())
     untouched = np.delete(np.arange(800), result.labels.point)
     assert (result.cloud["intensity"][untouched] == scene[0]["intensity"][untouched]).all()

@@ -23,9 +23,9 @@ class Hinge(LinearVoxelDetector):
     def loss(self, points, boxes, labels):
         return self._hinged(self._scores(points, boxes, torch.zeros(0, 4))[0])
 
-    def occupancy_loss(self, points, boxes, labels, ghosts=None):
+    def occupancy_loss(self, points, boxes, labels, probes=None):
         none = torch.zeros(0, 4)
-        scores, occupancy, row = self._scores(points, boxes, none if ghosts is None else ghosts)
+        scores, occupancy, row = self._scores(points, boxes, none if probes is None else probes)
         return self._hinged(scores), occupancy, row
 
 
@@ -45,7 +45,7 @@ def test_detach_still_spends_its_budget(scene):
 @pytest.mark.parametrize("recipe", ["best", "paper"])
 def test_perturb_keeps_what_it_moved(scene, recipe):
     attack = Perturb(eps_cm=60, recipe=recipe)
-    attack.tactics = type(attack.tactics)(keep=False)  # this detector's score stays where it is: at 1
+    attack.settings = type(attack.settings)(keep_best=False)  # this detector's score stays where it is: at 1
     result = attack(*scene, np.random.default_rng(0))
     assert result.loss_before < -1
     assert result.loss_after > result.loss_before

@@ -22,7 +22,7 @@ from advpipe.pipeline.v2x.facilities.cam import Cam
 from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam
 from advpipe.pipeline.v2x.section import V2x
 from advpipe.stages.attack.registry import find_attack
-from advpipe.stages.attack.v2x.base import AttackContext, Numbers
+from advpipe.stages.attack.v2x.base import AllocatedIds, AttackContext
 from advpipe.stages.attack.v2x.cams import CamEditor
 from advpipe.stages.simulate.run import simulate
 
@@ -47,7 +47,7 @@ def _context(word: str, active: Callable[[int], bool], seed: int) -> AttackConte
         v2x=V2x(),
         geodesy=Geodesy(48.0, 11.0, 520.0),
         cams=CamEditor(),
-        numbers=Numbers(10_000, {ATTACKER, OTHER}),
+        numbers=AllocatedIds(10_000, {ATTACKER, OTHER}),
     )
 
 

@@ -96,10 +96,10 @@ def test_a_lie_reaches_maps_and_nothing_else_changes(recorded, tmp_path):
     for new, old in zip(mine[V2X_SENT.name], before[V2X_SENT.name], strict=True):
         new_sent, old_sent = (sent_of_message(reader.decode(m)) for m in (new, old))
         assert replace(new_sent, payload=b"") == replace(old_sent, payload=b"")
-        is_lie = old_sent.station_id == number and old_sent.request_ns >= start_ns + 1_000_000_000
-        lies += is_lie
-        assert (new_sent.payload != old_sent.payload) == is_lie
-        if is_lie:
+        is_attacked = old_sent.station_id == number and old_sent.request_ns >= start_ns + 1_000_000_000
+        lies += is_attacked
+        assert (new_sent.payload != old_sent.payload) == is_attacked
+        if is_attacked:
             told, true = decode_cam(new_sent.payload), decode_cam(old_sent.payload)
             # 111.3 km on the equator's degree, by the cosine of 48.1 degrees: 74.5 km on this one
             assert (told.longitude_deg - true.longitude_deg) * 74_480 == pytest.approx(30, abs=0.05)

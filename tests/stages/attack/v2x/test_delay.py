@@ -49,7 +49,7 @@ def test_what_maps_make_of_it(delay_s, restamp, verdict):
     known, found = LocalDynamicMap(LdmRules()), set()
     for one in of(edited(attack, DRIVE), 1):
         report = said(one)[1]
-        assert report.front_m[0] == pytest.approx(
+        assert report.reference_point_m[0] == pytest.approx(
             10 * (time_s(one.request_ns) - delay_s - 0.01) + 2.25, abs=0.02
         )
         found.add(known.receive(report, one.request_ns))
@@ -65,7 +65,7 @@ def test_after_a_whole_cycle_it_looks_fresh():
     assert [time_s(one.request_ns) for one in after] == [pytest.approx(65.546)]
     report = said(after[0])[1]
     assert report.generation_ns == BEGIN_NS + 65_536 * MS
-    assert report.front_m[0] == pytest.approx(2.25, abs=0.02)
+    assert report.reference_point_m[0] == pytest.approx(2.25, abs=0.02)
 
 
 def test_who_leaves_takes_what_was_held_back_along():
@@ -79,7 +79,7 @@ def test_stale_says_where_it_was_five_messages_ago():
     after = of(edited(Stale(context("cam-stale"), messages=5), DRIVE), 1)
     assert [one.payload for one in after[:5]] == [step.sent[0].payload for step in DRIVE[:5]]
     report = said(after[20])[1]
-    assert report.front_m[0] == pytest.approx(17.25, abs=0.02)
+    assert report.reference_point_m[0] == pytest.approx(17.25, abs=0.02)
     assert report.generation_ns == BEGIN_NS + 2000 * MS
 
 
@@ -91,8 +91,8 @@ def test_stale_with_its_own_time():
 def test_stale_remembers_what_was_said_before_it_acted():
     attack = Stale(context("cam-stale", active=lambda time_ns: time_s(time_ns) >= 2.0), messages=5)
     after = of(edited(attack, DRIVE), 1)
-    assert said(after[19])[1].front_m[0] == pytest.approx(21.25, abs=0.02)
-    assert said(after[20])[1].front_m[0] == pytest.approx(17.25, abs=0.02)
+    assert said(after[19])[1].reference_point_m[0] == pytest.approx(21.25, abs=0.02)
+    assert said(after[20])[1].reference_point_m[0] == pytest.approx(17.25, abs=0.02)
 
 
 @pytest.mark.parametrize("messages", [0, 1.5, True])

@@ -39,8 +39,10 @@ def test_the_plausible_one_moves_on():
     """Where it would be, had it driven on at 10 m/s since its last message, 10 ms after its state."""
     for one in added(Dos(context("cam-dos"), rate_hz=50.0)):
         report = said(one)[1]
-        assert report.front_m[0] == pytest.approx(2.25 + 10 * (time_s(one.request_ns) - 0.01), abs=0.02)
-        assert report.front_m[1] == pytest.approx(0, abs=0.02)
+        assert report.reference_point_m[0] == pytest.approx(
+            2.25 + 10 * (time_s(one.request_ns) - 0.01), abs=0.02
+        )
+        assert report.reference_point_m[1] == pytest.approx(0, abs=0.02)
         assert (one.request_ns - report.generation_ns) / 1e6 == pytest.approx(10, abs=0.6)
 
 
@@ -50,7 +52,7 @@ def test_random_content_within_its_limits():
     for one in added(attack):
         report = said(one)[1]
         step = DRIVE[int(time_s(one.request_ns) * 10 + 1e-6)]
-        offsets_m.append(np.array(report.front_m[:2]) - step.radios[0].map_SE3_base[:2, 3])
+        offsets_m.append(np.array(report.reference_point_m[:2]) - step.radios[0].map_SE3_base[:2, 3])
         speeds_mps.append(report.speed_mps)
         yaws_rad.append(report.yaw_rad)
     assert np.abs(offsets_m).max() == pytest.approx(100, abs=1)
@@ -62,9 +64,9 @@ def test_random_content_within_its_limits():
 
 def test_disruptive_content_is_that_of_others():
     for one in added(DosDisruptive(context("cam-dos-disruptive"), rate_hz=50.0)):
-        front_m = said(one)[1].front_m[0] - 52.25
-        assert front_m == pytest.approx(round(front_m), abs=0.02)
-        assert 0 <= front_m < 10 * time_s(one.request_ns)
+        reference_point_m = said(one)[1].reference_point_m[0] - 52.25
+        assert reference_point_m == pytest.approx(round(reference_point_m), abs=0.02)
+        assert 0 <= reference_point_m < 10 * time_s(one.request_ns)
 
 
 def test_only_when_it_acts_and_is_on_the_road():

@@ -25,7 +25,7 @@ def test_the_nearest_while_it_is_there():
 def test_what_it_says_stays_true_of_the_attacker():
     after = [one for one in edited(Masquerade(context("cam-masquerade")), DRIVE) if one.station_id == 1]
     report = said(after[10])[1]
-    assert report.front_m[0] == pytest.approx(12.25, abs=0.02)
+    assert report.reference_point_m[0] == pytest.approx(12.25, abs=0.02)
 
 
 def test_others_in_range_but_never_another_attacker():
@@ -47,13 +47,13 @@ def test_the_victim_itself():
 def test_an_entry_is_overwritten(ahead_s, lasts):
     """Without a time in the future, the truth comes back with the station's next message."""
     attack = Masquerade(context("cam-masquerade"), ahead_s=ahead_s)
-    known, fronts_m = LocalDynamicMap(LdmRules()), []
+    known, reference_points_m = LocalDynamicMap(LdmRules()), []
     for one in edited(attack, DRIVE):
         report = said(one)[1]
         verdict = known.receive(report, one.request_ns)
         if one.station_id == 3:
             entry = next(e for e in known.snapshot(one.request_ns).entries if e.report.station_id == 3)
-            fronts_m.append(entry.report.front_m[0] - 10 * (one.number // 1000) / 10)
+            reference_points_m.append(entry.report.reference_point_m[0] - 10 * (one.number // 1000) / 10)
             assert (verdict is Verdict.SUPERSEDED) == lasts
     expected_m = 2.25 if lasts else -47.75
-    assert fronts_m == pytest.approx([expected_m] * 20, abs=0.02)
+    assert reference_points_m == pytest.approx([expected_m] * 20, abs=0.02)

@@ -23,7 +23,7 @@ from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.attack.v2x.change import forge
 from advpipe.stages.attack.v2x.delay import Delay, Stale
 from advpipe.stages.attack.v2x.flood import Dos, DosDisruptive, DosDisruptiveSybil, DosRandom, DosRandomSybil
-from advpipe.stages.attack.v2x.ghosts import GhostBrake, GhostStop
+from advpipe.stages.attack.v2x.ghosts_ahead import GhostBrake, GhostStop
 from advpipe.stages.attack.v2x.masquerade import Masquerade
 from advpipe.stages.attack.v2x.replay import CamReplay, DisruptiveReplay
 from advpipe.stages.attack.v2x.sybil import SybilCongestion, SybilGrid, SybilReplay

@@ -22,9 +22,9 @@ def test_it_says_what_another_said_a_second_ago():
     message = next(one for one in of(after, 1) if one.request_ns == BEGIN_NS + 2010 * MS)
     told, report = said(message)
     assert told.station_id == 1
-    assert report.front_m[0] == pytest.approx(50 + 10 * 0.9 + 2.25, abs=0.02)
+    assert report.reference_point_m[0] == pytest.approx(50 + 10 * 0.9 + 2.25, abs=0.02)
     assert report.generation_ns == BEGIN_NS + 2000 * MS
-    first = next(one for one in of(after, 1) if said(one)[1].front_m[0] > 40)
+    first = next(one for one in of(after, 1) if said(one)[1].reference_point_m[0] > 40)
     assert time_s(first.request_ns) == pytest.approx(1.11)  # 2 has sent at 0.02 s, more than 1 s ago by then
 
 
@@ -57,7 +57,7 @@ def test_it_follows_each_for_some_messages():
     attack = CamReplay(context("cam-replay"), age_s=0.0, messages_min=2, messages_max=2)
     followed = []
     for one in of(edited(attack, drive), 1)[1:]:
-        before_m = said(one)[1].front_m[0] - 10 * time_s(one.request_ns)
+        before_m = said(one)[1].reference_point_m[0] - 10 * time_s(one.request_ns)
         followed.append(round(before_m / 50))
     assert set(followed) == {1, 2, 3}
     assert all(followed[i] == followed[i + 1] for i in range(0, len(followed) - 1, 2))
@@ -87,7 +87,7 @@ def test_disruptive_says_anything_of_the_last_seconds():
     for one in of(after, 1)[1:]:
         told, report = said(one)
         assert told.station_id == 1
-        ages_s.append(time_s(one.request_ns) - (report.front_m[0] - 52.25) / 10)
+        ages_s.append(time_s(one.request_ns) - (report.reference_point_m[0] - 52.25) / 10)
     assert 0.1 < min(ages_s) < 0.3
     assert 0.6 < max(ages_s) < 1.12
     assert len({round(age, 1) for age in ages_s}) > 5

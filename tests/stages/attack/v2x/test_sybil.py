@@ -43,8 +43,8 @@ def test_the_grid_drives_along(around, x_m):
         for one in messages:
             cam, report = said(one)
             at_s = (report.generation_ns - BEGIN_NS) / 1e9
-            centre_m = report.front_m[0] - LENGTH_M / 2 - x_m - 10 * at_s
-            places_m.add((round(centre_m, 1) + 0.0, round(report.front_m[1], 1) + 0.0))
+            centre_m = report.reference_point_m[0] - LENGTH_M / 2 - x_m - 10 * at_s
+            places_m.add((round(centre_m, 1) + 0.0, round(report.reference_point_m[1], 1) + 0.0))
             assert cam.speed_mps == pytest.approx(10, abs=0.011)
     assert places_m == set(grid_cells(5, 5.0, 2.0, 3))
 
@@ -117,7 +117,9 @@ def test_a_jam_ahead_of_the_victim():
             at_s = (report.generation_ns - BEGIN_NS) / 1e9
             braking_s = min(at_s, 8.5 / 3)
             way_m = 10 * braking_s - 1.5 * braking_s**2 + 1.5 * (at_s - braking_s)
-            starts_m.add((round(report.front_m[0] - way_m, 1), round(report.front_m[1], 1) + 0.0))
+            starts_m.add(
+                (round(report.reference_point_m[0] - way_m, 1), round(report.reference_point_m[1], 1) + 0.0)
+            )
             assert cam.speed_mps == pytest.approx(10 - 3 * braking_s, abs=0.011)
     rows_m = (52.25 + 25 + LENGTH_M, 52.25 + 25 + LENGTH_M + 7.5)
     assert {left_m for _, left_m in starts_m} == {0.0, 3.2, -3.2}
@@ -151,7 +153,7 @@ def test_on_the_track_of_another():
     assert len(by_ghost(told)) == 1
     for ghost, original in zip(told, theirs, strict=False):
         (cam, report), (true_cam, true) = said(ghost), said(original)
-        assert report.front_m == pytest.approx(true.front_m)
+        assert report.reference_point_m == pytest.approx(true.reference_point_m)
         assert report.generation_ns == true.generation_ns + 10**9
         assert cam.speed_mps == true_cam.speed_mps
         assert cam.station_id not in (1, 2)
@@ -162,7 +164,7 @@ def test_tracks_of_several_each_with_its_own_ghost():
     found = by_ghost(ghosts(SybilReplay(context("cam-sybil-replay"), ghosts=2, age_s=0.5), drive))
     assert len(found) == 2
     tracks = {
-        round((said(one)[1].front_m[0] - 10 * time_s(one.request_ns)) / 50)
+        round((said(one)[1].reference_point_m[0] - 10 * time_s(one.request_ns)) / 50)
         for messages in found.values()
         for one in messages
     }

@@ -208,7 +208,7 @@ def test_frames_at_which_all_poses_are_right_need_no_detector(tmp_path: Path) ->
     expected = "No poses are false at the frames 0:1:1: nothing was fused. Choose later or more frames."
     assert section.lead == expected
     assert not section.records
-    with pytest.raises(AdvpipeError, match="choose none of the bag's 3 frames"):
+    with pytest.raises(AdvpipeError, match="select none of the bag's 3 frames"):
         cooperative_sections(clean, [attacked], 0, DETECTOR, frames=FrameSlice(7, 9))
 
 

@@ -6,8 +6,8 @@ import pytest
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
-from advpipe.stages.evaluate.detection.arm import Arm
 from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult
+from advpipe.stages.evaluate.detection.condition import Arm
 from advpipe.stages.evaluate.detection.scoring import Truth, match
 from advpipe.stages.evaluate.detection.strata import STRATA, Stratum
 

@@ -138,7 +138,7 @@ def test_a_window_of_everything_changes_no_figure_and_no_byte(clean, attacked):
 def test_before_the_attack_begins_nothing_is_off(clean, attacked, tmp_path):
     """The victim that the provenance names is told, with no attacked fix and the error of the clean drive."""
     bag = attacked("far", **FAR)
-    assert localisation_sections(clean, [bag], window=steps(clean, 0, 79)) == ()  # it names no attack
+    assert localisation_sections(clean, [bag], window=steps(clean, 0, 79)) == ()  # it lists no attack
     with BagWriter(tmp_path / "told", provenance={"attacks": json.dumps([FAR])}) as writer:
         for raw in BagReader(bag).raw_messages():
             writer.copy(raw)
@@ -176,7 +176,7 @@ def test_what_comes_after_the_window_is_not_read(clean, attacked, monkeypatch):
 
 
 def test_frames_of_a_bag_without_clouds_are_refused(clean, attacked):
-    with pytest.raises(AdvpipeError, match="holds no LiDAR clouds, so frames 0:4:1 choose no time"):
+    with pytest.raises(AdvpipeError, match="holds no LiDAR clouds, so the frames 0:4:1 select no time span"):
         added_sections(clean, [attacked("far", **FAR)], Options(frames=FrameSlice.parse("0:4")))
     (whole,) = added_sections(clean, [attacked("far", **FAR)], Options())
     assert whole.notes == ()

@@ -13,7 +13,7 @@ import pytest
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.labels.messages import FILE, MessageLabel, lies, read_labels
+from advpipe.pipeline.labels.messages import FILE, MessageLabel, are_false, read_labels
 from advpipe.pipeline.misbehaviour.claim import Claim
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import AttackSpec
@@ -70,7 +70,7 @@ def test_a_lie_is_one_that_mattered_and_was_sent() -> None:
         MessageLabel(2, "cam-speed-constant", "car", "changed", False, 0, 7),
         MessageLabel(3, "cam-drop", "car", "dropped", True, 0, 7),
     ]
-    assert lies([0, 1, 2, 3], labels).tolist() == [False, True, False, False]
+    assert are_false([0, 1, 2, 3], labels).tolist() == [False, True, False, False]
 
 
 def test_what_is_no_cam_is_found_by_the_decoder(smoke: Path) -> None:
@@ -143,5 +143,5 @@ def test_published_figures(keys: dict[str, Any], published: dict[str, float]) ->
 
 def test_labels_that_are_none(tmp_path: Path) -> None:
     (tmp_path / FILE).write_bytes(b"no parquet")
-    with pytest.raises(AdvpipeError, match="holds no labels of messages"):
+    with pytest.raises(AdvpipeError, match="does not hold V2X message labels"):
         read_labels(tmp_path)

@@ -33,9 +33,14 @@ def test_the_most_fooled(clean: EvaluatedDrive) -> None:
 def test_the_map_during_an_attack_is_of_its_time(clean: EvaluatedDrive) -> None:
     """One ghost while it lasts is shown, not nine long after."""
     times_ns = [moment.time_ns for moment in clean.moments["ego"]]
-    ghosts = np.zeros(len(times_ns))
-    ghosts[2], ghosts[-1] = 1, 9
-    error = replace(clean.errors["ego"], ghosts=ghosts, missing=0 * ghosts, displaced=0 * ghosts)
+    false_entries = np.zeros(len(times_ns))
+    false_entries[2], false_entries[-1] = 1, 9
+    error = replace(
+        clean.errors["ego"],
+        false_entries=false_entries,
+        missing=0 * false_entries,
+        displaced=0 * false_entries,
+    )
     lies = [MessageLabel(n, "cam-dos", "a", "changed", True, times_ns[n], 7) for n in (1, 3)]
     drive = replace(clean, errors={"ego": error}, labels=lies)
     assert [moment.time_ns for moment in drive.telling("ego")] == [times_ns[1], times_ns[2]]

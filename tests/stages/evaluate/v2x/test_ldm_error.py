@@ -29,7 +29,7 @@ def entry(station_id: int, x_m: float, speed_mps: float = 0.0) -> Known:
 
 
 def test_counts() -> None:
-    """Station 2 is known to 1 m, 3 is 4 m off, 4 is missing, 5 is too far to be missed, 6 and 1 are ghosts.
+    """Station 2 is known to 1 m, 3 is 4 m off, 4 is missing, 5 is too far to be missed, 6 and 1 are false.
 
     7 has just left the road: its entry may still be there.
     """
@@ -44,8 +44,8 @@ def test_counts() -> None:
     assert row == {
         "known": 5.0,
         "stations": 3.0,
-        "ghosts": 2.0,
-        "ghosts_max": 2.0,
+        "false_entries": 2.0,
+        "false_entries_max": 2.0,
         "missing": 1.0,
         "displaced": 1.0,
         "error_m": pytest.approx((1.0 + 4.0) / 2),
@@ -56,7 +56,7 @@ def test_an_empty_map_has_no_error() -> None:
     error = ldm_error([Moment(0, radio(1, 0.0), (), (radio(2, 10.0),), frozenset({1, 2}))])
     assert math.isnan(error.figures().error_m)
     assert error.missing.tolist() == [1.0]
-    assert math.isnan(ldm_error([]).figures().ghosts)
+    assert math.isnan(ldm_error([]).figures().false_entries)
 
 
 def test_out_of_range_is_displaced() -> None:
@@ -73,5 +73,5 @@ def test_a_roadside_unit_is_no_vehicle_and_what_it_claims_to_be_a_ghost(smoke: P
     attack(smoke, tmp_path / "out", AttackRequest((spec,)))
     after = list(moments(BagReader(tmp_path / "out"), "ego", 1.1))
     assert [len(moment.others) for moment in after] == [len(moment.others) for moment in before]
-    assert ldm_error(before).ghosts.max() == 0
-    assert ldm_error(after).ghosts.max() == 1  # one station id, wherever it claims to be
+    assert ldm_error(before).false_entries.max() == 0
+    assert ldm_error(after).false_entries.max() == 1  # one station id, wherever it claims to be

@@ -98,7 +98,7 @@ def test_bags_recorded_before_receptions_were(smoke: Path, offset: Path, tmp_pat
     clean, attacked = rows_of(found)
     np.testing.assert_equal(clean["false_positive_rate"], rows_of(whole)[0]["false_positive_rate"])
     assert clean["messages"] == rows_of(whole)[0]["messages"]
-    assert (attacked["messages"], attacked["lies"]) == (0, 0)
+    assert (attacked["messages"], attacked["false_messages"]) == (0, 0)
     for name, value in rows_of(whole)[1].items():
         if name.startswith(("ldm_", "warning_", "radio_")):
             np.testing.assert_equal(attacked[name], value)

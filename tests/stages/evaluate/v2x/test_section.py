@@ -58,7 +58,7 @@ def test_section(found: ReportSection, offset: Path) -> None:
     assert attacked["f1"] > 0.7  # type: ignore[operator]
     assert attacked["ldm_displaced"] > clean["ldm_displaced"]  # type: ignore[operator]
     assert clean["radio_delivered"] == attacked["radio_delivered"]  # nothing was added or left out
-    assert clean["lies"] == 0
+    assert clean["false_messages"] == 0
     assert clean["honest_delivered"] == clean["honest_delivered_clean"] > 0.8  # type: ignore[operator]
     assert attacked["honest_delivered"] == attacked["honest_delivered_clean"]  # nor was any link touched
     (one,) = attacked["attacks"]  # type: ignore[misc]

@@ -12,7 +12,7 @@ from section_rows import rows_of
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window, window_of
 from advpipe.pipeline.core.frame_slice import FrameSlice
-from advpipe.pipeline.labels.messages import lies, read_labels
+from advpipe.pipeline.labels.messages import are_false, read_labels
 from advpipe.pipeline.misbehaviour.config import DetectorConfig
 from advpipe.pipeline.misbehaviour.detector import judge_all
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
@@ -47,7 +47,7 @@ def test_detection_is_of_the_messages_that_arrive_in_it(
     arrivals_ns = np.array([one.arrival_ns for one in ego.received])
     inside = (arrivals_ns >= window.begin_ns) & (arrivals_ns < window.end_ns)
     flagged = judge_all(ego.claims, ego.receivers, DetectorConfig()).flagged
-    is_lie = lies(ego.numbers, read_labels(offset))
+    is_lie = are_false(ego.numbers, read_labels(offset))
     assert 0 < inside.sum() < len(inside) / 2
     found = drive.detection
     assert (found.messages, found.lies) == (inside.sum(), (inside & is_lie).sum())
@@ -102,7 +102,7 @@ def test_before_the_attack_begins_nobody_lies(smoke: Path, offset: Path) -> None
     """Lies begin after 2 s: until then both bags are one."""
     (found,) = v2x_sections(smoke, [offset], window=seconds(smoke, 0.5, 1.9))
     clean, attacked = rows_of(found)
-    assert (attacked["lies"], attacked["attack"]) == (0, "cam-position-offset")
+    assert (attacked["false_messages"], attacked["attack"]) == (0, "cam-position-offset")
     names = [name for name in clean if name.startswith(("ldm_", "warning_", "honest_"))]
     assert len(names) > 10
     for name in (*names, "messages"):

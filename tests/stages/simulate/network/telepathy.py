@@ -8,7 +8,7 @@ from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.scenario import Scenario
 from advpipe.pipeline.v2x.channel import Received, Sent
 from advpipe.pipeline.v2x.facilities.ldm import LdmSnapshot, Verdict
-from advpipe.stages.simulate.network.protocol import Exchange
+from advpipe.stages.simulate.network.protocol import NetworkStep
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 
 
@@ -22,7 +22,7 @@ class Telepathy:
         self._said = self._now_ns = 0
         self.radios: Sequence[RadioPlace] = ()
 
-    def simulate_until(self, stamp_ns: int) -> Exchange:
+    def simulate_until(self, stamp_ns: int) -> NetworkStep:
         time_ns = stamp_ns - self._step_ns // 2
         sent = tuple(
             Sent(number, number, radio.station_id, time_ns, b"hello", 23.0)
@@ -37,7 +37,7 @@ class Telepathy:
         )
         self._step_traffic()
         self._now_ns = stamp_ns
-        return Exchange(stamp_ns, sent, received)
+        return NetworkStep(stamp_ns, sent, received)
 
     def update(self, drivers: Mapping[str, RoadUser], estimates: object) -> None:
         for name in drivers:
@@ -51,8 +51,8 @@ class Telepathy:
     def local_dynamic_maps(self) -> Sequence[tuple[str, LdmSnapshot]]:
         return ()
 
-    def finish(self) -> Exchange:
-        return Exchange(self._now_ns)
+    def finish(self) -> NetworkStep:
+        return NetworkStep(self._now_ns)
 
     def statistics(self) -> None:
         return None
@@ -67,5 +67,5 @@ class Deaf:
 class Broken(Telepathy):
     """Fails in its first step."""
 
-    def simulate_until(self, stamp_ns: int) -> Exchange:
+    def simulate_until(self, stamp_ns: int) -> NetworkStep:
         raise KeyError("antenna")

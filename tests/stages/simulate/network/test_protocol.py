@@ -36,14 +36,14 @@ def test_everyone_hears_everything_at_once(tmp_path: Path) -> None:
         assert all(bytes(one.data).endswith(b"hello") for one in heard)
     assert VehicleTopics("ego").sent_raw.name in reader.topics
     assert VehicleTopics("ego").received_cam.name not in reader.topics  # bytes that are no CAM
-    with pytest.raises(AdvpipeError, match="sent again through the embedded one only"):
+    with pytest.raises(AdvpipeError, match="replayed through the embedded network only"):
         V2xDrive(reader).channel()
 
 
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("wifi", "v2x.network 'wifi' is not known; known: embedded, or module:Class of your own"),
+        ("wifi", "v2x.network 'wifi' is unknown; known: embedded, or your own module:Class"),
         ("telepathy:Nobody", "v2x.network telepathy:Nobody cannot be loaded: AttributeError: "),
         ("nowhere:Nobody", "v2x.network nowhere:Nobody cannot be loaded: ModuleNotFoundError: "),
         ("telepathy:Deaf", "v2x.network telepathy:Deaf is no network: it lacks "),

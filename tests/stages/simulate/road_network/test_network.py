@@ -266,7 +266,7 @@ def test_a_map_far_from_its_origin_keeps_the_networks_frame(tmp_path: Path) -> N
 
 def test_a_program_that_never_ends_is_stopped() -> None:
     with pytest.raises(AdvpipeError, match=r"m\.xodr: sumo did not finish with it within 0\.001 s"):
-        run_sumo("sumo", ["--help"], "m.xodr", patience_s=0.001)
+        run_sumo("sumo", ["--help"], "m.xodr", timeout_s=0.001)
 
 
 def test_connections_join_the_lanes_that_they_name(tmp_path: Path) -> None:

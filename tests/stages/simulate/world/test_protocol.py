@@ -35,7 +35,7 @@ def test_the_lidar_sees_a_plane_and_nobody_on_it(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("carla", "world 'carla' is not known; known: raycast, or module:Class of your own"),
+        ("carla", "world 'carla' is unknown; known: raycast, or your own module:Class"),
         ("flat_world:Nothing", "world flat_world:Nothing is no world: it lacks "),
         ("flat_world:Blind", "sensors.lidars need rays, which the world flat_world:Blind does not offer"),
     ],

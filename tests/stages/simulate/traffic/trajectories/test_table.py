@@ -124,7 +124,7 @@ def test_millions_of_equal_rows_of_parquet_are_refused_at_once(tmp_path: Path) -
             writer.write_table(table)
     assert path.stat().st_size < 250_000
     said, peak_mib, time_s = measured(path)
-    assert "8388608 rows are too many to read; at most 5000000" in said
+    assert "8388608 rows; at most 5000000" in said
     assert peak_mib < 100
     assert time_s < 5
 

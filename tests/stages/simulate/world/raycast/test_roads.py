@@ -27,7 +27,7 @@ def test_wheels_touch_the_surface_of_every_lane_within_3_cm(hill: Any) -> None:
 
 
 def test_the_bridge_spans_the_lower_road(hill: Any) -> None:
-    """The deck lies at 12 m, the road below at 3 m: 9 m of air, and both surfaces are asphalt."""
+    """The bridge lies at 12 m, the road below at 3 m: 9 m of air, and both surfaces are asphalt."""
     edges = {edge.id: edge for edge in hill.network.drivable}
     x_m = edges["st"].lanes[0].centre_m[0, 0]
     y_m = edges["bc"].lanes[0].centre_m[0, 1]
@@ -35,14 +35,14 @@ def test_the_bridge_spans_the_lower_road(hill: Any) -> None:
     hits = hill.world._static.cast(below)
     assert hits.range_m == pytest.approx([8.5, 0.5], abs=0.01)
     assert set(hits.materials.tolist()) == {MATERIAL_ID["asphalt"]}
-    assert len(hill.world.roads.decks) == 2
+    assert len(hill.world.roads.levels) == 2
     assert hill.world.roads.height_at(np.array([[x_m, y_m]]))[0] == pytest.approx(3.0, abs=0.01)
 
 
 def test_the_ground_covers_no_road_and_is_never_far_below(hill: Any) -> None:
-    decks = hill.world.roads.decks
-    for deck in decks:
-        xy = deck.samples_m[:, :2] + (0, 12.0)
+    levels = hill.world.roads.levels
+    for level in levels:
+        xy = level.samples_m[:, :2] + (0, 12.0)
         hits = hill.world._static.cast(down(np.column_stack([xy, np.full(len(xy), 60.0)]), 0.0))
         assert np.isfinite(hits.range_m).all()
 

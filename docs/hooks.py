@@ -1,0 +1,219 @@
+"""MkDocs hooks: what the code knows is read from the code, so that no page has to repeat it.
+
+A page asks for the table of a family's attacks with `<!-- catalogue: v2x -->`, for the whole docstrings of
+their classes with `<!-- details: v2x -->`, and for the meaning of a report's figures with
+`<!-- figures: detection -->`.
+Pictures of the committed reports are served as `reports/...`.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from markdown import Extension, Markdown
+from markdown.preprocessors import Preprocessor
+
+if TYPE_CHECKING:
+    from advpipe.stages.attack.base import Attack
+
+ROOT = Path(__file__).resolve().parents[1]
+REPORTS = ROOT / "datasets" / "reports"
+
+VEREMI = {1: "constant", 2: "constant offset", 4: "random", 8: "random offset", 16: "eventual stop"}
+EXTENSION = dict(
+    enumerate(
+        [
+            "constant position",
+            "constant position offset",
+            "random position",
+            "random position offset",
+            "constant speed",
+            "constant speed offset",
+            "random speed",
+            "random speed offset",
+            "eventual stop",
+            "disruptive",
+            "data replay",
+            "stale messages",
+            "DoS",
+            "DoS random",
+            "DoS disruptive",
+            "grid Sybil",
+            "data replay Sybil",
+            "DoS random Sybil",
+            "DoS disruptive Sybil",
+        ],
+        start=1,
+    )
+)
+NEXTGEN = dict(
+    enumerate(
+        [
+            "constantPositionOffset",
+            "randomPositionOffset",
+            "positionMirroring",
+            "constantSpeedOffset",
+            "randomSpeedOffset",
+            "zeroSpeedReport",
+            "suddenConstantSpeed",
+            "reversedHeading",
+            "feignedBraking",
+            "accelerationMultiplication",
+            "timeDelayAttack",
+            "dosAttack",
+            "trafficCongestionSybil",
+            "suddenStop",
+            "dataReplay",
+        ],
+        start=1,
+    )
+)
+"""What VeReMi (SecureComm 2018), VeReMi Extension (F2MD) and VeReMi NextGen call their attacks, by number."""
+
+
+class _Doctests(Preprocessor):
+    """Shows the examples of docstrings, which begin with >>>, as code rather than as quotations."""
+
+    def run(self, lines: list[str]) -> list[str]:
+        text = "\n".join(lines)
+        return re.sub(r"(?:^|(?<=\n))(>>> .*(?:\n.+)*)", r"```pycon\n\1\n```", text).split("\n")
+
+
+class _DoctestExtension(Extension):
+    def extendMarkdown(self, md: Markdown) -> None:
+        md.preprocessors.register(_Doctests(md), "doctests", 100)  # before fences are looked for
+
+
+def on_config(config: Any) -> Any:
+    config["markdown_extensions"].append(_DoctestExtension())
+    return config
+
+
+def on_files(files: Any, config: Any) -> Any:
+    """Adds the pictures of the committed reports to the site."""
+    from mkdocs.structure.files import File
+
+    for path in sorted(REPORTS.rglob("*.png")):
+        place = f"reports/{path.relative_to(REPORTS).as_posix()}"
+        files.append(File.generated(config, place, abs_src_path=str(path)))
+    return files
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Replaces each `<!-- KIND: NAME -->` by what it asks for."""
+    kinds: dict[str, Callable[[str], str]] = {"catalogue": catalogue, "details": details, "figures": figures}
+    return re.sub(r"<!-- (catalogue|details|figures): (\w+) -->", lambda it: kinds[it[1]](it[2]), markdown)
+
+
+def catalogue(family: str) -> str:
+    """The table of all registered attacks of a family: lidar, v2x or gnss."""
+    heads, row = {
+        "lidar": (("attack", "budget", "what it does"), _lidar_row),
+        "v2x": (
+            (
+                "attack",
+                "what it does",
+                "VeReMi",
+                "VeReMi Extension",
+                "VeReMi NextGen",
+            ),
+            _v2x_row,
+        ),
+        "gnss": (("attack", "in the paper", "what it does"), _gnss_row),
+    }[family]
+    rows = [row(name, kind) for name, kind in _attacks(family).items()]
+    lines = [heads, ("---",) * len(heads), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def details(family: str) -> str:
+    """The whole docstring of every attack of a family; each of its parameters is an item of a list."""
+    texts = [
+        f"### {name}\n\nParameters: {_parameters(kind) or 'none'}.\n\n{_text(kind)}"
+        for name, kind in _attacks(family).items()
+    ]
+    return "\n\n".join(texts)
+
+
+def figures(section: str) -> str:
+    """What the figures of a section of the report mean, in the report's own words."""
+    from advpipe.stages.evaluate.cooperative import section as cooperative
+    from advpipe.stages.evaluate.coordinated import section as coordinated
+    from advpipe.stages.evaluate.localisation import section as localisation
+    from advpipe.stages.evaluate.report.report import FORMULAS
+
+    pairs = {
+        "detection": tuple(FORMULAS.items()),
+        "localisation": tuple(
+            (name, text.replace("{of_what}", "drive")) for name, text in localisation.FORMULAS
+        ),
+        "cooperative": cooperative.FORMULAS,
+        "coordinated": coordinated.FORMULAS,
+    }[section]
+    rows = "\n".join(f"| `{name}` | {_escaped(text)} |" for name, text in pairs)
+    return f"| figure | meaning |\n|---|---|\n{rows}"
+
+
+def _attacks(family: str) -> Mapping[str, type[Attack]]:
+    from advpipe.stages.attack.gnss.registry import GNSS_ATTACKS
+    from advpipe.stages.attack.lidar.registry import LIDAR_ATTACKS
+    from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
+
+    return {"lidar": LIDAR_ATTACKS, "v2x": V2X_ATTACKS, "gnss": GNSS_ATTACKS}[family]
+
+
+def _lidar_row(name: str, kind: Any) -> tuple[str, ...]:
+    budget = kind.traits.budget
+    return _link(name), f"`{budget.parameter}` ({budget.title})", _summary(kind)
+
+
+def _v2x_row(name: str, kind: Any) -> tuple[str, ...]:
+    published = kind.traits.published
+    numbers = (published.veremi_2018, published.veremi_extension, published.nextgen)
+    called = (_called(*each) for each in zip(numbers, (VEREMI, EXTENSION, NEXTGEN), strict=True))
+    return (_link(name), _summary(kind), *called)
+
+
+def _gnss_row(name: str, kind: Any) -> tuple[str, ...]:
+    also = ", ".join(f"`{word}`" for word in kind.traits.also_known_as)
+    return _link(name), also, _summary(kind)
+
+
+def _link(name: str) -> str:
+    return f"[`{name}`](#{name})"
+
+
+def _called(number: int | None, names: Mapping[int, str]) -> str:
+    return f"{number} {names[number]}" if number in names else ""
+
+
+def _summary(kind: type) -> str:
+    """The first paragraph of the class's docstring, as it may stand in a table."""
+    return _escaped(inspect.cleandoc(kind.__doc__ or "").partition("\n\n")[0])
+
+
+def _text(kind: type) -> str:
+    """The docstring as Markdown: what it says of a parameter begins with its name and a colon."""
+    paragraphs = inspect.cleandoc(kind.__doc__ or "").split("\n\n")
+    return "\n\n".join(
+        re.sub(r"(?:^|(?<=\. ))((?:[a-z]\w*, )*[a-z]\w*): ", r"\n- `\1`: ", _escaped(paragraph)).strip()
+        for paragraph in paragraphs
+    )
+
+
+def _escaped(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|").replace("*", "\\*").replace("+-", "±")
+
+
+def _parameters(kind: type) -> str:
+    """The keyword-only parameters of the constructor with their defaults."""
+    found = inspect.signature(kind).parameters.values()
+    return ", ".join(
+        f"`{one.name}`" if one.default is one.empty else f"`{one.name}={one.default}`"
+        for one in found
+        if one.kind is one.KEYWORD_ONLY
+    )

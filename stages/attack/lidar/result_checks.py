@@ -1,0 +1,100 @@
+"""What a user's own attack may return: anything else is told in a line rather than stored."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.labels.points import ACTIONS, ADDED, MOVED, REMOVED, PointLabels
+from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES, CloudChange
+from advpipe.pipeline.labels.quantity import excesses
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud
+from advpipe.stages.attack.lidar.base import LidarResult
+
+_DTYPE_KINDS = {"point": "iu", "action": "U", "displacement_m": "f"}
+"""The arrays of `PointLabels`, by the kinds of their numbers as numpy calls them."""
+
+
+def refuse_invalid(attack: str, clean: Cloud, result: Any) -> None:
+    """Raises AdvpipeError where what an attack returned is no result, or its labels do not tell it."""
+    if not isinstance(result, LidarResult):
+        raise AdvpipeError(f"{attack} returned {type(result).__name__}, no LidarResult")
+    cloud = result.cloud
+    if not isinstance(cloud, np.ndarray) or cloud.dtype != POINT_DTYPE or cloud.ndim != 1:
+        fields = ", ".join(POINT_DTYPE.names or ())
+        raise AdvpipeError(
+            f"{attack} returned {_description(cloud)} as its cloud, no points (N,) of {fields}"
+        )
+    _refuse_labels(attack, result.labels, len(clean))
+    actions = result.labels.action
+    removed, added = int((actions == REMOVED).sum()), int((actions == ADDED).sum())
+    if len(cloud) != len(clean) - removed + added:
+        raise AdvpipeError(
+            f"{attack} made {len(clean)} points {len(cloud)}, but labels {removed} as removed and "
+            f"{added} as added"
+        )
+    if _has_unlabelled_changes(clean, cloud, result.labels):
+        raise AdvpipeError(
+            f"{attack} changed points that its labels do not tell of; the points that it keeps stay in their "
+            "order, and those that it adds follow"
+        )
+    for name in ("loss_before", "loss_after"):
+        if not isinstance(getattr(result, name), int | float | np.number):
+            raise AdvpipeError(f"{attack} returned {getattr(result, name)!r} as its {name}, no number")
+    if not isinstance(result.note, str):
+        raise AdvpipeError(f"{attack} returned {result.note!r} as its note, no text")
+
+
+def refuse_out_of_bounds(
+    attack: str, bounds: Mapping[str, tuple[float, float]], clean: Cloud, result: LidarResult
+) -> None:
+    """Raises AdvpipeError where an attack went beyond the bounds that it declares."""
+    if len(result.labels):
+        change = CloudChange(clean, result.cloud, result.labels)
+        for excess in excesses(change, bounds, CLOUD_QUANTITIES):
+            raise AdvpipeError(f"{attack} went beyond its bounds: {excess}")
+
+
+def _has_unlabelled_changes(clean: Cloud, cloud: Cloud, labels: PointLabels) -> bool:
+    """Whether a point is neither what it was nor labelled; bytes are compared, so a NaN is itself."""
+    kept, told = np.ones(len(clean), bool), np.zeros(len(clean), bool)
+    kept[labels.point[labels.action == REMOVED]] = False
+    told[labels.point[labels.action == MOVED]] = True
+    before, after = (
+        np.ascontiguousarray(points).view(np.uint8).reshape(-1, POINT_DTYPE.itemsize)
+        for points in (clean[kept], cloud[: kept.sum()])
+    )
+    return bool(((before != after).any(axis=1) & ~told[kept]).any())
+
+
+def _refuse_labels(attack: str, labels: Any, points: int) -> None:
+    """Raises AdvpipeError for what are no labels of a clean cloud of so many points."""
+    if not isinstance(labels, PointLabels):
+        raise AdvpipeError(f"{attack} returned {_description(labels)} as its labels, no PointLabels")
+    for name, kinds in _DTYPE_KINDS.items():
+        array = getattr(labels, name)
+        if not isinstance(array, np.ndarray) or array.ndim != 1 or array.dtype.kind not in kinds:
+            raise AdvpipeError(f"{attack} returned {_description(array)} as labels.{name}; see PointLabels")
+    lengths = {name: len(getattr(labels, name)) for name in _DTYPE_KINDS}
+    if len(set(lengths.values())) > 1:
+        raise AdvpipeError(f"{attack} returned labels of several lengths: {lengths}")
+    if strange := sorted(set(labels.action.tolist()) - set(ACTIONS)):
+        raise AdvpipeError(f"{attack} labels points as {strange[0]!r}; known: {', '.join(ACTIONS)}")
+    is_new = labels.action == ADDED
+    if ((labels.point[~is_new] < 0) | (labels.point[~is_new] >= points)).any() or (
+        labels.point[is_new] != -1
+    ).any():
+        raise AdvpipeError(
+            f"{attack} labels points that the cloud of {points} does not have; they are counted in the clean "
+            "cloud from 0 up, and -1 for added ones"
+        )
+
+
+def _description(value: Any) -> str:
+    """What a value is, in short: its type, and of an array the shape and the type of its numbers."""
+    if isinstance(value, np.ndarray):
+        return f"an array {value.shape} of {value.dtype}"
+    return type(value).__name__

@@ -1,0 +1,174 @@
+"""Traffic of the user's: route files and .sumocfg, checked before SUMO sees them."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.short_repr import short_repr
+from advpipe.pipeline.scenario.models import Scenario
+from advpipe.stages.simulate.road_network.file import check_xml, last_error, run_sumo
+from advpipe.stages.simulate.road_network.network import RoadNetwork
+from advpipe.stages.simulate.traffic.sumo.demand import check_demand, seconds
+from advpipe.stages.simulate.traffic.sumo.routes import Routes
+from advpipe.stages.simulate.traffic.sumo.vehicle_types import BODIES_OF_CLASS
+
+ROUTE_FILE = "a SUMO route file (.rou.xml)"
+ADDITIONAL_FILE = "a SUMO additional file (.add.xml)"
+MOST_FILES = 100
+LATEST_S = 1e9
+"""SUMO counts milliseconds; nobody's day has so many."""
+
+MAX_WAIT_S = 120.0
+"""For room on the network, beyond the warm-up, as `Traffic` does."""
+
+RESERVED_NAMES = ("pedestrian", "parked")
+"""Of the people on foot and the parked cars, as in `parked.7`."""
+
+DEFAULT_TYPES = {"DEFAULT_VEHTYPE", "DEFAULT_TAXITYPE", "DEFAULT_BIKETYPE"}
+
+
+@dataclass(frozen=True)
+class UserTraffic:
+    """What SUMO is given besides its network; `is_user_supplied` if a user wrote it."""
+
+    route_files: tuple[Path, ...] = ()
+    additional_files: tuple[Path, ...] = ()
+    begin_s: float = 0.0
+
+    @property
+    def is_user_supplied(self) -> bool:
+        return bool(self.route_files or self.additional_files)
+
+    def options(self, types: Path) -> list[str]:
+        """Command-line options of SUMO, with our own vehicle types before the user's files."""
+        command = ["--additional-files", ",".join(map(str, (types, *self.additional_files)))]
+        command += ["--begin", str(self.begin_s)]
+        if self.route_files:  # 0: routes are read at once, so that a bad one is found at the start
+            command += ["--route-files", ",".join(map(str, self.route_files)), "--route-steps", "0"]
+        return command
+
+
+def user_traffic(
+    scenario: Scenario, network: RoadNetwork, routes: Routes, types: Path, moved: Collection[str] = ()
+) -> UserTraffic:
+    """The user's traffic of a scenario, if it names any; departures count from the warm-up's start.
+
+    Of a .sumocfg, its route and additional files and its begin are taken; the network is the scenario's.
+    `moved`: ids in the table of trajectories.
+    Raises AdvpipeError for a file that is missing or none, an unknown edge or type, roads that do not
+    lead on, a class of vehicle that we have no body for, and whatever else SUMO refuses.
+    """
+    if scenario.traffic.sumo_config is not None:
+        own = _configured(Path(scenario.traffic.sumo_config))
+    elif scenario.traffic.routes is not None:
+        own = UserTraffic(route_files=(Path(scenario.traffic.routes),))
+    else:
+        return UserTraffic()
+    key = "traffic.routes" if scenario.traffic.routes is not None else "traffic.sumo_config"
+    roots = list(_roots(own, key))
+    clock = scenario.simulation
+    last_s = own.begin_s + clock.warmup_s + MAX_WAIT_S + clock.duration_s
+    check_demand([root for _, root in roots], key, last_s)
+    known = DEFAULT_TYPES | {str(root.get("id")) for root in ElementTree.parse(types).getroot()}
+    for path, root in roots:
+        known |= set(_types(root, f"{key}: {path}"))
+    for path, root in roots:
+        _check(root, f"{key}: {path}", scenario, routes, known, moved)
+    _probe(key, own.options(types), network)
+    return own
+
+
+def _roots(own: UserTraffic, key: str) -> Iterator[tuple[Path, ElementTree.Element]]:
+    """Every file of the user's, and those that they include."""
+    waiting = [(path, ROUTE_FILE) for path in own.route_files]
+    waiting += [(path, ADDITIONAL_FILE) for path in own.additional_files]
+    for count, (path, kind) in enumerate(waiting, 1):
+        if count > MOST_FILES:
+            raise AdvpipeError(f"{key}: {path} is one of more than {MOST_FILES} files, or includes itself")
+        root = check_xml(path, key, ("routes", "additional"), kind)
+        yield path, root
+        waiting += [(path.parent / str(found.get("href")), kind) for found in root.iter("include")]
+
+
+def _configured(path: Path) -> UserTraffic:
+    root = check_xml(path, "traffic.sumo_config", ("configuration", "sumoConfiguration"), "a .sumocfg file")
+
+    def files(*names: str) -> tuple[Path, ...]:
+        values = [found.get("value", "") for name in names for found in root.iter(name)]
+        names_ = [part.strip() for value in values for part in value.split(",") if part.strip()]
+        return tuple(path.parent / name for name in names_)
+
+    route_files = files("route-files", "r")
+    if not route_files:
+        raise AdvpipeError(f"traffic.sumo_config: {path} names no route-files")
+    begin = next((found.get("value", "0") for name in ("begin", "b") for found in root.iter(name)), "0")
+    begin_s = seconds(begin, math.nan)
+    if not 0 <= begin_s <= LATEST_S:
+        raise AdvpipeError(
+            f"traffic.sumo_config: {path}: begin {short_repr(begin)} is no number of seconds, 0 to "
+            f"{LATEST_S:g}"
+        )
+    return UserTraffic(route_files, files("additional-files", "a"), begin_s)
+
+
+def _types(root: ElementTree.Element, where: str) -> Iterator[str]:
+    for found in root.iter("vType"):
+        vclass = found.get("vClass", "passenger")
+        if vclass not in BODIES_OF_CLASS:
+            known = ", ".join(BODIES_OF_CLASS)
+            raise AdvpipeError(
+                f"{where}: vType {found.get('id')!r} has vClass {vclass!r}, for which there is no body; "
+                f"known: {known}"
+            )
+        yield str(found.get("id"))
+    for found in root.iter("vTypeDistribution"):
+        yield str(found.get("id"))
+
+
+def _check(
+    root: ElementTree.Element,
+    where: str,
+    scenario: Scenario,
+    routes: Routes,
+    known: set[str],
+    moved: Collection[str],
+) -> None:
+    for found in root.iter():
+        name = f"{where}: {found.tag} {found.get('id', '')!r}"
+        if found.tag == "route" and found.get("edges") is not None:
+            routes.checked(str(found.get("edges")).split(), name)
+        if found.tag in ("trip", "flow"):
+            ends = [found.get("from"), *str(found.get("via", "")).split(), found.get("to")]
+            for edge in filter(None, ends):
+                routes.checked([edge], name)
+        if found.tag in ("vehicle", "trip", "flow"):
+            if found.get("type", "DEFAULT_VEHTYPE") not in known:
+                raise AdvpipeError(f"{name}: no vType {found.get('type')!r} is defined")
+            if found.get("id") in scenario.vehicles:
+                raise AdvpipeError(f"{name} has the name of an instrumented vehicle; rename one of them")
+            if found.get("id") in moved or (found.tag == "flow" and _counts(str(found.get("id")), moved)):
+                raise AdvpipeError(f"{name} has the name of one in trajectories.file; rename one of them")
+            if str(found.get("id")).partition(".")[0] in RESERVED_NAMES:
+                raise AdvpipeError(f"{name} has a name of ours; rename it")
+        if found.tag in ("person", "personFlow", "container", "containerFlow"):
+            raise AdvpipeError(f"{name}: only vehicles are taken; count people in traffic.pedestrians")
+
+
+def _counts(flow: str, names: Collection[str]) -> bool:
+    """Whether a vehicle of a flow, like `flow.3`, may have one of the names."""
+    return any(name.rpartition(".")[0] == flow and name.rpartition(".")[2].isdigit() for name in names)
+
+
+def _probe(key: str, options: Sequence[str], network: RoadNetwork) -> None:
+    """SUMO reads all of it in a process of its own, whose words we can catch."""
+    command = ["--net-file", str(network.sumo_file), *options]
+    begin_s = float(options[options.index("--begin") + 1])
+    command += ["--end", str(begin_s + 1.0), "--no-step-log", "--no-warnings"]
+    done = run_sumo("sumo", command, key)
+    if done.returncode != 0:
+        raise AdvpipeError(f"{key}: SUMO refuses it: {last_error(done)}")

@@ -1,0 +1,75 @@
+"""What stands beside a sweep's tables; and that the committed reports say it too."""
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from cells import cell
+
+from advpipe.pipeline.campaigns.sweep.caveats import NOT_SURE, sweep_caveats
+from advpipe.pipeline.detector.registry import detector_sha256
+from advpipe.pipeline.results.deprecated import new_key
+from advpipe.stages.evaluate.report.report import FORMULAS
+from advpipe.stages.evaluate.report.wording import RANDOM_BEST, WHITE_BOX
+
+REPORTS = Path(__file__).parents[4] / "datasets" / "reports"
+
+
+def paper(weight, rms_m=0.0022262942):
+    made = cell("perturb-10", 99.5, recipe="paper")
+    parameters = {"eps_cm": 10.0, "weight": weight}
+    attack = replace(made.row.attack, parameters=parameters)
+    attacked = replace(made.row.attacked, rms_displacement_m=rms_m)
+    return replace(made, row=replace(made.row, attack=attack, attacked=attacked))
+
+
+def test_recipe_paper_is_said_to_hold_its_points():
+    (told,) = [text for text in sweep_caveats([paper(0.01)]) if text.startswith("paper-perturb-10:")]
+    assert "λ = 0.01" in told
+    assert "to 2.2 mm (RMS) of the 100 mm allowed" in told
+    for other in (paper(0.0, 0.0867), cell("perturb-10", 40.0)):
+        assert not [text for text in sweep_caveats([other]) if "λ" in text]
+
+
+def test_robust_is_said_to_bring_nothing_sure():
+    assert NOT_SURE in sweep_caveats([cell("detach-1", 50.0, recipe="robust")])
+    assert NOT_SURE not in sweep_caveats([cell("detach-1", 50.0)])  # of a detector that was not measured
+
+
+def test_random_best_is_named_and_where_it_was_measured_so_are_its_figures():
+    made = cell("detach-1", 50.0)
+    assert RANDOM_BEST in sweep_caveats([made])
+    assert RANDOM_BEST not in sweep_caveats([cell("detach-1", 50.0, random=None)])
+    measured = replace(made, settings=replace(made.settings, detector_sha256=detector_sha256("small")))
+    (figures,) = [text for text in sweep_caveats([measured]) if "recipe random-best leaves" in text]
+    for pair in ("76.6 % against 34.4 %", "53.7 % against 28.6 %", "66.3 % against 11.1 %"):
+        assert pair in figures
+    assert not [text for text in sweep_caveats([made]) if "recipe random-best leaves" in text]
+
+
+def test_lost_has_an_overlap_and_its_scores():
+    cells = [cell("detach-1", 50.0), cell("perturb-10", 40.0)]
+    row = cells[1].row
+    cells[1] = replace(cells[1], row=replace(row, counts=replace(row.counts, working_score=0.3)))
+    (told,) = [text for text in sweep_caveats(cells) if text.startswith("Lost objects")]
+    assert "at loose overlap, with a score of at least 0.25 or 0.30" in told
+
+
+@pytest.mark.parametrize("name", ["town06", "town06-budgets"])
+def test_the_committed_reports_say_what_their_columns_are(name):
+    report = json.loads((REPORTS / name / "report.json").read_text())
+    formulas = {key: text for key, text in report["formulas"].items() if not new_key(key)}
+    assert {key: FORMULAS[key] for key in formulas} == formulas
+    assert {"baseline", "significant_vs_random", "lost", "white_box"} <= set(report["formulas"])
+    assert {RANDOM_BEST, WHITE_BOX} <= set(report["caveats"])
+    rows = [each["row"] for each in report["cells"] if each["status"] == "done"]
+    (lost,) = [text for text in report["caveats"] if text.startswith("Lost objects")]
+    assert all(f"{row['working_score']:.2f}" in lost for row in rows)
+    held = [text for text in report["caveats"] if text.startswith("paper-perturb-10: ")]
+    assert len(held) == sum(row["recipe"] == "paper" and row["attack"] == "perturb" for row in rows)
+    assert report["warnings"] == []  # Town06 is no training map
