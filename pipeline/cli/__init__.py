@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from advpipe.pipeline.cli.attack import attack_command
+from advpipe.pipeline.cli.attack_parameters import AttackCommand
 from advpipe.pipeline.cli.bags import inspect, plot, recover_command
 from advpipe.pipeline.cli.clean import clean
 from advpipe.pipeline.cli.evaluate import evaluate_command
@@ -53,7 +54,7 @@ COMMANDS: dict[str, Callable[..., Answer]] = {
     "schema": schema_command,
 }
 for word, command in COMMANDS.items():
-    app.command(word)(answering(command))
+    app.command(word, cls=AttackCommand if word == "attack" else None)(answering(command))
 
 
 def _version(wanted: bool) -> None:

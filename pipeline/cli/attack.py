@@ -27,22 +27,9 @@ def attack_command(
         Path | None, typer.Argument(help="Data set, rosbag2 folder or .mcap.", show_default="newest data set")
     ] = None,
     kind: Annotated[str, cli_option(AttackOptions, "type", "--type")] = AttackOptions.type,
-    ratio: Annotated[float | None, typer.Option(help="Share of the points to remove (detach).")] = None,
-    eps_cm: Annotated[float | None, typer.Option(help="How far points may move (perturb).")] = None,
-    points: Annotated[int | None, typer.Option(help="How many points to add (attach).")] = None,
-    eps_m: Annotated[float | None, typer.Option(help="How far from the scene they may lie (attach).")] = None,
-    along_ray: Annotated[bool, typer.Option("--along-ray", help="Points move along their ray only.")] = False,
     recipe: Annotated[
         str | None, cli_option(AttackOptions, "recipe", show_default="best")
     ] = AttackOptions.recipe,
-    goal: Annotated[
-        str | None,
-        typer.Option(
-            help="break detections at strict overlap (a car's box that is 32 cm off sideways, or 13 cm along "
-            "all three axes, counts as broken), or hide objects: no box of loose overlap is left.",
-            show_default="break",
-        ),
-    ] = None,
     settings: Annotated[
         list[str] | None, typer.Option("--set", help="A parameter of the attack: name=value; repeatable.")
     ] = None,
@@ -70,16 +57,16 @@ def attack_command(
         Path | None, typer.Option("--out", "-o", help="Adversarial bag.", show_default="beside the clean one")
     ] = None,
     overwrite: Overwrite = False,
+    **more_parameters: Any,
 ) -> Answer:
     """Stage 2: write an adversarial version of a bag; everything not attacked is copied byte for byte.
 
-    A LiDAR attack knows the detector, the true boxes and the rule that matches detections to them.
+    The parameters of the attack are options, too, such as --ratio of detach; with --type, this help explains
+    them. A LiDAR attack knows the detector, the true boxes and the rule that matches detections to them.
     """
     from advpipe.commands.attack import attack as run
 
-    options = {"ratio": ratio, "eps_cm": eps_cm, "points": points, "eps_m": eps_m, "goal": goal}
-    given = {name: value for name, value in options.items() if value is not None}
-    given |= {"along_ray": True} if along_ray else {}
+    given = {name: value for name, value in more_parameters.items() if value is not None}
     summary = run(
         bag,
         type=kind,
@@ -114,7 +101,6 @@ def _parameters(options: dict[str, Any], settings: list[str]) -> dict[str, Any]:
     """Those given as options, and the values of `name=value`, each read as YAML."""
     from advpipe.pipeline.core.errors import UsageError
     from advpipe.pipeline.core.short_repr import short_repr, shorten
-    from advpipe.pipeline.scenario.document import DocumentError, read_document
 
     found = dict(options)
     for setting in settings:
@@ -127,8 +113,16 @@ def _parameters(options: dict[str, Any], settings: list[str]) -> dict[str, Any]:
                 f"--set {short_repr(setting)}: {shorten(name)} is already {short_repr(found[name])}; "
                 "give it once"
             )
-        try:
-            found[name] = read_document(text).tree
-        except DocumentError as error:
-            raise UsageError(f"--set {short_repr(setting)}: the value cannot be read: {error}") from None
+        found[name] = read_value(text, f"--set {short_repr(setting)}")
     return found
+
+
+def read_value(text: str, where: str) -> Any:
+    """A value as the command line has it, read as YAML. Raises UsageError, which begins with `where`."""
+    from advpipe.pipeline.core.errors import UsageError
+    from advpipe.pipeline.scenario.document import DocumentError, read_document
+
+    try:
+        return read_document(text).tree
+    except DocumentError as error:
+        raise UsageError(f"{where}: the value cannot be read: {error}") from None

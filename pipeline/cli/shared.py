@@ -52,7 +52,10 @@ class Answer:
 
 
 def answering(command: Callable[..., Answer]) -> Callable[..., None]:
-    """The command as typer runs it: with --quiet, --verbose and --json, and its answer printed."""
+    """The command as typer runs it: with --quiet, --verbose and --json, and its answer printed.
+
+    Arguments that it takes by any name are no options until `AttackCommand` makes them some.
+    """
 
     @wraps(command)
     def answer(*args: Any, quiet: bool, verbose: bool, as_json: bool, **options: Any) -> None:
@@ -76,7 +79,9 @@ def answering(command: Callable[..., Answer]) -> Callable[..., None]:
 
     hints = get_type_hints(command, include_extras=True)
     parameters = [
-        one.replace(annotation=hints[one.name]) for one in inspect.signature(command).parameters.values()
+        one.replace(annotation=hints[one.name])
+        for one in inspect.signature(command).parameters.values()
+        if one.kind is not one.VAR_KEYWORD
     ]
     for name, kind in (("quiet", Quiet), ("verbose", Verbose), ("as_json", AsJson)):
         one = inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind)

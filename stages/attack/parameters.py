@@ -37,6 +37,12 @@ def known_parameters(kind: type[Attack]) -> dict[str, Any]:
     return {name: one.default for name, one in _keywords(kind).items() if name != "recipe"}
 
 
+def parameter_types(kind: type[Attack]) -> dict[str, tuple[Any, ...]]:
+    """By name, the types of a value, or of a list's items; an attack of a user need not tell."""
+    types = _types(kind)
+    return {name: tuple(leaves(types[name])) for name in known_parameters(kind) if name in types}
+
+
 def resolved_parameters(spec: AttackSpec, kind: type[Attack]) -> dict[str, Any]:
     """All parameters of an attack, of this class, in the constructor's order, with defaults if not given.
 

@@ -18,10 +18,10 @@ from advpipe.pipeline.cli import COMMANDS
 ROOT = Path(__file__).parents[2]
 HEAVY = ("numpy", "torch", "open3d", "libsumo", "pandas", "pydantic", "pyarrow", "typing")
 
-ONLY_IN_PYTHON = {"evaluate": {"clean"}, "attack": {"parameters", "more_parameters"}}
+ONLY_IN_PYTHON = {"evaluate": {"clean"}, "attack": {"parameters"}}
 """Options of the functions that are no options of the command line, which has one list of bags."""
 ONLY_FOR_TERMINALS = {
-    "attack": {"ratio", "eps_cm", "points", "eps_m", "along_ray", "goal", "settings"},
+    "attack": {"settings"},
     "sweep": {"check"},
 }
 """Options of the command line that are parameters of an attack, by their names, in Python; and a check."""

@@ -72,10 +72,11 @@ def test_every_command_explains_itself(run: Run, command: str) -> None:
 
 def test_the_help_of_attacks_says_what_the_attacker_knows_and_what_a_miss_is(run: Run) -> None:
     """In README.md's words, of which the tests work out the centimetres."""
-    help_text = " ".join(re.sub(r"[│╭╮╰╯─]", " ", run("attack", "--help").stdout).split())
+    found = run("attack", "--type", "perturb", "--help").stdout
+    help_text = " ".join(re.sub(r"[│╭╮╰╯─]", " ", found).split())
     assert "knows the detector, the true boxes and the rule that matches detections to them" in help_text
-    assert "32 cm off sideways, or 13 cm along all three axes" in help_text
-    assert "no box of loose overlap is left" in help_text
+    assert "a miss from 13 cm along all three axes at once, 32 cm sideways" in help_text
+    assert '"hide" objects: no box that overlaps them loosely is left' in help_text
     assert "random-best (the strongest)" in help_text
 
 

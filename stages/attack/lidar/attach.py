@@ -72,6 +72,8 @@ class Attach(LidarAttack):
 
     The attacker knows the detector, the true boxes and the rule that matches detections to them (`goal`).
 
+    points: how many points to add.
+    eps_m: how far from the clean cloud's points they may lie.
     recipe: "best" fills the empty voxels whose occupancy affects the detector most, at the place nearest to
         a clean point, evaluates the detections, and spends the points on the objects that need the fewest;
         for a detector without `occupancy_loss`, it ranks places by the gradient of the loss. "robust" keeps a

@@ -59,6 +59,7 @@ class Perturb(LidarAttack):
 
     The attacker knows the detector, the true boxes and the rule that matches detections to them (`goal`).
 
+    eps_cm: how far each point may move.
     recipe: "best" moves points across the voxel faces that matter to the detector and keeps the best
         candidate for each object (`crossing_search`); for a detector without `occupancy_loss` it is PGD near
         objects with the best iterate. "robust" lands 2 cm past the faces (eps / 2 at most) and expects 1 cm

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from advpipe.pipeline.bag.provenance import clean_provenance
 from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.cli import app
 from advpipe.pipeline.cli.attack import _parameters, attack_command
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.run import AttackRequest, AttackSummary
+
+ROOT = Path(__file__).parents[3]
 
 
 def test_parameters_are_read_as_yaml() -> None:
@@ -119,3 +124,74 @@ def test_mistakes_are_one_line(bag: Path, options: dict[str, object], line: str)
         attack_command(bag, **options)  # type: ignore[arg-type]
     assert "\n" not in str(caught.value)
     assert [path.name for path in bag.parent.iterdir()] == ["bag"]
+
+
+Said = Callable[..., str]
+
+
+@pytest.fixture
+def said(capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Said:
+    """All that `advpipe attack` prints with these words, in a folder without data sets."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def said(*words: str) -> str:
+        capfd.readouterr()
+        with pytest.raises(SystemExit):
+            app(["attack", *words], prog_name="advpipe")
+        done = capfd.readouterr()
+        return done.out + done.err
+
+    return said
+
+
+def test_each_attack_has_its_parameters_as_options(said: Said) -> None:
+    shown = said("--type", "detach", "--help")
+    assert "detach: Remove exactly round(ratio * N)" in shown
+    assert re.search(r"--ratio .*in \(0, 1\)", shown)
+    assert re.search(r"--goal .*break\" detections", shown)  # in the words of `Constraints`
+    assert "--eps-cm" not in shown
+    assert "--ghosts" in said("--help", "--type=cam-sybil-grid")
+
+
+def test_an_attack_of_a_user_has_its_own_too(said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(ROOT / "examples")
+    assert re.search(r"--width-deg +<?float", said("--type", "my_attack:Dazzle", "--help"), re.IGNORECASE)
+    assert "no data set" in said("--type", "my_attack:Dazzle", "--width-deg", "10")
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["--ratoi", "0.1"], r"No such option: --ratoi; detach has --ratio, --rounds, .*--ratio"),
+        (["--type", "detach", "--eps-cm", "3"], "--eps-cm; detach has --ratio, "),
+        (["--type", "gnss-jam", "--ratio", "3"], "--ratio; gnss-jam has no parameters"),
+        (["--type", "nope", "--help"], "unknown attack 'nope'; known: perturb"),
+        (["--type", "nope", "--ratio", "1"], "unknown attack 'nope'; known: perturb"),
+        (["--ratio", "x"], "Invalid value for '?--ratio"),
+        (["--objects", "[a"], r"--objects '\[a': the value cannot be read"),
+        (["--ratio", "0.1", "--set", "ratio=0.2"], "ratio is already 0.1; give it once"),
+        (["--type"], "--type"),
+    ],
+)
+def test_mistakes_in_parameters_given_as_options(said: Said, words: list[str], line: str) -> None:
+    text = said(*words)
+    assert re.fullmatch(rf"advpipe: .*{line}.*\n", text)
+
+
+def test_options_of_an_attack_reach_it(bag: Path, said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[AttackRequest] = []
+
+    def note(clean: Path, out: Path, request: AttackRequest, **_: object) -> AttackSummary:
+        seen.append(request)
+        return AttackSummary(out)
+
+    monkeypatch.setattr("advpipe.commands.attack.run", note)
+    said(str(bag), "--type", "perturb", "--eps-cm", "3", "--along-ray", "--goal=hide", "--set", "steps=2")
+    said("--objects", "[a, b]", "--type", "perturb", str(bag))
+    said(str(bag), "--type", "cam-position-constant", "--x-m=-1e1", "--y-m", "5", "--no-rebuild-path")
+    assert [spec.parameters for request in seen for spec in request.attacks] == [
+        {"eps_cm": 3.0, "along_ray": True, "goal": "hide", "steps": 2},
+        {"eps_cm": 10.0, "objects": ("a", "b")},
+        {"x_m": -10.0, "y_m": 5.0, "rebuild_path": False},
+    ]

@@ -68,6 +68,7 @@ NO_FIGURE = {
     "stages/attack/base.py",
     "stages/attack/family_registry.py",
     "stages/attack/job.py",
+    "stages/attack/parameter_docs.py",
     "stages/attack/plugin.py",
     "stages/attack/parameters.py",
 }

@@ -1,0 +1,111 @@
+"""The options of `advpipe attack` that are parameters of the attack named by `--type`.
+
+Their names, types, defaults and texts are those of the attack's class. It is imported, with torch for LiDAR
+attacks, only for an option that the command itself does not have, and for the help on one attack.
+"""
+
+from __future__ import annotations
+
+import inspect
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+
+import typer
+from typer.core import TyperCommand
+
+from advpipe.pipeline.cli.attack import attack_command, read_value
+from advpipe.pipeline.cli.shared import Answer, answering
+from advpipe.pipeline.core.attack_options import AttackOptions
+
+if TYPE_CHECKING:
+    from advpipe.stages.attack.parameter_docs import Parameter
+
+_HELP = ("--help", "-h")
+
+
+class AttackCommand(TyperCommand):
+    """`advpipe attack`; where its arguments name parameters of an attack, a command that has them runs."""
+
+    def make_context(self, info_name: Any, args: list[str], *others: Any, **extra: Any) -> Any:
+        own = {flag for one in self.params for flag in (*one.opts, *one.secondary_opts)}
+        flags = {word.partition("=")[0] for word in args if word.startswith("-")}
+        attack = _attack_named(args)
+        wants_help = attack is not None and not flags.isdisjoint(_HELP)
+        if not wants_help and all(flag in {*own, *_HELP} or flag[:2] != "--" for flag in flags):
+            return super().make_context(info_name, args, *others, **extra)
+        attack = attack or AttackOptions.type
+        command, parameters = _command_of(attack, own)
+        try:
+            return command.make_context(info_name, args, *others, **extra)
+        except Exception as error:
+            if hasattr(error, "possibilities") and hasattr(error, "message"):  # no such option
+                error.message += f"; {attack} has {', '.join(parameters) or 'no parameters'}"
+            raise
+
+
+def _attack_named(args: list[str]) -> str | None:
+    """The last value of `--type`, the one that counts."""
+    for place in reversed(range(len(args))):
+        flag, equals, value = args[place].partition("=")
+        if flag == "--type" and (equals or place + 1 < len(args)):
+            return value if equals else args[place + 1]
+    return None
+
+
+def _command_of(attack: str, taken: set[str]) -> tuple[Any, list[str]]:
+    """`advpipe attack` with the attack's parameters as options but for those whose flag is taken; and their
+    flags. Raises AdvpipeError for an attack that is unknown."""
+    from rich.markup import escape
+
+    from advpipe.pipeline.scenario.attacks import attack_spec
+    from advpipe.stages.attack.parameter_docs import documented_parameters, summary
+    from advpipe.stages.attack.registry import find_attack, resolved_name, default_budget
+
+    kind = find_attack(resolved_name(attack_spec({"type": attack})).type)
+    usual, panel = default_budget(attack), f"Parameters of {attack}"
+    parameters = [
+        _as_argument(one, usual.get(one.name, one.default), panel)
+        for one in documented_parameters(kind)
+        if _flag(one.name) not in taken
+    ]
+    general = inspect.signature(attack_command).parameters.values()
+    signature = [*(one for one in general if one.kind is not one.VAR_KEYWORD), *parameters]
+
+    def command(**options: Any) -> Answer:
+        return attack_command(**options)
+
+    command.__doc__ = (inspect.getdoc(attack_command) or "") + escape(f"\n\n{attack}: {summary(kind)}")
+    command.__annotations__ = {
+        **get_type_hints(attack_command, include_extras=True),
+        **{one.name: one.annotation for one in parameters},
+    }
+    command.__signature__ = inspect.Signature(signature)  # type: ignore[attr-defined]
+    app = typer.Typer(add_completion=False)
+    app.command()(answering(command))
+    return typer.main.get_command(app), [_flag(one.name) for one in parameters]
+
+
+def _flag(name: str) -> str:
+    return "--" + name.replace("_", "-")
+
+
+def _as_argument(one: Parameter, default: Any, panel: str) -> inspect.Parameter:
+    """The argument of which typer makes the parameter's option; None stands for not given."""
+    from rich.markup import escape
+
+    from advpipe.pipeline.core.short_repr import short_repr
+
+    flag, types = _flag(one.name), set(one.types)
+    usual = "" if default in (inspect.Parameter.empty, None, (), "") else f" [default: {default}]"
+    shown: dict[str, Any] = {"help": escape(one.help + usual), "rich_help_panel": panel}
+    numbers_or_word = next((kind for kind in (str, float, int) if kind in types), None)
+    if types == {bool}:
+        option: Any = Annotated[bool | None, typer.Option(f"{flag}/--no-{flag[2:]}", **shown)]
+    elif numbers_or_word is not None and not isinstance(default, tuple):
+        option = Annotated[numbers_or_word | None, typer.Option(flag, **shown)]
+    else:
+
+        def read(text: str) -> Any:
+            return read_value(text, f"{flag} {short_repr(text)}")
+
+        option = Annotated[Any, typer.Option(flag, parser=read, metavar="YAML", **shown)]
+    return inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=option)

@@ -1,0 +1,69 @@
+"""The parameters of an attack as users read of them: with the types and the texts of its class."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import sys
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any
+
+from advpipe.stages.attack.base import Attack
+from advpipe.stages.attack.parameters import known_parameters, parameter_types
+
+_HEAD = re.compile(r"(?:^|(?<=[.;]\s))(\w+(?:,\s+\w+)*):\s", re.MULTILINE)
+"""`name: ` or `name, other: ` where a line or a sentence begins."""
+
+_REFERENCE = re.compile(r"see `(?:\w+\.)*(\w+)`")
+"""What a docstring says of a parameter that another class of its module explains."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter. types: those that a value may have, lists as theirs; none where the attack does not
+    tell. default: `REQUIRED` for none. help: "" where no docstring has `name: ...`."""
+
+    name: str
+    types: tuple[Any, ...]
+    default: Any
+    help: str
+
+
+def documented_parameters(kind: type[Attack]) -> tuple[Parameter, ...]:
+    """All parameters of a class but its recipe, in their order."""
+    known, types = known_parameters(kind), parameter_types(kind)
+    texts: dict[str, str] = {}
+    for owner in kind.__mro__:
+        texts = {**_texts(owner, known), **texts}
+    return tuple(
+        Parameter(name, types.get(name, ()), default, texts.get(name, "")) for name, default in known.items()
+    )
+
+
+def summary(kind: type[Attack]) -> str:
+    """The first paragraph of the class's docstring, on one line; "" for none."""
+    return " ".join(_docstring(kind).partition("\n\n")[0].split())
+
+
+def _texts(owner: type, names: Collection[str]) -> dict[str, str]:
+    """What a docstring says of these names: all from `name: ` to the next such, or to the paragraph's end."""
+    texts = {}
+    for paragraph in _docstring(owner).split("\n\n"):
+        heads = [*_HEAD.finditer(paragraph)]
+        ends = [*(head.start() for head in heads), None][1:]
+        for head, end in zip(heads, ends, strict=True):
+            text = " ".join(paragraph[head.end() : end].split()).removesuffix(";")
+            texts.update(dict.fromkeys(re.split(r",\s+", head[1]), text))
+    texts = {name: text for name, text in texts.items() if name in names}
+    for each, text in texts.items():
+        if reference := _REFERENCE.match(text):
+            other = getattr(sys.modules[owner.__module__], reference[1], None)
+            texts[each] = _texts(other, names).get(each, "") if inspect.isclass(other) else text
+    return texts
+
+
+def _docstring(owner: type) -> str:
+    """That of the class itself; a dataclass without one has its signature there."""
+    written = vars(owner).get("__doc__") or ""
+    return "" if written.startswith(f"{owner.__name__}(") else inspect.cleandoc(written)
