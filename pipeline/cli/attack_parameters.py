@@ -58,7 +58,7 @@ def _command_of(attack: str, taken: set[str]) -> tuple[Any, list[str]]:
 
     from advpipe.pipeline.scenario.attacks import attack_spec
     from advpipe.stages.attack.parameter_docs import documented_parameters, summary
-    from advpipe.stages.attack.registry import find_attack, resolved_name, default_budget
+    from advpipe.stages.attack.registry import default_budget, find_attack, resolved_name
 
     kind = find_attack(resolved_name(attack_spec({"type": attack})).type)
     usual, panel = default_budget(attack), f"Parameters of {attack}"

@@ -111,7 +111,9 @@ def _unread(path: Path, where: str, error: AdvpipeError) -> AdvpipeError:
 
 
 def _no_table(where: str, error: Exception) -> AdvpipeError:
-    return AdvpipeError(f"{where} is not a CSV or Parquet table: {shorten(' '.join(str(error).split()), 200)}")
+    return AdvpipeError(
+        f"{where} is not a CSV or Parquet table: {shorten(' '.join(str(error).split()), 200)}"
+    )
 
 
 def number_in(value: object) -> float:
