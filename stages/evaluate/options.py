@@ -25,7 +25,7 @@ class Options:
         "A shipped name, a .safetensors file, or module:Class; repeat it for a matrix of transfer.",
     )
     seed: int = option(0, "Seed of the bootstrap, the baselines and the defences.", least=0)
-    baseline: bool = option(True, "Also score random baselines of equal budget; random-best is an attack.")
+    baseline: bool = option(True, "Also score random baselines of equal budget; recipe random-best is not among them.")
     baseline_tries: int | None = options.baseline_tries()
     defences: tuple[str, ...] = option(
         (),
@@ -35,8 +35,8 @@ class Options:
     frames: FrameSlice = option(
         ALL_FRAMES,
         "start:stop:step, counted in the clean bag: which clouds detection and cooperative "
-        "perception use. Localisation, V2X and coordinated attacks are scored on the time from the "
-        "first to one period after the last; a step leaves out clouds alone.",
+        "perception use. Localisation, V2X and coordinated attacks are scored over the whole time "
+        "span of these clouds; a step thins only the clouds.",
     )
     bootstrap_draws: int = 1000
     lidar_topic: str | None = options.lidar_topic()
