@@ -73,20 +73,20 @@ def plan_clouds(
     plan = CloudPlan(tuple(dict.fromkeys(topics)), frames.indices(len(times_ns)), times_ns, ())
     attacked: list[AttackedCloud] = []
     for place, (topic, spec) in enumerate(zip(topics, attacks, strict=True)):
-        struck = [
+        active = [
             AttackedCloud(topic, frame, place)
             for frame, log_time_ns in enumerate(reader.log_times_ns(topic).tolist())
             if plan.keeps(topic, frame, log_time_ns)
             and is_active(spec, frame, recording.time_s(log_time_ns), seed)
         ]
-        if not struck:
+        if not active:
             raise UsageError(f"{spec.type}: its schedule meets none of the chosen clouds of {topic}")
-        attacked += struck
+        attacked += active
     return CloudPlan(plan.topics, plan.frames, times_ns, tuple(attacked))
 
 
 def is_active(spec: AttackSpec, frame: int, time_s: float, seed: int) -> bool:
-    """Whether the attack's schedule strikes a cloud; by chance each cloud by itself, whatever is chosen."""
+    """Whether the attack's schedule includes a cloud; a random one draws for each cloud, chosen or not."""
     rng = named_generator(seed, "attack", "schedule", spec.type, spec.seed_name, frame)
     return spec.schedule.active(time_s, rng)
 

@@ -74,23 +74,23 @@ class AnchorGrid:
         r = self.preset.range_m
         inside = (boxes[:, 0] >= r.x_min_m) & (boxes[:, 0] < r.x_max_m)
         inside &= (boxes[:, 1] >= r.y_min_m) & (boxes[:, 1] < r.y_max_m)
-        taught = inside if ignored is None else inside & ~ignored
+        is_learned = inside if ignored is None else inside & ~ignored
         positive, matched, skipped = [], [], []
         for label in range(len(self.preset.classes)):
             shapes = (self.labels == label).nonzero().squeeze(1)
             mine = inside & (labels == label)
             if len(shapes) == 0 or not mine.any():
                 continue
-            teachers = (mine & taught).nonzero().squeeze(1)
-            others = (mine & ~taught).nonzero().squeeze(1)
+            learned = (mine & is_learned).nonzero().squeeze(1)
+            others = (mine & ~is_learned).nonzero().squeeze(1)
             low = self.negative_iou[shapes].expand(self.height, self.width, -1)
             grey = torch.zeros_like(low, dtype=torch.bool)
             cells = torch.arange(self.height * self.width, device=boxes.device) * self.per_cell
             flat = (cells.view(self.height, self.width, 1) + shapes).flatten()
             if len(others):
                 grey |= self._iou(boxes[others], shapes).amax(0) >= low
-            if len(teachers):
-                iou = self._iou(boxes[teachers], shapes)
+            if len(learned):
+                iou = self._iou(boxes[learned], shapes)
                 best_of_box = iou.flatten(1).amax(1).view(-1, 1, 1, 1)
                 chosen = ((iou == best_of_box) & (best_of_box > 0)).any(0)
                 best, teacher = iou.max(0)
@@ -99,7 +99,7 @@ class AnchorGrid:
                 grey &= ~chosen
                 rows = chosen.flatten().nonzero().squeeze(1)
                 positive.append(flat[rows])
-                matched.append(teachers[teacher.flatten()[rows]])
+                matched.append(learned[teacher.flatten()[rows]])
             skipped.append(flat[grey.flatten()])
         none = labels.new_zeros(0)
         match = torch.cat([*matched, none])

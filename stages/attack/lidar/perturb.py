@@ -162,9 +162,8 @@ class Perturb(LidarAttack):
         # Choose the search of the recipe.
         search: Search
         if self.recipe in RANDOM_RECIPES:
-            search = RandomSearch(
-                points, rules, everywhere if self.recipe == "random" else near, self.eps_m, rng
-            )
+            mask = everywhere if self.recipe == "random" else near
+            search = RandomSearch(points, rules, mask, self.eps_m, rng)
         elif self.recipe == "paper":
             search = ProjectedGradientDescent(
                 points, goal, detector, rules, everywhere, self.eps_m, rng, self.weight
@@ -175,11 +174,9 @@ class Perturb(LidarAttack):
         else:
             search = ProjectedGradientDescent(points, goal, detector, rules, near, self.eps_m, rng)
             note = join_notes(NO_OCCUPANCY.format(self.recipe), INTENSITY_STAYS if self.intensity else "")
-        selection = (
-            PerObjectBest(goal, detector, points, owner, jitter_m, rng)
-            if is_querying and self.settings.keep_best
-            else None
-        )
+        selection = None
+        if is_querying and self.settings.keep_best:
+            selection = PerObjectBest(goal, detector, points, owner, jitter_m, rng)
 
         # Search, evaluate each candidate by the detector, and keep the best.
         moved = points
@@ -197,8 +194,7 @@ class Perturb(LidarAttack):
             adversarial[name][finite] = moved[:, column]
         loss_after = detection_loss(detector, adversarial[finite], goal.loss_targets)
         changed = np.flatnonzero((points != moved).any(axis=1))
-        way_m = moved[changed, :3].astype(np.float64) - points[changed, :3]
-        displacement_m = np.linalg.norm(way_m, axis=1)
+        displacement_m = np.linalg.norm(moved[changed, :3].astype(float) - points[changed, :3], axis=1)
         labels = PointLabels(finite[changed], np.full(len(changed), MOVED), displacement_m)
         note = join_notes(goal.note if len(goal.targets) else "", note, "" if len(changed) else NOTHING_MOVED)
         return LidarResult(adversarial, labels, loss_before, loss_after, note)

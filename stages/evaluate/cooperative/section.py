@@ -158,12 +158,11 @@ def cooperative_rows(
             off[name].append((misalignment_m(pose, own_SE3_other), misalignment_deg(pose, own_SE3_other)))
         seen: dict[str, tuple[Float64, Float64]] = {}
         for name, fusion in conditions:
-            see = (
-                cached.detect(frame.own.cloud)
-                if name == ALONE
-                else FUSIONS[fusion](cached, frame, poses[name])
+            is_alone = name == ALONE
+            seeing = (
+                cached.detect(frame.own.cloud) if is_alone else FUSIONS[fusion](cached, frame, poses[name])
             )
-            found = _in_range(cached, without_oneself(see))
+            found = _in_range(cached, without_oneself(seeing))
             if fusion == "clouds":
                 seen[name] = poses[name], found.boxes[found.scores >= SHOWN_SCORE]
             for (criterion, label), one in match(truth, found, cached.classes, CRITERIA).items():

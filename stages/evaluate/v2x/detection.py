@@ -59,21 +59,21 @@ class Detection:
 
 
 @dataclass(frozen=True)
-class _Heard:
+class _ReceivedMessages:
     """Of M messages that count, (M,) each."""
 
     numbers: list[int | None]
     ours: Bools
     baseline: Bools
-    liars: np.ndarray[Any, np.dtype[np.int64]]
+    senders: np.ndarray[Any, np.dtype[np.int64]]
     times_s: np.ndarray[Any, np.dtype[np.float64]]
 
-    def scores(self, is_lie: Bools, chosen: Bools) -> tuple[Scores, Scores]:
+    def scores(self, is_false_message: Bools, chosen: Bools) -> tuple[Scores, Scores]:
         """Ours and the baseline's, on those chosen."""
-        lie, liars, times_s = is_lie[chosen], self.liars[chosen], self.times_s[chosen]
+        is_false, senders, times_s = is_false_message[chosen], self.senders[chosen], self.times_s[chosen]
         return (
-            scores(self.ours[chosen], lie, liars, times_s),
-            scores(self.baseline[chosen], lie, liars, times_s),
+            scores(self.ours[chosen], is_false, senders, times_s),
+            scores(self.baseline[chosen], is_false, senders, times_s),
         )
 
 
@@ -92,7 +92,7 @@ def detect(
     counts where the bag records which one it truly was.
     """
     config, parameters = config or DetectorConfig(), parameters or TUNED_CATCH
-    ours, theirs, liars, times_s, numbers, decoded = [], [], [], [], [], []
+    ours, theirs, senders, times_s, numbers, decoded = [], [], [], [], [], []
     objections: Counter[str] = Counter()
     for place, each in enumerate(receptions):
         judged = judge_all(each.claims, each.receivers, config)
@@ -102,28 +102,28 @@ def detect(
         received = [one for one, is_inside in zip(each.received, inside, strict=True) if is_inside]
         ours.append(judged.flagged[inside])
         theirs.append(catch_flags(catch_messages(each.claims, each.receivers), parameters)[inside])
-        liars.append([place * 2**32 + (one.station_id or 0) for one in received])
+        senders.append([place * 2**32 + (one.station_id or 0) for one in received])
         times_s.append([one.arrival_ns / 1e9 for one in received])
         decoded.append(np.array([claim.is_cam for claim in each.claims], bool)[inside])
         numbers += [one.number for one in received]
         counts = judged.triggered(config)[inside & are_false(each.numbers, labels)].sum(axis=0).tolist()
         objections.update(dict(zip(CHECKS, counts, strict=True)))
-    heard = _Heard(
+    heard = _ReceivedMessages(
         numbers,
         _joined(ours, bool),
         _joined(theirs, bool),
-        _joined(liars, np.int64),
+        _joined(senders, np.int64),
         _joined(times_s, np.float64),
     )
-    is_lie = are_false(numbers, labels)
-    counts_at_all = _joined(decoded, bool) | is_lie
+    is_false_message = are_false(numbers, labels)
+    counts_at_all = _joined(decoded, bool) | is_false_message
     return Detection(
         " + ".join(sorted({label.attack for label in labels})),
-        len(is_lie),
-        int(is_lie.sum()),
+        len(is_false_message),
+        int(is_false_message.sum()),
         int((~counts_at_all).sum()),
-        *heard.scores(is_lie, counts_at_all),
-        tuple(_parts(heard, labels, is_lie, counts_at_all, published or {})),
+        *heard.scores(is_false_message, counts_at_all),
+        tuple(_parts(heard, labels, is_false_message, counts_at_all, published or {})),
         {name: count for name, count in objections.most_common() if count},
     )
 
@@ -139,9 +139,9 @@ def published_f1(provenance: Provenance) -> dict[str, float]:
 
 
 def _parts(
-    heard: _Heard,
+    heard: _ReceivedMessages,
     labels: Sequence[MessageLabel],
-    is_lie: Bools,
+    is_false_message: Bools,
     counts_at_all: Bools,
     published: Mapping[str, float],
 ) -> list[ScoredAttack]:
@@ -154,7 +154,7 @@ def _parts(
         its_lies = are_false(heard.numbers, own)
         attack = own[0].part if own[0].attack_and_part == kind and own[0].part else own[0].attack
         figure = published.get(attack, math.nan)
-        found = heard.scores(its_lies, counts_at_all & (its_lies | ~is_lie))
+        found = heard.scores(its_lies, counts_at_all & (its_lies | ~is_false_message))
         parts.append(ScoredAttack(kind, int(its_lies.sum()), *found, figure))
     return parts
 
