@@ -158,11 +158,9 @@ def cooperative_rows(
             off[name].append((misalignment_m(pose, own_SE3_other), misalignment_deg(pose, own_SE3_other)))
         seen: dict[str, tuple[Float64, Float64]] = {}
         for name, fusion in conditions:
-            is_alone = name == ALONE
-            seeing = (
-                cached.detect(frame.own.cloud) if is_alone else FUSIONS[fusion](cached, frame, poses[name])
-            )
-            found = _in_range(cached, without_oneself(seeing))
+            own = frame.own.cloud
+            seen_by = cached.detect(own) if name == ALONE else FUSIONS[fusion](cached, frame, poses[name])
+            found = _in_range(cached, without_oneself(seen_by))
             if fusion == "clouds":
                 seen[name] = poses[name], found.boxes[found.scores >= SHOWN_SCORE]
             for (criterion, label), one in match(truth, found, cached.classes, CRITERIA).items():
