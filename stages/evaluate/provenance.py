@@ -41,7 +41,7 @@ REPORTING = (
 """The code that decides the contents of a report."""
 
 
-def origin_of(
+def results_origin(
     bags: Bags,
     clean_sha256: str,
     models: Mapping[str, ObjectDetector],

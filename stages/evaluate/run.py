@@ -20,7 +20,12 @@ from advpipe.stages.evaluate.detection.scoring import known_classes
 from advpipe.stages.evaluate.detection.summary import Summary, summarise
 from advpipe.stages.evaluate.families import added_sections
 from advpipe.stages.evaluate.options import Options
-from advpipe.stages.evaluate.provenance import intensity_warning, origin_of, topic_warning, transfer_warning
+from advpipe.stages.evaluate.provenance import (
+    intensity_warning,
+    results_origin,
+    topic_warning,
+    transfer_warning,
+)
 from advpipe.stages.evaluate.report.attacked import attacked_sections
 from advpipe.stages.evaluate.report.files import REPORT, write_report
 from advpipe.stages.evaluate.report.report import FORMULAS, Report, report_of
@@ -79,7 +84,7 @@ def evaluate(
         report = report_of(
             summaries,
             sections,
-            origin_of(bags, clean_sha256, models, maps, summaries, options),
+            results_origin(bags, clean_sha256, models, maps, summaries, options),
             FORMULAS if chosen == ALL_FRAMES else {**FORMULAS, "frames": f"{chosen}: {FRAMES}"},
             [each.text for each in maps.values() if each.text],
         )

@@ -82,7 +82,7 @@ def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
     net = new_net(config).to(device)
     with folder.locked(overwrite):
         digests = {bag: parent_sha256(bag) for bag in bags}
-        origin = origin_of(config, digests)
+        origin = training_origin(config, digests)
         folder.open(config, origin, overwrite)
         return _train(folder, net, store_frames(digests, folder, config), config, drive, origin)
 
@@ -191,7 +191,7 @@ def validation_drive(config: TrainConfig) -> ValidationDrive | None:
     return ValidationDrive(bag, chosen.indices(count_frames(bag)), config.min_points)
 
 
-def origin_of(config: TrainConfig, digests: dict[Path, str]) -> dict[str, str]:
+def training_origin(config: TrainConfig, digests: dict[Path, str]) -> dict[str, str]:
     """Checksums of what a run learns from: its bags, and the checkpoint that it starts from."""
     return {
         "bags_sha256": json.dumps(list(digests.values())),

@@ -29,7 +29,7 @@ class Point:
     bounds: tuple[float, float] | None = None
 
 
-def draw_budget_curves(cells: Sequence[Cell], attack: str) -> Figure:
+def draw_sweep_curves(cells: Sequence[Cell], attack: str) -> Figure:
     """Two panels of one attack: the paper's figures in blue, ours in red, the strongest plain random baseline
     in grey."""
     figure = Figure(figsize=(11, 4.4), dpi=110, facecolor="white", layout="constrained")

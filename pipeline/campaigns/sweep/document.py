@@ -10,7 +10,7 @@ from typing import Any
 from advpipe.pipeline.campaigns.sweep.budgets import AXES
 from advpipe.pipeline.campaigns.sweep.caveats import sweep_caveats
 from advpipe.pipeline.campaigns.sweep.cell import Cell
-from advpipe.pipeline.campaigns.sweep.curves import draw_budget_curves, draw_convergence
+from advpipe.pipeline.campaigns.sweep.curves import draw_convergence, draw_sweep_curves
 from advpipe.pipeline.campaigns.sweep.ingredients import ingredients_tables, measured
 from advpipe.pipeline.campaigns.sweep.tables import (
     ON_THE_TERMINAL,
@@ -58,7 +58,7 @@ def _curves(cells: Sequence[Cell]) -> list[ReportPicture]:
     caption = "mAP ratio over budget and over Chamfer distance, with 95 % intervals: "
     pictures = [
         ReportPicture(
-            OVERVIEW, "", f"{attack}.png", caption + axis.title, to_png(draw_budget_curves(cells, attack))
+            OVERVIEW, "", f"{attack}.png", caption + axis.title, to_png(draw_sweep_curves(cells, attack))
         )
         for attack, axis in AXES.items()
     ]

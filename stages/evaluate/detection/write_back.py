@@ -68,11 +68,11 @@ def detections_topic(lidar_topic: str) -> Topic:
 
 def _message(reader: BagReader, raw: RawMessage, topic: Topic, found: Detections, index: int) -> RawMessage:
     stamp_ns, frame_id, _ = reader.cloud(raw)
-    cdr = serialise(detections_message(stamp_ns, frame_id, found), topic.type)
+    cdr = serialise(predictions_message(stamp_ns, frame_id, found), topic.type)
     return RawMessage(topic, schema_text(topic.type), cdr, raw.log_time_ns, raw.publish_time_ns, index)
 
 
-def detections_message(stamp_ns: int, frame_id: str, found: Detections) -> Any:
+def predictions_message(stamp_ns: int, frame_id: str, found: Detections) -> Any:
     """vision_msgs/Detection3DArray, best first, with scores; detections have no name over time."""
     boxes = Boxes(found.boxes, found.labels, ("",) * len(found), np.zeros((len(found), 3)))
     message = build.detections_message(stamp_ns, frame_id, boxes)
