@@ -79,9 +79,8 @@ def check_attack(given: dict) -> None:
     if ":" in given["kind"]:
         return
     usual = default_budget(given["kind"])
-    names = ("ratio", "eps_cm", "points", "eps_m", "goal")
-    options = {name: given[name] for name in names if given[name] is not None}
-    options |= {"along_ray": True} if given["along_ray"] else {}
+    own = {one.name for one in COMMANDS.commands["attack"].params}  # type: ignore[attr-defined]
+    options = {name: value for name, value in given.items() if name not in own and value is not None}
     tree = {
         "type": given["kind"],
         "recipe": given["recipe"],

@@ -147,7 +147,7 @@ def test_behind_a_damaged_record_it_goes_on(drive: Path) -> None:
 def test_an_intact_bag_is_left_alone(drive: Path, as_file: bool) -> None:
     recovery = recover(drive / "drive_0.mcap" if as_file else drive)
     assert recovery.out is None
-    assert str(recovery).endswith("whole, with 18 messages; nothing to recover")
+    assert str(recovery).endswith("intact, with 18 messages; nothing to recover")
     assert [path.name for path in drive.parent.iterdir()] == ["drive"]
 
 

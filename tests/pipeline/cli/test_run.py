@@ -59,7 +59,7 @@ def test_all_stages_and_again(
     # Other code would report otherwise.
     with monkeypatch.context() as other:
         other.setattr("advpipe.pipeline.campaigns.run.code_sha256", lambda *parts: "7" * 64)
-        with pytest.raises(AdvpipeError, match="out/reports/small exists already"):
+        with pytest.raises(AdvpipeError, match="out/reports/small already exists"):
             run(str(scenario), made)
     assert stamps(made) == before
 

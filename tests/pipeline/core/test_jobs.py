@@ -112,14 +112,14 @@ from pathlib import Path
 import squares
 from advpipe.pipeline.core.jobs import run_jobs
 from advpipe.pipeline.core import signals
-from advpipe.pipeline.process.failures import ended
+from advpipe.pipeline.process.failures import report_failure
 
 if __name__ == "__main__":
     signals.install()
     try:
         run_jobs(partial(squares.prepare, Path("out"), 7), range(1000), "", 2)
     except BaseException as error:
-        sys.exit(ended(error))
+        sys.exit(report_failure(error))
 """
 
 

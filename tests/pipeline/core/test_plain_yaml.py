@@ -41,7 +41,7 @@ def test_what_is_refused(text: str) -> None:
 
 def test_long_numbers_take_no_time() -> None:
     start_s = time.process_time()
-    with pytest.raises(ValueError, match="a number of"):
+    with pytest.raises(ValueError, match="a number has"):
         load_yaml("1" + ":1" * (LIMIT_BYTES // 2 - 1))
     assert time.process_time() - start_s < 20
 

@@ -85,7 +85,7 @@ def run_code(tmp_path: Path, code: str) -> subprocess.CompletedProcess[str]:
     script.write_text(
         "import os, signal, sys, time\n"
         "from advpipe.pipeline.core import signals\n"
-        "from advpipe.pipeline.process.failures import ended\n"
+        "from advpipe.pipeline.process.failures import report_failure\n"
         f"sys.path.insert(0, {str(tmp_path)!r})\n"
         "__name__ = 'advpipe.stages.busy'\n"
         f"{code}"
@@ -105,7 +105,8 @@ def test_an_import_in_the_midst_of_work_is_not_broken_off(tmp_path: Path) -> Non
         tmp_path,
         "signals.install()\n"
         "try:\n    import swallowing; time.sleep(30)\n"
-        "except BaseException as error:\n    print('cleaned up', flush=True); sys.exit(ended(error))\n",
+        "except BaseException as error:\n"
+        "    print('cleaned up', flush=True); sys.exit(report_failure(error))\n",
     )
     assert (done.returncode, done.stdout, done.stderr) == (
         143,
@@ -121,7 +122,7 @@ def test_a_destructor_does_not_swallow_a_signal(tmp_path: Path) -> None:
         "    def __del__(self):\n        os.kill(os.getpid(), signal.SIGHUP); time.sleep(0.01)\n"
         "signals.install()\n"
         "try:\n    Slow(); time.sleep(30)\n"
-        "except BaseException as error:\n    sys.exit(ended(error))\n",
+        "except BaseException as error:\n    sys.exit(report_failure(error))\n",
     )
     assert (done.returncode, done.stderr) == (129, "advpipe: hung up\n")
 
@@ -133,7 +134,7 @@ def test_what_a_library_makes_of_the_signal_is_its_consequence(tmp_path: Path) -
         "try:\n"
         "    try:\n        os.kill(os.getpid(), signal.SIGINT); time.sleep(30)\n"
         "    except BaseException:\n        raise SystemError('returned a result with an error')\n"
-        "except BaseException as error:\n    sys.exit(ended(error))\n",
+        "except BaseException as error:\n    sys.exit(report_failure(error))\n",
     )
     assert (done.returncode, done.stderr) == (130, "advpipe: interrupted\n")
 

@@ -125,6 +125,6 @@ def test_mistakes_are_told_in_a_line(dataset: Path) -> None:
     done = subprocess.run(command, cwd=Path(__file__).parent, capture_output=True, text=True, check=False)
     named, carrier, name, bounds = done.stdout.splitlines()
     assert f"the clouds of {RADAR} come from sensors.radars, not from a LiDAR; it has {LIDAR}" in named
-    assert "sensors.radars.front.vehicle 'bus' is none of the vehicles (ego)" in carrier
+    assert "sensors.radars.front.vehicle 'bus' is not one of the vehicles (ego)" in carrier
     assert "radars.roof has the name of another sensor of its vehicle" in name
     assert "sensors.radars.front.beams: Input should be greater than or equal to 1" in bounds

@@ -229,8 +229,8 @@ def test_another_tools_bag_is_shared_with_what_is_known(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("path", "message"),
     [
-        ("figures/own.png", "a name that a shared data set needs itself"),
-        ("checks/metadata.yaml", "a name that a shared data set needs itself"),
+        ("figures/own.png", "a name that shared data sets reserve"),
+        ("checks/metadata.yaml", "a name that shared data sets reserve"),
     ],
 )
 def test_taken_names_are_refused(dataset: Path, tmp_path: Path, path: str, message: str) -> None:
@@ -247,7 +247,7 @@ def test_outputs_that_would_lose_something_are_refused(dataset: Path, tmp_path: 
     (out / ".git").mkdir()
     (out / ".git" / "config").write_text("x")
     (dataset / "clean" / "metadata.yaml").write_bytes(b"#")
-    with pytest.raises(AdvpipeError, match="tiny exists already"):
+    with pytest.raises(AdvpipeError, match="tiny already exists"):
         share(dataset, out)
     with pytest.raises(AdvpipeError, match=r"also holds \.git/config, which `share` did not make"):
         share(dataset, out, ShareOptions(overwrite=True))
@@ -263,7 +263,7 @@ def test_a_report_on_other_bags_is_refused(dataset: Path, tmp_path: Path) -> Non
     digest = next(one["sha256"] for one in compared if one["bag"] == "fewer_points")
     text = path.read_text()
     path.write_text(text.replace(digest, "0" * 64))
-    with pytest.raises(AdvpipeError, match="was made from another fewer_points than the one in the data set"):
+    with pytest.raises(AdvpipeError, match="was made from a fewer_points that differs from the one in"):
         share(dataset, tmp_path / "out")
     path.write_text(text.replace('"fewer_points"', '"fewer"'))
     with pytest.raises(AdvpipeError, match="compares fewer, which is not in the data set"):
@@ -289,7 +289,7 @@ def test_bad_requests_are_refused(recorded: Path, dataset: Path, tmp_path: Path)
     for folder, message in (
         (recorded / "clean", "is not a data set: it holds no clean/metadata.yaml"),
         (tmp_path / "none", "does not exist"),
-        (recorded / "scenario.yaml", "is no folder"),
+        (recorded / "scenario.yaml", "is not a folder"),
     ):
         with pytest.raises(AdvpipeError, match=message):
             share(folder, tmp_path / "out")

@@ -81,7 +81,7 @@ def test_hidden_files_are_no_part_of_a_data_set(shared: Path) -> None:
     result = verify(shared, quick=True)
     assert result.is_good
     assert [gap.what for gap in result.unchecked] == [
-        ".cache/x is hidden and not listed, so not part of the data set"
+        ".cache/x is hidden and not listed; not part of the data set"
     ]
 
 

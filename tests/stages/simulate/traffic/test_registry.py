@@ -104,7 +104,7 @@ BAD = {
     "own_cars:Absent": r"^traffic\.source own_cars:Absent cannot be loaded: AttributeError: .*Absent",
     "nowhere:Source": r"^traffic\.source nowhere:Source cannot be loaded: ModuleNotFoundError: .*nowhere",
     "own_cars:Wrong": r"^traffic\.source own_cars:Wrong is not a traffic source: .*protocol\.py$",
-    "own_cars:SOME": r"^traffic\.source own_cars:SOME is no class$",
+    "own_cars:SOME": r"^traffic\.source own_cars:SOME is not a class$",
     "own_cars:Half": r"own_cars:Half failed: TypeError: .*abstract.* push, .*; fix it$",
 }
 

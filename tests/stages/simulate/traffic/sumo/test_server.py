@@ -161,7 +161,7 @@ def test_a_server_that_does_not_fit_is_refused(started: Callable[..., int], driv
 
 
 def test_nobody_there_to_join(monkeypatch: pytest.MonkeyPatch, drive: Driver) -> None:
-    monkeypatch.setattr("advpipe.stages.simulate.traffic.sumo.server.JOIN_PATIENCE_S", 0.2)
+    monkeypatch.setattr("advpipe.stages.simulate.traffic.sumo.server.JOIN_TIMEOUT_S", 0.2)
     port = free_port()
     with pytest.raises(AdvpipeError, match=f"no SUMO answers at 127.0.0.1:{port} within 0.2 s"):
         drive(load_scenario("smoke", [TRACI, f"traffic.server.join=127.0.0.1:{port}"]), 1)
