@@ -251,7 +251,7 @@ def test_outputs_that_would_lose_something_are_refused(dataset: Path, tmp_path: 
         share(dataset, out)
     with pytest.raises(AdvpipeError, match=r"also holds \.git/config, which `share` did not make"):
         share(dataset, out, ShareOptions(overwrite=True))
-    for name, message in (("a.tar.gz", "a plain .tar"), ("a.zip", "a plain .tar"), ("a:b", "takes; choose")):
+    for name, message in (("a.tar.gz", "a plain .tar"), ("a.zip", "a plain .tar"), ("a:b", "supports; choose")):
         with pytest.raises(AdvpipeError, match=message):
             share(dataset, tmp_path / name)
 
@@ -298,7 +298,7 @@ def test_bad_requests_are_refused(recorded: Path, dataset: Path, tmp_path: Path)
             share(recorded, out)
     with pytest.raises(AdvpipeError, match="only an archive can be split"):
         share(recorded, tmp_path / "out", ShareOptions(split_size_bytes=10**6))
-    with pytest.raises(AdvpipeError, match="is no SPDX identifier"):
+    with pytest.raises(AdvpipeError, match="is not an SPDX identifier"):
         ShareOptions(licence="free for all!")
     (dataset / "link").symlink_to(recorded)
     with pytest.raises(AdvpipeError, match="is a link"):
