@@ -251,7 +251,7 @@ def test_outputs_that_would_lose_something_are_refused(dataset: Path, tmp_path: 
         share(dataset, out)
     with pytest.raises(AdvpipeError, match=r"also holds \.git/config, which `share` did not make"):
         share(dataset, out, ShareOptions(overwrite=True))
-    for name, message in (("a.tar.gz", "a plain .tar"), ("a.zip", "a plain .tar"), ("a:b", "supports; choose")):
+    for name, message in (("a.tar.gz", "a plain .tar"), ("a.zip", "a plain .tar"), ("a:b", "choose another")):
         with pytest.raises(AdvpipeError, match=message):
             share(dataset, tmp_path / name)
 
