@@ -1,4 +1,4 @@
-"""A detector looks at every cloud: frame after frame, in one process or several."""
+"""The detector runs on every cloud: frame after frame, in one process or several."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ RANDOM_RECIPES = ("random", "random-near", "random-best")
 
 @dataclass(frozen=True)
 class DetectionRun:
-    """What is looked at: a clean bag and adversarial versions of it, with the provenance of each.
+    """What is evaluated: a clean bag and adversarial versions of it, with the provenance of each.
 
-    baseline: whether random changes of the same budget are looked at too, drawn from `seed`; and of how many
-    tries the best, None for as many as the attack itself looked at. defences: as `parse_defences` reads
-    them; the clean and the adversarial clouds are looked at under each. frames: of the clean bag; those of
+    baseline: whether random changes of the same budget are evaluated too, drawn from `seed`; and of how many
+    tries the best, None for the query budget of the attack itself. defences: as `parse_defences` reads
+    them; the clean and the adversarial clouds are evaluated under each. frames: of the clean bag; those of
     the adversarial bags are scored that are among them.
     device: where the detector computes; several processes may share a GPU, each with a context of its own.
     """
@@ -69,7 +69,7 @@ class DetectionRun:
         Frame by frame nothing depends on another frame, nor on the number of worker processes.
         """
         frames = self._chosen.indices(count_frames(self.clean, self.lidar_topic))
-        looked = map_jobs(self.prepare, frames, "detecting", workers)
+        results_of_frames = map_jobs(self.prepare, frames, "detecting", workers)
         bags: list[tuple[Path | None, Provenance]] = [(None, Provenance({}))]
         if self.adversarial:
             bags = list(zip(self.adversarial, self.provenances, strict=True))
@@ -85,7 +85,7 @@ class DetectionRun:
                 defences,
                 self._tries(about),
             )
-            for (bag, about), results in zip(bags, zip(*looked, strict=True), strict=True)
+            for (bag, about), results in zip(bags, zip(*results_of_frames, strict=True), strict=True)
         ]
         for each in comparisons:
             if not each.frames:
@@ -93,7 +93,7 @@ class DetectionRun:
         return comparisons
 
     def _tries(self, about: Provenance) -> int:
-        """Of how many random tries the best is looked at beside an attack; 0 without baselines."""
+        """Of how many random tries the best is scored beside an attack; 0 without baselines."""
         if not self.baseline or about.get("recipe") in RANDOM_RECIPES:
             return 0
         return attack_query_budget(about) if self.baseline_tries is None else self.baseline_tries
@@ -114,38 +114,38 @@ class DetectionRun:
 
         The indices must rise: the bags are read once, from front to back.
         """
-        eye = CachedDetector(load_detector(self.detector, self.device))
+        cached = CachedDetector(load_detector(self.detector, self.device))
         reader = BagReader(self.clean)
         occlusion = Occlusion(reader, find_lidar_topic(reader, self.lidar_topic))
         is_part = self.frames != ALL_FRAMES
         pairs = pair_frames(self.clean, self.adversarial, self._chosen, self.lidar_topic, is_part=is_part)
         last = self._chosen.indices(count_frames(self.clean, self.lidar_topic))[-1]
 
-        def look_at(index: int) -> list[FrameResult | None]:
+        def detect_frame(index: int) -> list[FrameResult | None]:
             before, afters = next(pair for pair in pairs if pair[0].index == index)
             if index == last:
                 next(pairs, None)  # refuses adversarial frames that come after all clean ones
-            eye.forget()
+            cached.forget()
             if self.adversarial and all(after is None for after in afters):
                 return [None] * len(afters)
-            truth = ground_truth(before, eye.classes, eye.range_m, occlusion.at(before.stamp_ns))
+            truth = ground_truth(before, cached.classes, cached.range_m, occlusion.at(before.stamp_ns))
             with fixed_torch_threads():
-                clean = _look(eye, truth, before.cloud, before.cloud)
-                defended = self._defended(eye, truth, "clean", before.index, before.cloud)
+                clean = _cloud_result(cached, truth, before.cloud, before.cloud)
+                defended = self._defended(cached, truth, "clean", before.index, before.cloud)
                 alone = FrameResult(before.index, -1, before.stamp_ns, truth, clean, defended=defended)
                 if not self.adversarial:
                     return [alone]
                 return [
-                    self._compare(eye, alone, before, after, about) if after else None
+                    self._compare(cached, alone, before, after, about) if after else None
                     for after, about in zip(afters, self.provenances, strict=True)
                 ]
 
-        return look_at
+        return detect_frame
 
     def _compare(
-        self, eye: CachedDetector, alone: FrameResult, before: Frame, after: Frame, provenance: Provenance
+        self, cached: CachedDetector, alone: FrameResult, before: Frame, after: Frame, provenance: Provenance
     ) -> FrameResult:
-        truth, look = alone.truth, partial(_look, eye, alone.truth, before.cloud)
+        truth, result_of = alone.truth, partial(_cloud_result, cached, alone.truth, before.cloud)
         change = cloud_difference(before.cloud, after.cloud)
         random = {}
         if tries := self._tries(provenance):
@@ -153,47 +153,50 @@ class DetectionRun:
                 before.cloud,
                 truth.boxes.geometry[truth.is_evaluated],
                 SpentBudget.of(before.cloud, after.cloud, change, provenance.parameters),
-                lambda cloud: worth(truth, match(truth, eye.detect(cloud), eye.classes))[truth.is_evaluated],
+                lambda cloud: worth(truth, match(truth, cached.detect(cloud), cached.classes))[
+                    truth.is_evaluated
+                ],
                 tries=tries,
                 seed=self.seed,
                 index=before.index,
             )
             random = {
-                condition: look(cloud, cloud_difference(before.cloud, cloud)) for condition, cloud in clouds
+                condition: result_of(cloud, cloud_difference(before.cloud, cloud))
+                for condition, cloud in clouds
             }
-        defended = self._defended(eye, truth, "adv", before.index, after.cloud)
+        defended = self._defended(cached, truth, "adv", before.index, after.cloud)
         return FrameResult(
             before.index,
             after.index,
             before.stamp_ns,
             truth,
             alone.clean,
-            look(after.cloud, change),
+            result_of(after.cloud, change),
             random,
             {**alone.defended, **defended},
         )
 
     def _defended(
-        self, eye: CachedDetector, truth: Truth, condition: str, index: int, cloud: Cloud
+        self, cached: CachedDetector, truth: Truth, condition: str, index: int, cloud: Cloud
     ) -> dict[str, CloudResult]:
         """A cloud under every defence, which draws the same for each cloud of a frame."""
         results = {}
         for name, defence in parse_defences(self.defences).items():
             defended = defence(cloud, named_generator(self.seed, "evaluate", "defence", name, index))
-            found = eye.detect(defended.cloud, defended.placement)
+            found = cached.detect(defended.cloud, defended.placement)
             box_points = count_points(xyz(cloud), found.boxes)
             results[under(condition, name)] = CloudResult(
-                found, match(truth, found, eye.classes), box_points, len(defended.cloud)
+                found, match(truth, found, cached.classes), box_points, len(defended.cloud)
             )
         return results
 
 
-def _look(
-    eye: CachedDetector, truth: Truth, clean: Cloud, cloud: Cloud, change: CloudDifference | None = None
+def _cloud_result(
+    cached: CachedDetector, truth: Truth, clean: Cloud, cloud: Cloud, change: CloudDifference | None = None
 ) -> CloudResult:
     """The result of a cloud; without a change it is the clean cloud itself."""
-    detections = eye.detect(cloud)
-    matches = match(truth, detections, eye.classes)
+    detections = cached.detect(cloud)
+    matches = match(truth, detections, cached.classes)
     box_points = count_points(xyz(cloud), detections.boxes)
     if change is None:
         return CloudResult(detections, matches, box_points, len(cloud), np.zeros(len(truth.boxes), bool))
@@ -206,7 +209,7 @@ def _look(
         box_points,
         points=len(cloud),
         emptied=truth.is_evaluated & ~recounted.is_evaluated,
-        recounted=None if is_alike else match(recounted, detections, eye.classes, ("strict",)),
+        recounted=None if is_alike else match(recounted, detections, cached.classes, ("strict",)),
         points_removed=len(change.removed),
         points_added=len(change.added),
         points_moved=len(change.moved),
