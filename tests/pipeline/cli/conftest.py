@@ -1,0 +1,55 @@
+"""A hostile data set: escape sequences in its folder, in the name of a topic and in the provenance."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.cli import app
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from hostile_set import ESCAPES, FOLDER, SHORT, TOPIC, Done, Run
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the hostile data set: a drive of three frames, recorded with other names."""
+    folder = tmp_path_factory.mktemp("made")
+    with pytest.raises(SystemExit) as ended:
+        app(["simulate", "smoke", "--out", str(folder / "plain"), *SHORT, "--quiet"])
+    assert ended.value.code == 0
+    data_set = folder / FOLDER
+    data_set.mkdir()
+    shutil.copy(folder / "plain" / "scenario.yaml", data_set)
+    reader = BagReader(folder / "plain" / "clean")
+    provenance = {**reader.provenance, "scenario_name": f"town {ESCAPES} [/red] :smile: $\\frac$"}
+    with BagWriter(data_set / "clean", provenance=provenance) as bag:
+        for raw in reader.raw_messages():
+            bag.copy(raw)
+            if raw.topic.name == "/clock":
+                bag.copy(replace(raw, topic=replace(raw.topic, name=TOPIC)))
+    with pytest.raises(SystemExit):
+        app(["share", str(folder / "plain"), "--out", str(folder / "plain.tar"), "--quiet"])
+    return folder
+
+
+@pytest.fixture
+def run(
+    capfd: pytest.CaptureFixture[str], made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Run:
+    monkeypatch.chdir(made)
+
+    def run(*words: str) -> Done:
+        capfd.readouterr()
+        with pytest.raises(SystemExit) as ended:
+            app([word.format(out=tmp_path, drive=FOLDER) for word in words])
+        return Done(int(ended.value.code or 0), *capfd.readouterr())
+
+    return run
