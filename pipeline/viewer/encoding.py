@@ -80,7 +80,7 @@ def _packed_lines(lines: Sequence[SceneLine]) -> list[dict[str, object]]:
             room -= len(places)
             if len(places) > 1:
                 text, unit_m = packed_metres(places)
-                packed.append({"kind": line.kind, "xyz": text, "unit_m": unit_m})
+                packed.append({"kind": line.kind, "condition": line.condition, "xyz": text, "unit_m": unit_m})
     return packed
 
 

@@ -20,6 +20,9 @@ FOUND, DISPLACED, LOST, MISSED, IGNORED = "found", "displaced", "lost", "missed"
 """What became of an object of the truth. Displaced: found strictly on the clean cloud, and only loosely on
 the attacked one. Lost: not even that. Missed: not found on the clean cloud either. Ignored: not evaluated."""
 
+CHANGED = "changed"
+"""Of what was heard by radio: the attack made it, or says something else with it."""
+
 HIT, FALSE = "hit", "false"
 """What a prediction is worth: it finds an object, or nothing. One of an ignored object is `IGNORED`."""
 
@@ -64,6 +67,7 @@ class SceneLine:
 
     kind: str
     places: Float64
+    condition: str = ALWAYS
 
 
 @dataclass(frozen=True)

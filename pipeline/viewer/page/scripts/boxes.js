@@ -10,8 +10,11 @@ const BOX_STYLES = {
   "prediction/hit": ["prediction", 1.8, false],
   "prediction/false": ["prediction", 1.8, true],
   "prediction/ignored": ["prediction", 1, true],
+  "truth/": ["truth", 1.8, false],
   "cam/": ["cam", 1.8, false],
+  "cam/changed": ["added", 2.6, false],
   "ldm/": ["ldm", 1.8, true],
+  "ldm/changed": ["added", 2.6, true],
 };
 const DASH_M = 0.35;
 
@@ -63,7 +66,7 @@ class BoxView {
   // Fades from the boxes on the clean cloud to those on the attacked one.
   move(progress, shown) {
     for (const { role, condition, lines } of this.sets) {
-      const opacity = condition === "clean" ? 1 - progress : condition === "attacked" ? progress : 1;
+      const opacity = opacityOf(condition, progress);
       lines.material.opacity = opacity;
       lines.visible = opacity > 0.02 && shown(role);
     }
@@ -71,8 +74,7 @@ class BoxView {
 
   // Whether the box can be seen, and clicked, at this place of the slider.
   isShown(box, progress, shown) {
-    const fades = box.condition === "clean" ? 1 - progress : box.condition === "attacked" ? progress : 1;
-    return fades >= 0.5 && shown(box.role);
+    return opacityOf(box.condition, progress) >= 0.5 && shown(box.role);
   }
 
   select(number) {
@@ -104,6 +106,11 @@ class BoxView {
     this.targets.clear();
     this.sets = [];
   }
+}
+
+// How much is seen of what is on the clean cloud alone, or on the attacked one, at this place of the slider.
+function opacityOf(condition, progress) {
+  return condition === "clean" ? 1 - progress : condition === "attacked" ? progress : 1;
 }
 
 function clearLines(group) {

@@ -22,20 +22,19 @@ Viewer.prototype.connect = function () {
   this.root.addEventListener("keydown", (event) => this.press(event));
 };
 
-// A choice among few frames, a time line over many.
+// A choice among the frames of a report, a time line over a bag.
 Viewer.prototype.connectFrames = function () {
   const { one } = this;
   const { frames, options } = this.source;
-  const isFew = frames.length <= FEW_FRAMES;
-  one("frames").hidden = !isFew || frames.length < 2;
-  one("timeline").hidden = isFew;
+  one("frames").hidden = this.isBag || frames.length < 2;
+  one("timeline").hidden = !this.isBag || frames.length < 2;
   one("frame").replaceChildren(...frames.map((title, number) => new Option(title, number)));
   one("frame").addEventListener("change", () => this.open(Number(one("frame").value)));
   one("time").max = String(frames.length - 1);
   one("time").addEventListener("input", () => this.go(Number(one("time").value)));
   one("run").addEventListener("click", () => this.runTime());
   one("options").hidden = options.length < 2;
-  one("option").replaceChildren(...options.map((name) => new Option(name, name)));
+  one("option").replaceChildren(...options.map((name, number) => new Option(name, number)));
   one("option").addEventListener("change", () => this.open(this.number));
 };
 
@@ -80,10 +79,9 @@ Viewer.prototype.connectCanvas = function () {
     const isOver = this.boxes.hit(stage.placeOf(event), stage.camera, canHit) !== null;
     canvas.style.cursor = isOver ? "pointer" : "grab";
   });
-  const isPage = this.root.classList.contains("adv-full");
-  controls.enableZoom = isPage;
+  controls.enableZoom = this.isBag;
   canvas.addEventListener("focus", () => (controls.enableZoom = true));
-  canvas.addEventListener("blur", () => (controls.enableZoom = isPage));
+  canvas.addEventListener("blur", () => (controls.enableZoom = this.isBag));
 };
 
 Viewer.prototype.press = function (event) {

@@ -33,21 +33,26 @@ class GroundView {
     return arrow;
   }
 
-  line({ kind, position }) {
+  line({ kind, condition, position }) {
     const [colour, linewidth, dashed] = LINE_STYLES[kind];
     const ends = [];
     for (let i = 0; i + 5 < position.length; i += 3) ends.push(...position.subarray(i, i + 6));
     const made = new THREE.LineSegmentsGeometry();
     made.setPositions(ends);
     const lines = new THREE.LineSegments2(
-      made, new THREE.LineMaterial({ color: colourOf(this.root, colour), linewidth, dashed, dashSize: 0.8, gapSize: 0.5 }));
+      made, new THREE.LineMaterial({ color: colourOf(this.root, colour), linewidth, dashed, dashSize: 0.8, gapSize: 0.5, transparent: true }));
     if (dashed) lines.computeLineDistances();
-    lines.userData.role = kind;
+    lines.userData = { role: kind, condition };
     return lines;
   }
 
-  move(shown) {
-    for (const each of this.group.children) each.visible = shown(each.userData.role);
+  move(progress, shown) {
+    for (const each of this.group.children) {
+      const { role, condition } = each.userData;
+      if (!role) continue; // rings and the arrow
+      each.material.opacity = opacityOf(condition, progress);
+      each.visible = each.material.opacity > 0.02 && shown(role);
+    }
   }
 
   clear() {

@@ -4,7 +4,7 @@ function sourceOf(root) {
   return root.dataset.source === "server" ? serverSource() : pageSource(root);
 }
 
-// Resolves to { frames: [title], name, options, scene(number, option) }.
+// Resolves to { frames: [title], options: [name of a bag], scene(number, number of an option) }.
 async function pageSource(root) {
   const scripts = [...root.querySelectorAll("script.adv-scene")];
   return {

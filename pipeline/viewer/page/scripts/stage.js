@@ -50,24 +50,27 @@ class Stage {
     else this.fit(name === "top" ? [-0.001, 0, 1] : [-0.77, 0.14, 0.62], [...places, [0, 0, ground_z_m]], ground_z_m);
   }
 
-  // Looks from a direction, from as near as all the places can be seen.
+  // Looks from a direction, from as near as all the places can be seen, with a margin: from afar, nearer in steps.
   fit(direction, places, ground_z_m) {
-    const [low, high] = [Math.min, Math.max].map((of) => [0, 1].map((axis) => of(...places.map((place) => place[axis]))));
-    const middle = new THREE.Vector3((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, ground_z_m);
     const back = new THREE.Vector3(...direction).normalize();
-    const right = new THREE.Vector3(0, 0, 1).cross(back).normalize();
-    const up = back.clone().cross(right);
+    const forward = new THREE.Vector3(-back.x, -back.y, 0).normalize();
+    const right = new THREE.Vector3(forward.y, -forward.x, 0);
     const steep = Math.tan((FIELD_OF_VIEW / 360) * Math.PI);
-    let far = 18;
-    for (const place of places) {
-      const way = new THREE.Vector3(...place).sub(middle);
-      const margin_m = 4;
-      const wide = (Math.abs(way.dot(right)) + margin_m) / (steep * this.camera.aspect);
-      const high_m = (Math.abs(way.dot(up)) + margin_m) / steep;
-      far = Math.max(far, way.dot(back) + Math.max(wide, high_m));
+    const target = new THREE.Vector3(0, 0, ground_z_m);
+    let far = 400;
+    for (let step = 0; step < 8; step++) {
+      this.stand(target.clone().addScaledVector(back, far).toArray(), target.toArray());
+      this.camera.updateMatrixWorld();
+      const seen = places.map((place) => new THREE.Vector3(...place).project(this.camera));
+      const [wide, high] = ["x", "y"].map((axis) => {
+        const values = seen.map((place) => place[axis]);
+        return [Math.min(...values), Math.max(...values)];
+      });
+      target.addScaledVector(right, ((wide[0] + wide[1]) / 2) * steep * this.camera.aspect * far);
+      target.addScaledVector(forward, (((high[0] + high[1]) / 2) * steep * far) / Math.max(back.z, 0.3));
+      far = Math.max(16, far * Math.max((wide[1] - wide[0]) / 1.7, (high[1] - high[0]) / 1.55));
     }
-    const from = middle.clone().addScaledVector(back, Math.min(far, 300));
-    this.stand(from.toArray(), middle.toArray());
+    this.stand(target.clone().addScaledVector(back, far).toArray(), target.toArray());
   }
 
   stand(from, to) {

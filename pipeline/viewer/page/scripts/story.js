@@ -2,7 +2,7 @@
 
 const FATES = {
   found: "found", displaced: "displaced", lost: "lost", missed: "missed", ignored: "not evaluated",
-  hit: "finds an object", false: "false positive",
+  changed: "by the attack", hit: "finds an object", false: "false positive",
 };
 
 function storyOf(box) {

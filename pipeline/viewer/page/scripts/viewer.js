@@ -1,7 +1,6 @@
 // One viewer: its controls, and what is shown now. `root` is the element that fragment.html makes.
 
 const VIEWS = { r: "reset", t: "top", e: "ego" };
-const FEW_FRAMES = 12; // of which one is chosen from a list
 const PLAY_MS = 2600; // from the clean to the attacked cloud
 const FRAMES_PER_S = 5; // of a time line that plays
 
@@ -9,6 +8,7 @@ class Viewer {
   constructor(root, source) {
     this.root = root;
     this.source = source;
+    this.isBag = root.dataset.source === "server"; // and else a part of a report
     this.one = (name) => root.querySelector(`.adv-${name}`);
     this.progress = 1;
     this.stretch = 1;
@@ -49,12 +49,11 @@ class Viewer {
     this.root.dataset.ready = String(number);
   }
 
-  // The number of the object that was chosen in the frame before; without one, among few frames, of one that is
-  // lost or displaced; or null.
+  // The number of the object that was chosen in the frame before; without one, of one that is lost or displaced;
+  // or null.
   sameOr(id) {
     const { boxes } = this.scene;
-    const isFew = this.source.frames.length <= FEW_FRAMES;
-    const found = [(box) => id && box.id === id, ...["lost", "displaced"].map((fate) => (box) => isFew && box.fate === fate)]
+    const found = [(box) => id && box.id === id, ...["lost", "displaced"].map((fate) => (box) => box.fate === fate)]
       .map((is) => boxes.findIndex(is));
     return found.find((number) => number >= 0) ?? null;
   }
@@ -79,7 +78,7 @@ class Viewer {
     const shown = (role) => !this.hidden.has(role);
     this.cloud.move(progress, this.stretch);
     this.boxes.move(progress, shown);
-    this.ground.move(shown);
+    this.ground.move(progress, shown);
     const named = [...this.scene.boxes.entries()].filter(
       ([number, { fate }]) => number === this.selected ||
         (shown("truth") && progress >= 0.5 && (fate === "lost" || fate === "displaced")));
