@@ -91,5 +91,8 @@ class ViewerScene:
     @property
     def difference(self) -> CloudDifference:
         """What the attack did to the cloud; nothing without one."""
-        attacked = self.clean if self.attacked is None else self.attacked
-        return cloud_difference(self.clean, attacked) if self.change is None else self.change
+        if self.change is not None:
+            return self.change
+        if self.attacked is None:
+            return cloud_difference(self.clean[:0], self.clean[:0])
+        return cloud_difference(self.clean, self.attacked)

@@ -36,13 +36,13 @@ const TOUCHED_VERTEX = `
     gl_Position = projectionMatrix * view;
     gl_Position.z -= 0.0006 * gl_Position.w; // in front of the cloud that it lies in
     float shown = action > ${ADDED - 0.5} ? smoothstep(0.0, 0.4, progress) : 1.0;
-    gl_PointSize = pixels * nearness(view) * shown;
+    gl_PointSize = pixels * nearness(view) * shown * mix(0.6, 1.0, progress);
     vAction = action;
   }`;
 
 const TOUCHED_FRAGMENT = `
   uniform float progress, glow;
-  uniform vec3 moved, removed, added;
+  uniform vec3 moved, removed, added, untouched;
   varying float vAction;
   void main() {
     vec2 place = 2.0 * gl_PointCoord - 1.0;
@@ -55,7 +55,7 @@ const TOUCHED_FRAGMENT = `
     float alpha = max(core * (isAdded ? progress : 1.0), halo);
     if (alpha < 0.02) discard;
     vec3 colour = isAdded ? added : isRemoved ? removed : moved;
-    gl_FragColor = vec4(colour, alpha);
+    gl_FragColor = vec4(mix(untouched, colour, mix(0.45, 1.0, progress)), alpha);
     #include <colorspace_fragment>
   }`;
 
@@ -75,7 +75,7 @@ class CloudView {
       depthWrite: false,
       uniforms: {
         pixels: { value: 9 }, progress: { value: 0 }, stretch: { value: 1 }, glow: { value: 0.75 },
-        moved: { value: null }, removed: { value: null }, added: { value: null },
+        moved: { value: null }, removed: { value: null }, added: { value: null }, untouched: { value: null },
       },
     });
     this.trail = new THREE.LineBasicMaterial({ transparent: true, opacity: 0.7 });
@@ -88,6 +88,7 @@ class CloudView {
     high.value = colourOf(this.root, "point-high");
     for (const name of ["moved", "removed", "added"])
       this.touched.uniforms[name].value = colourOf(this.root, name);
+    this.touched.uniforms.untouched.value = low.value;
     this.trail.color = colourOf(this.root, "moved");
   }
 

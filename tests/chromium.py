@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import contextlib
 import json
-import os
 import shutil
 import subprocess
 import tempfile
@@ -41,10 +40,8 @@ class Browser:
     requests: the addresses that the page asked for.
     """
 
-    def __init__(self, address: str) -> None:
-        from websockets.sync.client import connect
-
-        self._socket = connect(address, max_size=1 << 28)
+    def __init__(self, socket: Any) -> None:
+        self._socket = socket
         self._number = 0
         self.problems: list[str] = []
         self.requests: list[str] = []
@@ -93,7 +90,7 @@ class Browser:
         theme = {"name": "prefers-color-scheme", "value": "dark" if is_dark else "light"}
         self.call("Emulation.setEmulatedMedia", features=[theme])
         self.call("Page.navigate", url=url)
-        self.wait("document.readyState === 'complete'")
+        self.wait(f"location.href === {json.dumps(url)} && document.readyState === 'complete'")
 
     def resize(self, width: int, height: int) -> None:
         self.call(
@@ -131,6 +128,8 @@ class Browser:
 @contextlib.contextmanager
 def running_browser() -> Iterator[Browser]:
     """A browser with one empty page; ends with the block."""
+    from websockets.sync.client import connect
+
     assert CHROMIUM is not None
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         process = subprocess.Popen(
@@ -139,7 +138,8 @@ def running_browser() -> Iterator[Browser]:
             stderr=subprocess.DEVNULL,
         )
         try:
-            yield Browser(_page_address(Path(profile)))
+            with connect(_page_address(Path(profile)), max_size=1 << 28) as socket:
+                yield Browser(socket)
         finally:
             process.terminate()
             process.wait(30)
@@ -160,7 +160,8 @@ def _page_address(profile: Path) -> str:
         time.sleep(0.05)
 
 
-def needs_browser() -> pytest.MarkDecorator:
-    """For tests that look at a page: skipped without a browser, but an error on the integration server."""
-    missing = CHROMIUM is None and not os.environ.get("CI")
-    return pytest.mark.skipif(missing, reason="no Chromium (apt install chromium) to open the page in")
+needs_browser = [
+    pytest.mark.oracle,
+    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium (apt install chromium) to open the page in"),
+]
+"""Marks of tests that look at a page; on the integration server a skipped one has failed."""
