@@ -27,7 +27,8 @@ def encode_scene(scene: ViewerScene, limit_bytes: int = LIMIT_BYTES) -> str:
     Points are quantised to a 32767th of the farthest one; where they are too many, only every n-th is there,
     and the note says so.
     """
-    boxes = sorted(scene.boxes, key=_distance_m)[:MOST_BOXES]
+    known = [box for box in scene.boxes if np.isfinite(box.box).all()]
+    boxes = sorted(known, key=_distance_m)[:MOST_BOXES]
     points = ScenePoints.of(scene.clean, scene.attacked, scene.difference)
     frame = {
         "format": FORMAT,
@@ -86,7 +87,7 @@ def _packed_lines(lines: Sequence[SceneLine]) -> list[dict[str, object]]:
 
 def _near_parts(places: np.ndarray) -> list[np.ndarray]:
     """The parts of a line (K, 3) that are near the sensor."""
-    near = np.hypot(places[:, 0], places[:, 1]) <= _LINES_REACH_M
+    near = (np.hypot(places[:, 0], places[:, 1]) <= _LINES_REACH_M) & np.isfinite(places).all(axis=1)
     ends = np.flatnonzero(np.diff(near)) + 1
     parts = np.split(places, ends)
     return [part for part, start in zip(parts, [0, *ends.tolist()], strict=True) if len(part) and near[start]]

@@ -26,6 +26,9 @@ from advpipe.pipeline.viewer.scene import ALWAYS, ATTACKED, CAM, CHANGED, CLEAN,
 LATELY_NS = 1_000_000_000
 """CAMs are shown for as long after they were received: stations send one at least that often."""
 
+LDM_HEIGHT_M = 1.0
+"""No CAM states a height: one is drawn flat, and an entry of the map so high, to tell them apart."""
+
 _UNSTATED_M = 0.8
 """Side of the box of a station that states no size."""
 
@@ -39,7 +42,8 @@ def radio_boxes(
     the LiDAR's frame. origin: of the map; without it, CAMs are left out."""
     snapshot: Any = None
     heard: dict[int, SceneBox] = {}  # the last one of each station
-    names = [topics.ldm.name, topics.received_raw.name]
+    wanted = (topics.ldm, topics.received_raw)
+    names = [one.name for one in wanted if one.name in reader.topics_of_type(one.type)]
     for raw in reader.raw_messages(names, max(0, time_ns - LATELY_NS), time_ns):
         message = reader.decode(raw)
         if raw.topic.name == topics.ldm.name:
@@ -108,7 +112,7 @@ def _ldm_box(entry: Any, lidar_SE3_map: Float64) -> SceneBox:
     centre = (entry.centre.x, entry.centre.y, entry.centre.z)
     return SceneBox(
         LDM,
-        _in_lidar_frame(centre, size, lidar_SE3_map),
+        _in_lidar_frame(centre, size, lidar_SE3_map, LDM_HEIGHT_M),
         f"{entry.class_id}, station {entry.station_id}",
         id=f"ldm {entry.station_id}",
         group="Local Dynamic Map",
@@ -128,10 +132,14 @@ def _motion(speed_mps: float, yaw_rad: float) -> tuple[Fact, Fact]:
 
 
 def _in_lidar_frame(
-    centre_m: tuple[float, float, float], body: LdmReport | _Sized, lidar_SE3_map: Float64
+    centre_m: tuple[float, float, float],
+    body: LdmReport | _Sized,
+    lidar_SE3_map: Float64,
+    height_m: float = 0.0,
 ) -> list[float]:
-    sizes_m = [_known(body.length_m, _UNSTATED_M), _known(body.width_m, _UNSTATED_M), 0.0]
-    box = np.array([[*centre_m, *sizes_m, _known(body.yaw_rad, 0.0)]])
+    sizes_m = [_known(body.length_m, _UNSTATED_M), _known(body.width_m, _UNSTATED_M), height_m]
+    x_m, y_m, z_m = centre_m
+    box = np.array([[x_m, y_m, z_m + height_m / 2, *sizes_m, _known(body.yaw_rad, 0.0)]])
     boxes = Boxes(box, np.zeros(1, np.int64), ("",), np.zeros((1, 3)))
     return [float(value) for value in boxes.transformed(lidar_SE3_map).geometry[0]]
 

@@ -84,6 +84,15 @@ def test_points_without_numbers_and_far_ones_are_left_out():
     assert "2,996 of 3,000" in frame["note"]
 
 
+def test_boxes_and_places_without_numbers_are_left_out():
+    boxes = (LOST_CAR, replace(LOST_CAR, box=(1, 2, np.nan, 4, 2, 1, 0)))
+    line = SceneLine("lane", np.array([[0, 0, 0], [1, 0, np.inf], [2, 0, 0], [3, 0, 0]], float))
+    frame, _ = decoded(ViewerScene("a", "a", cloud(), boxes=boxes, lines=(line,)))
+    assert len(frame["boxes"]) == 1
+    (part,) = frame["lines"]
+    np.testing.assert_allclose(metres(part["xyz"], part["unit_m"]), [[2, 0, 0], [3, 0, 0]], atol=1e-3)
+
+
 def test_intensities_of_another_scale():
     clean = cloud()
     clean["intensity"] = np.linspace(0, 255, len(clean))

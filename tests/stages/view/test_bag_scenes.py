@@ -12,6 +12,8 @@ from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.geometry.boxes import MIN_POINTS
 from advpipe.pipeline.labels.clouds import read_point_labels
+from advpipe.pipeline.mcap.channel import Topic
+from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import V2X_STATIONS
 from advpipe.stages.view.run import open_scenes
 
@@ -143,3 +145,18 @@ def test_a_frame_whose_truth_is_missing_is_named(dataset, tmp_path, scenes):
                 writer.copy(raw)
     with pytest.raises(AdvpipeError, match="no message of /ego/ground_truth/objects"):
         open_scenes(tmp_path / "bag").scene(0, None)
+
+
+def test_topics_of_other_types_are_left_out(dataset, tmp_path):
+    """Names of ours in another tool's bag: its messages are none that the viewer knows."""
+    alike = {"/ego/ldm", "/ego/v2x/rx/raw", "/map/lanes", "/ego/odometry"}
+    with BagWriter(tmp_path / "bag", provenance={}) as writer:
+        for raw in BagReader(dataset / "clean").raw_messages():
+            if raw.topic.name in alike:
+                topic = Topic(raw.topic.name, "std_msgs/msg/String")
+                writer.write(topic, build.string("lanes"), raw.log_time_ns)
+            else:
+                writer.copy(raw)
+    scene = open_scenes(tmp_path / "bag").scene(15, None)
+    assert {box.role for box in scene.boxes} == {"truth"}
+    assert {line.kind for line in scene.lines} == {"true"}

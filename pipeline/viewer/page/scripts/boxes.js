@@ -26,6 +26,7 @@ class BoxView {
     this.targets.visible = false;
     this.selection = new THREE.Group();
     this.sets = [];
+    this.scale = 1; // of the widths of lines
     this.raycaster = new THREE.Raycaster();
   }
 
@@ -54,7 +55,7 @@ class BoxView {
     const made = new THREE.LineSegmentsGeometry();
     made.setPositions(boxes.flatMap(edgesOf));
     const material = new THREE.LineMaterial({
-      color: colourOf(this.root, colour), linewidth: width, dashed, dashSize: DASH_M, gapSize: DASH_M, transparent: true,
+      color: colourOf(this.root, colour), linewidth: width * this.scale, dashed, dashSize: DASH_M, gapSize: DASH_M, transparent: true,
     });
     const lines = new THREE.LineSegments2(made, material);
     if (dashed) lines.computeLineDistances();
@@ -81,7 +82,9 @@ class BoxView {
     clearLines(this.selection);
     if (number === null) return;
     const box = this.scene.boxes[number];
-    this.add(this.selection, [box], "ink", 4, false);
+    const outline = this.add(this.selection, [box], "ink", 3.5, false);
+    outline.material.depthTest = false; // it is seen through everything
+    outline.renderOrder = 3;
     const fill = targetOf(box, number);
     fill.material = new THREE.MeshBasicMaterial({
       color: colourOf(this.root, "ink"), transparent: true, opacity: 0.1, depthWrite: false,

@@ -60,7 +60,7 @@ Viewer.prototype.runTime = async function () {
   this.one("run").setAttribute("aria-pressed", "false");
 };
 
-// A click chooses, a drag turns. The wheel scrolls the page until somebody clicks on the canvas.
+// A click chooses, a drag turns. In a report, wheel and finger scroll the page until the canvas has the focus.
 Viewer.prototype.connectCanvas = function () {
   const { stage } = this;
   const { canvas, controls } = stage;
@@ -79,9 +79,14 @@ Viewer.prototype.connectCanvas = function () {
     const isOver = this.boxes.hit(stage.placeOf(event), stage.camera, canHit) !== null;
     canvas.style.cursor = isOver ? "pointer" : "grab";
   });
-  controls.enableZoom = this.isBag;
-  canvas.addEventListener("focus", () => (controls.enableZoom = true));
-  canvas.addEventListener("blur", () => (controls.enableZoom = this.isBag));
+  const take = (isTaken) => {
+    controls.enableZoom = isTaken;
+    canvas.style.touchAction = isTaken ? "none" : "pan-y";
+  };
+  take(this.isBag);
+  canvas.addEventListener("focus", () => take(true));
+  canvas.addEventListener("blur", () => take(this.isBag));
+  canvas.addEventListener("webglcontextrestored", () => stage.draw());
 };
 
 Viewer.prototype.press = function (event) {

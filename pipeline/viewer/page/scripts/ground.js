@@ -7,6 +7,7 @@ class GroundView {
   constructor(root) {
     this.root = root;
     this.group = new THREE.Group();
+    this.scale = 1; // of the widths of lines
   }
 
   show(scene) {
@@ -34,13 +35,13 @@ class GroundView {
   }
 
   line({ kind, condition, position }) {
-    const [colour, linewidth, dashed] = LINE_STYLES[kind];
+    const [colour, width, dashed] = LINE_STYLES[kind];
     const ends = [];
     for (let i = 0; i + 5 < position.length; i += 3) ends.push(...position.subarray(i, i + 6));
     const made = new THREE.LineSegmentsGeometry();
     made.setPositions(ends);
     const lines = new THREE.LineSegments2(
-      made, new THREE.LineMaterial({ color: colourOf(this.root, colour), linewidth, dashed, dashSize: 0.8, gapSize: 0.5, transparent: true }));
+      made, new THREE.LineMaterial({ color: colourOf(this.root, colour), linewidth: width * this.scale, dashed, dashSize: 0.8, gapSize: 0.5, transparent: true }));
     if (dashed) lines.computeLineDistances();
     lines.userData = { role: kind, condition };
     return lines;

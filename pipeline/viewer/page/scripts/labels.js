@@ -14,28 +14,38 @@ class Labels {
     this.placed = [];
     for (const radius of radii)
       this.add(element("span", "adv-ring", `${radius} m`), [0, -radius, ground_z_m]);
-    for (const [number, { fate, box: [x, y, z, , , height] }] of boxes) {
+    for (const [number, { fate, box }] of boxes) {
       const button = element("button", `adv-label adv-${fate}`, fate);
       button.type = "button";
       button.tabIndex = -1; // the list of objects is what the keyboard goes through
       button.addEventListener("click", () => this.onPick(number));
-      this.add(button, [x, y, z + height / 2 + 0.3]);
+      this.add(button, ...cornersAbove(box));
     }
     this.place();
   }
 
-  add(label, place) {
+  // places: what the label stands above.
+  add(label, ...places) {
     this.box.append(label);
-    this.placed.push([label, place]);
+    this.placed.push([label, places]);
   }
 
   place() {
-    for (const [label, place] of this.placed) {
-      const pixel = this.stage.pixel(...place);
-      label.hidden = pixel === null;
-      if (pixel) label.style.transform = `translate(-50%, -100%) translate(${pixel[0].toFixed(1)}px, ${pixel[1].toFixed(1)}px)`;
+    for (const [label, places] of this.placed) {
+      const pixels = places.map((place) => this.stage.pixel(...place)).filter(Boolean);
+      label.hidden = pixels.length === 0;
+      const x = sum(pixels.map(([across]) => across)) / pixels.length;
+      const y = Math.min(...pixels.map(([, down]) => down)) - 2;
+      if (pixels.length) label.style.transform = `translate(-50%, -100%) translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
     }
   }
+}
+
+function cornersAbove([x, y, z, length, width, height, yaw]) {
+  const [cos, sin] = [Math.cos(yaw), Math.sin(yaw)];
+  return [[1, 1], [1, -1], [-1, 1], [-1, -1]].map(([a, b]) => [
+    x + (a * length * cos - b * width * sin) / 2, y + (a * length * sin + b * width * cos) / 2, z + height / 2,
+  ]);
 }
 
 function element(tag, className, text) {

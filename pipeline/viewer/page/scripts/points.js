@@ -1,7 +1,7 @@
 // The cloud: points that an attack left alone, and those that it touched, which travel, appear or fade.
 
 const NEAR = `
-  float nearness(vec4 view) { return clamp(34.0 / max(-view.z, 1.0), 0.55, 2.4); }`;
+  float nearness(vec4 view) { return clamp(30.0 / max(-view.z, 1.0), 0.55, 1.7); }`;
 
 const KEPT_VERTEX = `
   attribute float shade;
@@ -137,10 +137,10 @@ class CloudView {
   }
 
   // Sizes in pixels of the screen; points of a sparse cloud are larger, and so are few touched ones.
-  resize(scene, ratio) {
+  resize(scene, scale) {
     const [kept, ...touched] = scene.points.counts;
-    this.kept.uniforms.pixels.value = (kept > 40_000 ? 1.7 : 2.4) * ratio;
-    this.touched.uniforms.pixels.value = (sum(touched) > 5_000 ? 7 : sum(touched) > 1_000 ? 10 : 15) * ratio;
+    this.kept.uniforms.pixels.value = (kept > 40_000 ? 1.7 : 2.4) * scale;
+    this.touched.uniforms.pixels.value = (sum(touched) > 5_000 ? 7 : sum(touched) > 1_000 ? 10 : 15) * scale;
   }
 
   clear() {

@@ -16,7 +16,8 @@ class Stage {
     this.controls.maxDistance = 400;
     this.controls.screenSpacePanning = false;
     this.controls.addEventListener("change", () => this.draw());
-    this.onDraw = () => {};
+    this.onDraw = this.onResize = () => {};
+    this.scale = 1; // of points and lines: thicker on a large canvas
     this.recolour();
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement);
   }
@@ -32,6 +33,8 @@ class Stage {
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
+    this.scale = Math.min(2, Math.max(0.9, height / 700));
+    this.onResize();
     this.draw();
   }
 

@@ -22,6 +22,7 @@ class Viewer {
     const { scene } = this.stage;
     scene.add(this.ground.group, this.cloud.group, this.boxes.group, this.boxes.targets, this.boxes.selection);
     this.stage.onDraw = () => this.labels.place();
+    this.stage.onResize = () => this.scene && this.redraw();
     this.connect();
     onThemeChange(() => this.recolour());
   }
@@ -64,7 +65,8 @@ class Viewer {
     this.one("note").textContent = scene.note;
     this.root.classList.toggle("adv-is-attacked", scene.is_attacked);
     this.one("stretching").hidden = !scene.points.counts[MOVED];
-    this.cloud.resize(scene, this.stage.renderer.getPixelRatio());
+    this.boxes.scale = this.ground.scale = this.stage.scale;
+    this.cloud.resize(scene, this.stage.scale * this.stage.renderer.getPixelRatio());
     this.cloud.show(scene, this.one("shade").value);
     this.boxes.show(scene);
     this.ground.show(scene);
@@ -135,6 +137,7 @@ class Viewer {
       points.total[MOVED] && ["moved", "disc", `moved: ${count(MOVED)}`],
       points.total[ADDED] && ["added", "diamond", `added: ${count(ADDED)}`],
       points.total[REMOVED] && ["removed", "hollow", `removed: ${count(REMOVED)}`],
+      boxes.some(({ fate }) => fate === "changed") && ["added", "line", "claimed by the attack"],
       has("cam") && ["cam", "line", "CAMs"],
       has("ldm") && ["ldm", "dashed", "Local Dynamic Map"],
       ...["lane", "true", "believed"].map((kind) => lines.some((line) => line.kind === kind) && LINE_MARKS[kind]),
@@ -162,7 +165,10 @@ class Viewer {
   recolour() {
     this.stage.recolour();
     this.cloud.recolour();
-    if (!this.scene) return;
+    if (this.scene) this.redraw();
+  }
+
+  redraw() {
     this.draw();
     this.select(this.selected);
   }
@@ -202,11 +208,13 @@ class Viewer {
 }
 
 // The places that the first view has to show: objects that count, without the farthest, and all that are hidden.
+// What an attack claims counts as well, if it is not far away.
 function focusOf({ boxes }) {
   const truth = boxes.filter(({ role, fate }) => role === "truth" && fate !== "ignored"); // the nearest ones first
   const near = truth.slice(0, Math.ceil(0.85 * truth.length));
-  const hidden = truth.filter(({ fate }) => fate === "lost" || fate === "displaced");
-  const places = [...near, ...hidden].map(({ box }) => box.slice(0, 3));
+  const hidden = truth.filter(({ fate }) => ["lost", "displaced"].includes(fate));
+  const claimed = boxes.filter(({ fate, box: [x, y] }) => fate === "changed" && Math.hypot(x, y) < 90);
+  const places = [...near, ...hidden, ...claimed].map(({ box }) => box.slice(0, 3));
   return places.length ? places : [[25, 15, 0], [25, -15, 0], [-15, 0, 0]];
 }
 
