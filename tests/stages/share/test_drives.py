@@ -41,7 +41,7 @@ def make_child_of(attack: Path, drive: Path) -> None:
             out.copy(raw)
 
 
-def test_a_second_drive(dataset: Path, tmp_path: Path) -> None:
+def test_a_data_set_with_a_second_drive_is_shared(dataset: Path, tmp_path: Path) -> None:
     shutil.rmtree(dataset / "reports")
     drive_again(dataset / "clean", dataset / "evening")
     result = verify(dataset)

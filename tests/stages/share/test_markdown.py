@@ -110,19 +110,19 @@ PLAIN = rendered(page("plain"))
 
 
 @pytest.mark.parametrize("text", NASTY, ids=lambda text: ascii(text)[:20])
-def test_no_element_of_its_own(text: str) -> None:
+def test_untrusted_text_creates_no_markdown_elements(text: str) -> None:
     shown = rendered(page(text))
     assert shown.found == PLAIN.found
     assert not shown.comments
 
 
 @pytest.mark.parametrize("text", NASTY, ids=lambda text: ascii(text)[:20])
-def test_it_is_shown_as_it_is_written(text: str) -> None:
+def test_untrusted_text_is_shown_literally(text: str) -> None:
     expected = "".join(sign if sign.isprintable() or sign.isspace() else "\ufffd" for sign in text)
     assert " ".join(rendered(f"x {escaped(text)} x").text.split()) == f"x {' '.join(expected.split())} x"
 
 
-def test_ours_stays() -> None:
+def test_markdown_is_not_escaped_again() -> None:
     assert escaped(Markdown("`a` <b>")) == "`a` <b>"
     assert escaped("19.9 s, 0.0, -3 m") == "19.9 s, 0.0, -3 m"
     assert escaped("box_truck") == "box_truck"
@@ -131,7 +131,7 @@ def test_ours_stays() -> None:
     assert eval(literal("größe")) == "größe"
 
 
-def test_own_words() -> None:
+def test_the_authors_text_is_kept_or_fenced() -> None:
     assert authors_text("Recorded on a *rainy* day.") == "Recorded on a *rainy* day."
     for text in ("<script>x</script>", "a <b>c</b>", "```\nx\n```\n<!-- x -->"):
         assert not set(rendered(authors_text(text)).found) - {"pre", "code"}
@@ -176,7 +176,7 @@ def shared_card(folder: Path, word: str) -> str:
     return (folder / "out" / "README.md").read_text(encoding="utf-8")
 
 
-def test_a_card_of_nothing_but_hostile_texts(tmp_path: Path) -> None:
+def test_a_card_of_hostile_texts_is_harmless(tmp_path: Path) -> None:
     found = {}
     for number, word in enumerate(("plain", HOSTILE)):
         (tmp_path / str(number)).mkdir()

@@ -71,7 +71,9 @@ def with_other_values(path: Path, check: type[BagCheck]) -> dict[str, list[str]]
         ("gnss", FIXES, Fixes),
     ],
 )
-def test_each_column(data_set: Path, bag: str, table: str, check: type[BagCheck]) -> None:
+def test_a_change_in_any_label_column_is_found(
+    data_set: Path, bag: str, table: str, check: type[BagCheck]
+) -> None:
     """One wrong value is one finding; a wrong number is about two messages."""
     assert faults(data_set / bag, check) == []
     found = with_other_values(data_set / bag / table, check)
@@ -80,7 +82,7 @@ def test_each_column(data_set: Path, bag: str, table: str, check: type[BagCheck]
     assert faults(data_set / bag, check) == []
 
 
-def test_several_attacks_on_one_message(data_set: Path) -> None:
+def test_labels_of_several_attacks_on_one_message_are_checked(data_set: Path) -> None:
     """Each attacker is late, and heads the other way or is longer: labels are followed in that order."""
     specs = (
         {
@@ -127,7 +129,7 @@ def by_others(attacks: Attacks) -> None:
         ("gnss", Fixes, later, "is attacked by nothing, but its label says gnss-bias"),
     ],
 )
-def test_labels_of_another_attack(
+def test_labels_that_contradict_the_declared_attacks_are_faults(
     data_set: Path, bag: str, check: type[BagCheck], change: Callable[[Attacks], None], words: str
 ) -> None:
     """The bag names attackers, or a time, that labels do not keep to."""
@@ -154,7 +156,7 @@ def bounded_by(**bounds: list[float]) -> Callable[[Attacks], None]:
         ("detach", {"share_removed": [0, 1e-4]}, "smallest share of the points"),
     ],
 )
-def test_bounds_that_were_not_kept(
+def test_exceeded_bounds_are_faults(
     data_set: Path, bag: str, bounds: dict[str, list[float]], words: str
 ) -> None:
     assert faults(data_set / bag, Points) == []
@@ -190,7 +192,7 @@ def unchecked(bag: Path, check: type[BagCheck], change: Callable[[Attacks], None
         ),
     ],
 )
-def test_what_older_versions_did_not_declare(
+def test_missing_declarations_of_older_versions_are_unchecked(
     data_set: Path, bag: str, check: type[BagCheck], words: str
 ) -> None:
     def undeclared(attacks: Attacks) -> None:
@@ -199,14 +201,14 @@ def test_what_older_versions_did_not_declare(
     assert words in unchecked(data_set / bag, check, undeclared)
 
 
-def test_bounds_that_nobody_measures(data_set: Path) -> None:
+def test_bounds_on_unknown_quantities_are_unchecked(data_set: Path) -> None:
     """Of a later version, or made up."""
     said = unchecked(data_set / "detach", Points, bounded_by(points_painted=[0, 3]))
     assert "points_painted of detach not checked: unknown quantity in this version" in said
     assert "detach declares no bounds" in unchecked(data_set / "detach", Points, bounded_by())
 
 
-def test_labels_as_older_versions_wrote_them(data_set: Path) -> None:
+def test_labels_of_older_versions_are_accepted(data_set: Path) -> None:
     path = data_set / "cam" / CAMS
     table = pq.read_table(path).drop_columns(["part"])
     words = pa.array([text.split(",") for text in table["fields"].to_pylist()])
@@ -226,7 +228,9 @@ def test_labels_as_older_versions_wrote_them(data_set: Path) -> None:
         ("gnss", FIXES, ("stamp_ns",), "fixes"),
     ],
 )
-def test_another_number(data_set: Path, bag: str, table: str, columns: tuple[str, ...], check: str) -> None:
+def test_a_label_with_another_message_number_is_a_fault(
+    data_set: Path, bag: str, table: str, columns: tuple[str, ...], check: str
+) -> None:
     """One more in the last row that has a number there."""
     path = data_set / bag / table
     original = pq.read_table(path)
@@ -250,14 +254,14 @@ def test_another_number(data_set: Path, bag: str, table: str, columns: tuple[str
         *(("cam", CAMS, "cams"), ("delay", CAMS, "cams"), ("dos", CAMS, "cams")),
     ],
 )
-def test_a_row_that_is_missing(data_set: Path, bag: str, table: str, check: str) -> None:
+def test_a_missing_label_row_is_a_fault(data_set: Path, bag: str, table: str, check: str) -> None:
     path = data_set / bag / table
     rows = pq.read_table(path)
     pq.write_table(rows.slice(0, len(rows) - 1), path)
     assert {finding.check for finding in verify(data_set / bag).findings} == {"beside", check}
 
 
-def test_another_action(data_set: Path) -> None:
+def test_a_label_with_another_action_is_a_fault(data_set: Path) -> None:
     """What was removed is said to have moved."""
     path = data_set / "detach" / POINTS
     rows = pq.read_table(path)

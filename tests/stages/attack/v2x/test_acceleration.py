@@ -11,7 +11,7 @@ def accelerations(cams):
     return [cam.longitudinal_acceleration_mps2 for cam in cams]
 
 
-def test_multiplied(strike):
+def test_acceleration_is_multiplied(strike):
     """By 3: 1 is 3, -2 is -6, and of 8 a CAM can tell 16 at most."""
     messages = [
         honest(ms, longitudinal_acceleration_mps2=value) for ms, value in ((0, 1.0), (100, -2.0), (200, 8.0))
@@ -35,7 +35,7 @@ def test_feigned_braking(strike):
     assert [cam.speed_mps for cam in told] == [10, 10]
 
 
-def test_other_pedals_stay(strike):
+def test_other_pedals_are_unchanged(strike):
     pedals = GAS | AccelerationControl.SPEED_LIMITER
     (told,) = strike("cam-feigned-braking", [honest(0, acceleration_control=pedals)])
     assert told.acceleration_control == BRAKE | AccelerationControl.SPEED_LIMITER

@@ -15,14 +15,14 @@ OTHER = {"heading_rad": None, "speed_mps": math.inf, "acceleration_control": Non
 
 
 @pytest.mark.parametrize("fields", [{}, OTHER])
-def test_fields_are_those_of_a_cam(fields):
+def test_fields_match_the_cam(fields):
     tree = decode_cam_tree(honest(0, **fields).payload)
     cam = cam_of_tree(tree)
     assert {name: field_of(tree, name) for name in FIELDS} == {name: getattr(cam, name) for name in FIELDS}
     assert values(tree) == {name: getattr(cam, name) for name in FIELDS}
 
 
-def test_what_is_retold_and_nothing_else():
+def test_with_fields_changes_the_given_fields_only():
     tree = decode_cam_tree(honest(0).payload)
     new = with_fields(tree, speed_mps=3.21, station_id=99, acceleration_control=64)
     assert {name for name in FIELDS if field_of(new, name) != field_of(tree, name)} == {
@@ -46,7 +46,7 @@ def test_what_is_retold_and_nothing_else():
         with_fields(tree, speed_mps=-1.0)
 
 
-def test_bytes_that_are_no_cam_and_those_of_a_closed_one():
+def test_invalid_bytes_open_as_none_and_closed_cams_round_trip():
     cams = CamEditor()
     assert cams.open(b"\xff" * 20) is None
     tree = with_fields(decode_cam_tree(honest(0).payload), speed_mps=1.0)

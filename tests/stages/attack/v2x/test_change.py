@@ -63,7 +63,7 @@ def vehicle(reader: BagReader, index: int = 0) -> str:
     ids=["plain", "jammed, two listeners"],
 )
 @pytest.mark.parametrize("dcc_reacts", [False, True])
-def test_without_an_active_attack_all_is_as_it_was(recorded, tmp_path, settings, dcc_reacts):
+def test_without_an_active_attack_all_messages_are_unchanged(recorded, tmp_path, settings, dcc_reacts):
     reader = recorded(*settings)
     late = spec("cam-dos", schedule={"from_s": 2.95}, attackers={"vehicles": ("ego",)})
     with pytest.raises(AdvpipeError, match=r"cam-dos: its schedule begins at 2\.95 s"):
@@ -77,7 +77,7 @@ def test_without_an_active_attack_all_is_as_it_was(recorded, tmp_path, settings,
     assert change.held_back == 0
 
 
-def test_a_lie_reaches_maps_and_nothing_else_changes(recorded, tmp_path):
+def test_a_false_position_reaches_ldms_and_nothing_else_changes(recorded, tmp_path):
     """One station is 30 m farther east in the victim's map, from one second on; all others stay."""
     reader = recorded()
     liar = vehicle(reader)
@@ -133,7 +133,7 @@ def test_a_lie_reaches_maps_and_nothing_else_changes(recorded, tmp_path):
         assert set(row["fields"].split(",")) <= {"latitude_deg", "longitude_deg"}
 
 
-def test_a_zero_speed_report_of_a_standing_car_is_no_lie(recorded, tmp_path):
+def test_zero_speed_of_a_standing_car_has_no_effect(recorded, tmp_path):
     reader = recorded()
     attack = spec("cam-speed-constant", parameters={"speed_mps": 0.0}, attackers={"share": 1.0})
     rows = labels_of(forge(reader, [attack], 1), tmp_path)
@@ -148,7 +148,7 @@ def test_same_seed_same_bytes(recorded):
     assert runs[0] == runs[1] != runs[2]
 
 
-def test_a_roadside_unit_is_on_the_air_and_in_the_stations(recorded, tmp_path):
+def test_a_roadside_unit_transmits_and_is_among_the_stations(recorded, tmp_path):
     reader = recorded()
     unit = {"roadside_unit": {"x_m": 5.0, "y_m": -8.0}}
     change = forge(reader, [spec("cam-dos-random", attackers=unit, parameters={"rate_hz": 20.0})], 1)
@@ -164,7 +164,7 @@ def test_a_roadside_unit_is_on_the_air_and_in_the_stations(recorded, tmp_path):
         forge(reader, [spec("cam-speed-constant", attackers=unit)], 1)
 
 
-def test_a_flood_reaches_others_and_their_congestion_control_if_asked(recorded):
+def test_a_flood_affects_others_congestion_control_with_dcc_reacts(recorded):
     reader = recorded(*JAM)
     flood = spec("cam-dos", attackers={"vehicles": [vehicle(reader)]}, parameters={"rate_hz": 200.0})
     calm, quiet = forge(reader, [flood], 1), forge(reader, [flood], 1, dcc_reacts=True)
@@ -178,7 +178,7 @@ def test_a_flood_reaches_others_and_their_congestion_control_if_asked(recorded):
     assert len(clean - {m.cdr for m in messages[0]["/ego/v2x/rx/raw"]}) > 10  # lost, or later
 
 
-def test_without_congestion_control_none_can_react(recorded):
+def test_dcc_reacts_without_congestion_control_is_refused(recorded):
     reader, flood = recorded("v2x.cam.dcc=none"), spec("cam-dos")
     with pytest.raises(AdvpipeError, match=r"recorded without congestion control .*; leave out dcc_reacts"):
         forge(reader, [flood], 1, dcc_reacts=True)
@@ -200,7 +200,7 @@ class Spoofed:
         ]
 
 
-def test_editors_come_first(recorded, tmp_path):
+def test_editors_run_before_attacks(recorded, tmp_path):
     """An attacker whose messages are spoilt before has nothing left to lie with."""
     reader = recorded()
     liar = vehicle(reader)
@@ -249,7 +249,7 @@ def test_a_corrupt_cam_is_kept_counted_and_labelled(recorded, tmp_path):
     assert sum(row["action"] == "changed" for row in rows) > 2
 
 
-def test_what_met_nothing_is_told(recorded, tmp_path):
+def test_attacks_that_met_no_cam_are_counted(recorded, tmp_path):
     """Whose CAMs are all dropped tells no false speed; nor does anybody between two messages."""
     reader = recorded()
     own = {"vehicles": [vehicle(reader)]}
@@ -263,7 +263,7 @@ def test_what_met_nothing_is_told(recorded, tmp_path):
     assert change.counts() == {"attack that met no CAM: cam-drop": 1}
 
 
-def test_bad_input(recorded, tmp_path):
+def test_invalid_input_is_a_one_line_error(recorded, tmp_path):
     reader = recorded()
     with pytest.raises(AdvpipeError, match=r"cam-drop: attacker 'nobody' has no radio in .*; stations are"):
         forge(reader, [spec("cam-drop", attackers={"vehicles": ["nobody"]})], 1)

@@ -15,7 +15,7 @@ def ghosts(attack, drive):
     return [one for one in edited(attack, drive) if one.number >= 10**6]
 
 
-def test_it_stands_at_the_safety_distance():
+def test_the_ghost_vehicle_stands_at_the_safety_distance():
     """The victim's front is at 50 + 2.25 m; the ghost's own is 4.5 m beyond its rear."""
     told = ghosts(GhostStop(context("cam-ghost-stop", victim=2)), lane({1: 0.0, 2: 50.0}, 20))
     assert {one.station_id for one in told} == {1}
@@ -27,7 +27,7 @@ def test_it_stands_at_the_safety_distance():
         assert report.yaw_rad == pytest.approx(0, abs=0.002)
 
 
-def test_it_tells_of_itself_as_seldom_as_who_stands_does():
+def test_a_standing_ghost_vehicle_sends_at_the_lowest_rate():
     """First 0.1 to 0.2 s after it came; that interval holds for three CAMs more, and then the longest."""
     told = ghosts(GhostStop(context("cam-ghost-stop", victim=2)), lane({1: 0.0, 2: 0.0}, 22))
     assert 0.1 <= time_s(told[0].request_ns) < 0.2
@@ -35,7 +35,7 @@ def test_it_tells_of_itself_as_seldom_as_who_stands_does():
     assert said(told[0])[0].low_frequency is not None
 
 
-def test_once_passed_another_one_stands_ahead():
+def test_a_passed_ghost_vehicle_is_replaced_by_another_ahead():
     """The ghost's middle is 22.58 m ahead of the victim's front, which is there after 2.26 s."""
     drive = lane({1: 0.0, 2: 0.0}, 45)
     told = ghosts(GhostStop(context("cam-ghost-stop", victim=2)), drive)
@@ -44,7 +44,7 @@ def test_once_passed_another_one_stands_ahead():
     assert starts_m[second] - starts_m[first] == pytest.approx(10 * 2.3, abs=0.02)
 
 
-def test_only_before_who_drives():
+def test_ghost_vehicles_appear_only_ahead_of_moving_targets():
     slow = [
         step._replace(
             radios=tuple(radio._replace(velocity_mps=radio.velocity_mps * 0.2) for radio in step.radios)
@@ -55,13 +55,13 @@ def test_only_before_who_drives():
     assert ghosts(GhostStop(context("cam-ghost-stop", victim=2), from_speed_mps=2.0), slow)
 
 
-def test_without_a_victim_each_attacker_haunts_its_own_way():
+def test_without_a_victim_each_attacker_is_a_target():
     told = ghosts(GhostStop(context("cam-ghost-stop", attackers=(1, 2))), lane({1: 0.0, 2: 50.0}, 15))
     fronts_m = {one.station_id: said(one)[1].front_m[0] for one in told}
     assert fronts_m == pytest.approx({1: 2.25 + GAP_M + 4.5, 2: 52.25 + GAP_M + 4.5}, abs=0.02)
 
 
-def test_the_nearest_attacker_sends_and_has_an_heir():
+def test_the_nearest_attacker_sends_and_another_takes_over():
     drive = lane({1: 0.0, 3: 90.0, 2: 50.0}, 40, leaves={3: 10})
     told = ghosts(GhostStop(context("cam-ghost-stop", attackers=(1, 3), victim=2)), drive)
     senders = [one.station_id for one in told if time_s(one.request_ns) < 2.0]
@@ -69,7 +69,7 @@ def test_the_nearest_attacker_sends_and_has_an_heir():
     assert len({said(one)[0].station_id for one in told if time_s(one.request_ns) < 2.0}) == 1
 
 
-def test_it_brakes_as_it_says():
+def test_the_braking_ghost_vehicle_moves_as_claimed():
     """At the victim's 10 m/s, 10 m ahead, for 2 s; then at 8 m/s2, for 1.25 s and 6.25 m, and stands."""
     drive = lane({1: 0.0, 2: 0.0}, 34)
     told = [said(one) for one in ghosts(GhostBrake(context("cam-ghost-brake", victim=2)), drive)]

@@ -23,7 +23,7 @@ def sent_by(reader, stations):
     return [one for step in V2xDrive(reader).steps() for one in step.sent if one.station_id in stations]
 
 
-def test_delayed(recorded, tmp_path):
+def test_delayed_messages_are_labelled(recorded, tmp_path):
     """Half a second late each; what would leave after the end is never sent."""
     reader = recorded()
     parameters = {"delay_min_s": 0.5, "delay_max_s": 0.5}
@@ -48,7 +48,7 @@ def test_delayed(recorded, tmp_path):
     assert {row["mattered"] for row in rows if row["action"] == "delayed"} == {True, False}
 
 
-def test_ghosts_have_no_truth(recorded, tmp_path):
+def test_labels_of_ghost_vehicles_have_no_true_values(recorded, tmp_path):
     rows = rows_of(recorded(), tmp_path, "cam-sybil-grid", victim="ego")
     assert rows
     for row in rows:
@@ -58,7 +58,7 @@ def test_ghosts_have_no_truth(recorded, tmp_path):
         assert row["false_x_m"] is not None
 
 
-def test_a_share_is_drawn_among_those_without_instruments(recorded, tmp_path):
+def test_a_share_of_attackers_excludes_instrumented_vehicles(recorded, tmp_path):
     """Of 40 stations or so, three tenths lie: rounded, and never the ego vehicle."""
     reader = recorded()
     drive = V2xDrive(reader)

@@ -10,7 +10,7 @@ from advpipe.stages.attack.v2x.change import forge
 from advpipe.stages.attack.v2x.mix import MIXES
 
 
-def test_each_attacker_draws_one(strike):
+def test_each_attacker_draws_one_attack(strike):
     """Either it is longer, or it heads the other way; never both, and both occur."""
     messages = [honest(0)]
     kinds = set()
@@ -29,7 +29,7 @@ def test_a_constant_speed_of_nextgen_is_zero(strike, monkeypatch):
         assert (told.speed_mps > 0) == drawn
 
 
-def test_no_attack(strike):
+def test_names_that_cannot_be_mixed_are_refused(strike):
     with pytest.raises(AdvpipeError, match="'cam-mix' cannot be mixed"):
         strike("cam-mix", [honest(0)], attacks="cam-dimensions, cam-mix")
 
@@ -45,7 +45,7 @@ speed-frozen heading-reversed feigned-braking acceleration delay dos sybil-conge
 """
 
 
-def test_mixes_are_those_of_the_catalogues():
+def test_mixes_match_the_catalogues():
     """In the order of the numbers that the data sets give them; mixing is not mixed."""
     names = {mix: [one.name for one in MIXES[mix]()] for mix in MIXES}
     assert names["f2md"] == [f"cam-{name}" for name in F2MD.split()]

@@ -75,7 +75,7 @@ def clean(reader):
     return received, TypeAdapter(Statistics).validate_json(message.data)
 
 
-def test_a_flood_fills_the_channel(reader, beside_ego, tmp_path):
+def test_a_flood_raises_the_channel_load(reader, beside_ego, tmp_path):
     """1500 messages a second of 0.2 ms: the channel near by is a good quarter busier; others lose more."""
     schedule = {"from_s": 2.0, "to_s": 3.0}
     received, _, statistics, labels = sent_again(
@@ -98,7 +98,7 @@ def test_a_flood_fills_the_channel(reader, beside_ego, tmp_path):
     assert theirs < 0.97 * before.total()
 
 
-def test_ghosts_stand_in_the_map(reader, beside_ego, tmp_path):
+def test_ghost_vehicles_are_in_the_local_dynamic_map(reader, beside_ego, tmp_path):
     """Five ghosts of a radio 30 m away: all in the ego's map, not one of them on the road."""
     _, maps, _, labels = sent_again(
         *(reader, tmp_path / "labels"),
@@ -116,7 +116,7 @@ def test_ghosts_stand_in_the_map(reader, beside_ego, tmp_path):
     assert {row["attacker"] for row in labels} == {"roadside_unit_1"}
 
 
-def test_who_drops_disappears(reader, tmp_path):
+def test_no_message_of_an_attacker_that_drops_is_received(reader, tmp_path):
     received, _, _, labels = sent_again(
         reader, tmp_path / "labels", type="cam-drop", attackers={"share": 0.3}, schedule={"from_s": 0.0}
     )
@@ -130,7 +130,7 @@ def test_who_drops_disappears(reader, tmp_path):
 
 
 @pytest.mark.oracle
-def test_tshark_reads_every_lie(tmp_path):
+def test_tshark_decodes_every_false_message(tmp_path):
     program = shutil.which("tshark")
     if program is None:
         pytest.skip("tshark is not installed")

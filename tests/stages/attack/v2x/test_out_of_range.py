@@ -8,7 +8,7 @@ from one_attacker import honest
 from advpipe.pipeline.core.errors import AdvpipeError
 
 
-def test_all_fields(strike):
+def test_all_fields_are_out_of_range(strike):
     """What the dictionary's codes mean: infinity is "out of range"."""
     (told,) = strike("cam-out-of-range", [honest(0)])
     assert (told.latitude_deg, told.longitude_deg) == (90, 180)
@@ -20,7 +20,7 @@ def test_all_fields(strike):
     assert told.station_type == 255
 
 
-def test_one_field(strike):
+def test_one_field_is_out_of_range(strike):
     (told,) = strike("cam-out-of-range", [honest(0)], field="speed")
     assert told.speed_mps == math.inf
     assert (told.latitude_deg, told.length_m, told.station_type) == (48, 4.5, 5)

@@ -23,7 +23,7 @@ def test_constant(strike):
     assert [cam.speed_mps for cam in told] == [10.0] * 3
 
 
-def test_a_constant_place_is_drawn_where_the_radios_are(strike):
+def test_a_constant_position_is_drawn_among_the_radios(strike):
     """Both radios stand at the origin: 100 m to each side of it."""
     told = offsets_m(strike("cam-position-constant", [honest(0), honest(1500, latitude_deg=48.01)]))
     np.testing.assert_array_equal(told[0], told[1])
@@ -38,7 +38,7 @@ def test_offset(strike):
     np.testing.assert_allclose(told, [[250, -150], [250 + 74.62536, -150]], atol=0.02)
 
 
-def test_drawn_offsets_have_either_sign_and_stay(strike):
+def test_drawn_offsets_have_both_signs_and_are_constant(strike):
     signs = set()
     for seed in range(12):
         told = offsets_m(strike("cam-position-offset", [honest(0), honest(1200)], seed=seed))
@@ -49,7 +49,7 @@ def test_drawn_offsets_have_either_sign_and_stay(strike):
     assert len(signs) == 4
 
 
-def test_random_places_fill_the_rectangle(strike):
+def test_random_positions_fill_the_rectangle(strike):
     corners = {"x_min_m": 1000.0, "x_max_m": 1400.0, "y_min_m": -200.0, "y_max_m": 0.0}
     told = offsets_m(strike("cam-position-random", [honest(ms) for ms in range(0, 2000, 100)], **corners))
     assert len(np.unique(told[:, 0])) == 20
@@ -75,7 +75,7 @@ def test_mirrored(strike):
     np.testing.assert_allclose(told, [[0, 3.5], [-3.5, 0]], atol=0.02)
 
 
-def test_the_path_history_tells_the_claimed_places(strike):
+def test_the_path_history_contains_the_claimed_positions(strike):
     """Honest at the origin; a second later it claims to be 100 m east of it, having come from there."""
     messages = [honest(0), honest(1000)]
     honest_cam, lie = strike("cam-position-constant", messages, from_ms=500, x_m=100.0, y_m=0.0)
@@ -88,7 +88,7 @@ def test_the_path_history_tells_the_claimed_places(strike):
     assert kept[1].low_frequency.path_history == ()
 
 
-def test_the_same_seed_tells_the_same(strike):
+def test_same_seed_same_messages(strike):
     messages = [honest(ms) for ms in range(0, 1000, 100)]
     told = [strike("cam-position-random-offset", messages, seed=seed) for seed in (3, 3, 4)]
     assert told[0] == told[1] != told[2]

@@ -43,7 +43,7 @@ def test_random_offset(strike):
     assert set(told) == {12, 8}
 
 
-def test_frozen(strike):
+def test_frozen_from_a_random_message_on(strike):
     """With certainty, at the first message in which it acts: 7 m/s for good."""
     messages = [honest(0), honest(400, speed_mps=7.0), honest(800, speed_mps=5.0), honest(1200, speed_mps=0)]
     assert speeds(strike("cam-speed-frozen", messages, from_ms=400, probability=1.0)) == [10, 7, 7, 7]

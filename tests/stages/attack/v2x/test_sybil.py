@@ -24,14 +24,14 @@ def by_ghost(messages):
     return told
 
 
-def test_cells():
+def test_grid_cells_are_nearest_first():
     assert grid_cells(5, 5.0, 2.0, 3) == [(0, 2), (0, -2), (5, 0), (-5, 0), (5, 2)]
     assert grid_cells(3, 5.0, 2.0, 1) == [(5, 0), (-5, 0), (10, 0)]
     assert len(set(grid_cells(40, 5.0, 2.0, 4))) == 40
 
 
 @pytest.mark.parametrize(("around", "x_m"), [("attacker", 0.0), ("victim", 50.0)])
-def test_the_grid_drives_along(around, x_m):
+def test_the_grid_moves_with_the_attacker(around, x_m):
     """Five ghosts at the cells beside the middle of a car at x + 10 t, with its speed."""
     told = ghosts(SybilGrid(context("cam-sybil-grid", victim=2), around=around), DRIVE)
     assert {one.station_id for one in told} == {1}
@@ -70,7 +70,7 @@ def test_the_grid_keeps_the_generation_rules():
     assert len({messages[0].request_ns % STEP_NS for messages in found.values()}) == 5
 
 
-def test_ghosts_in_a_bend_move_as_they_say():
+def test_ghost_vehicles_in_a_bend_move_as_claimed():
     """On a circle of 20 m at 10 m/s: 0.5 rad/s; a ghost 5 m to the left of the car is on one of 15 m."""
     drive = []
     for index in range(40):
@@ -90,7 +90,7 @@ def test_ghosts_in_a_bend_move_as_they_say():
         assert moved_m == pytest.approx(7.5 * (after.generation_ns - before.generation_ns) / 1e9, rel=0.01)
 
 
-def test_nobody_where_nobody_is():
+def test_no_ghost_vehicles_around_an_absent_vehicle():
     drive = lane({1: 0.0, 2: 50.0}, 30, leaves={2: 10})
     told = ghosts(SybilGrid(context("cam-sybil-grid", victim=2), around="victim"), drive)
     assert max(time_s(one.request_ns) for one in told) < 1.0
@@ -98,7 +98,7 @@ def test_nobody_where_nobody_is():
         SybilGrid(context("cam-sybil-grid"), around="victim")
 
 
-def test_a_share_of_the_radio_for_each_that_keeps_to_congestion_control():
+def test_ghost_vehicles_share_the_radio_under_dcc():
     """60 ms between a radio's messages, ten ghosts: none of them sends twice within 0.6 s."""
     found = by_ghost(ghosts(SybilGrid(context("cam-sybil-grid"), ghosts=10, dcc=True), DRIVE))
     assert min(np.diff([one.request_ns for one in messages]).min() for messages in found.values()) >= 6e8
@@ -125,7 +125,7 @@ def test_a_jam_ahead_of_the_victim():
     assert len({round((start_m - rows_m[0]) / 7.5) for start_m, _ in starts_m}) == 2
 
 
-def test_chance_in_a_jam_stays_within_its_limits():
+def test_random_offsets_in_a_jam_are_within_their_limits():
     attack = SybilCongestion(context("cam-sybil-congestion", victim=2), ghosts=30, jitter_m=2.0, lanes=1)
     found = by_ghost(ghosts(attack, lane({1: 0.0, 2: 50.0}, 40)))
     last = [said(messages[-1])[0].speed_mps for messages in found.values()]
@@ -143,7 +143,7 @@ def test_a_jam_of_several_attackers_is_one():
     assert {station: len(ids) for station, ids in senders.items()} == {1: 3, 3: 3}
 
 
-def test_on_the_track_of_another():
+def test_a_ghost_vehicle_follows_another_stations_track():
     """Whatever station 2 says, a ghost says a second later to the nanosecond, as of a second later."""
     told = ghosts(SybilReplay(context("cam-sybil-replay"), age_s=1.0), DRIVE)
     theirs = [one for step in DRIVE for one in step.sent if one.station_id == 2]
@@ -157,7 +157,7 @@ def test_on_the_track_of_another():
         assert cam.station_id not in (1, 2)
 
 
-def test_tracks_of_several_each_with_its_own_ghost():
+def test_each_followed_track_has_its_own_ghost_vehicle():
     drive = lane({1: 0.0, 2: 50.0, 3: 100.0, 4: 150.0}, 40)
     found = by_ghost(ghosts(SybilReplay(context("cam-sybil-replay"), ghosts=2, age_s=0.5), drive))
     assert len(found) == 2
@@ -169,7 +169,7 @@ def test_tracks_of_several_each_with_its_own_ghost():
     assert len(tracks) == 2
 
 
-def test_a_track_that_ends_makes_room():
+def test_an_ended_track_is_replaced():
     """Station 2 leaves after 1 s: its ghost says its last words at 1.92 s; 2 s later another one comes."""
     drive = lane({1: 0.0, 2: 50.0}, 60, leaves={2: 10})
     late = lane({1: 0.0, 2: 50.0, 3: 100.0}, 60)
@@ -184,7 +184,7 @@ def test_a_track_that_ends_makes_room():
     assert time_s(second[0].request_ns) > 3.9
 
 
-def test_same_seed_same_ghosts():
+def test_same_seed_same_ghost_vehicles():
     first, again, other = (
         [one.payload for one in ghosts(SybilGrid(context("x", seed=seed), jitter_m=1.0), DRIVE)]
         for seed in (5, 5, 6)

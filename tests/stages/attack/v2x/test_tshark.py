@@ -39,7 +39,7 @@ def read(payloads: list[bytes], path: Path) -> list[list[str]]:
     return [line.split("\t") for line in lines]
 
 
-def test_every_message_of_every_attack(recorded, tmp_path):
+def test_tshark_decodes_every_message_of_every_attack(recorded, tmp_path):
     reader = recorded()
     steps = [step for step in V2xDrive(reader).steps() if step.end_ns is not None]
     clean = {one.payload for step in steps for one in step.sent}

@@ -59,7 +59,9 @@ def send_again(
 
 
 @pytest.mark.parametrize("settings", DRIVES.values(), ids=DRIVES)
-def test_the_same_receptions_maps_and_statistics(drive: Record, settings: tuple[str, ...]) -> None:
+def test_retransmission_gives_the_same_receptions_maps_and_statistics(
+    drive: Record, settings: tuple[str, ...]
+) -> None:
     reader = drive(*settings)
     received, maps, statistics = send_again(reader)
     by_listener = defaultdict(list)
@@ -96,7 +98,7 @@ def test_any_station_can_listen(drive: Record) -> None:
     assert not any(received for _, received in V2xDrive(reader).sent_again(()))
 
 
-def test_buildings_are_in_the_way(drive: Record) -> None:
+def test_buildings_reduce_receptions(drive: Record) -> None:
     """Those that stand in the drive's world; without them, more arrives."""
     reader = drive(*DRIVES["two listeners, all equipped, everything on"])
     with_buildings = send_again(reader)[2]
@@ -109,7 +111,7 @@ def test_buildings_are_in_the_way(drive: Record) -> None:
     assert without.outcomes["received"] > 1.02 * with_buildings.outcomes["received"]
 
 
-def test_the_jam_is_one(drive: Record) -> None:
+def test_the_jammed_channel_is_overloaded(drive: Record) -> None:
     statistics = send_again(drive(*DRIVES["a jammed channel"]))[2]
     assert statistics.dropped > 10
     assert statistics.outcomes["interference"] + statistics.outcomes["busy"] > 100
@@ -117,7 +119,7 @@ def test_the_jam_is_one(drive: Record) -> None:
 
 
 @pytest.mark.parametrize("settings", DRIVES.values(), ids=DRIVES)
-def test_every_message_meets_its_fate(drive: Record, settings: tuple[str, ...]) -> None:
+def test_statistics_count_every_sent_message(drive: Record, settings: tuple[str, ...]) -> None:
     """Also those that are still waiting, or on the air, when the recording ends."""
     reader = drive(*settings)
     ((_, message),) = reader.messages(V2X_STATISTICS.name)
@@ -127,7 +129,7 @@ def test_every_message_meets_its_fate(drive: Record, settings: tuple[str, ...]) 
     assert numbers == list(range(len(numbers)))
 
 
-def test_other_messages_leave_the_rest_as_it_was(drive: Record) -> None:
+def test_false_messages_do_not_change_outcomes_of_others(drive: Record) -> None:
     """One station lies and another sends rubbish: what the others send arrives as before."""
     reader = drive(*DRIVES["one listener"])
     before, _, _ = send_again(reader)
