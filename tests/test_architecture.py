@@ -16,7 +16,7 @@ TOP = ("cli", "campaigns")
 """Packages of `pipeline/` that stand above the stages."""
 
 PUBLIC = ("bag", "commands")
-"""What lies in `api/`, above the campaigns; the command line stands on it."""
+"""The modules of `api/`, above the campaigns; the command line imports them."""
 
 LAYERS = (
     {"core"},
@@ -119,7 +119,7 @@ def test_stages_import_the_pipeline_and_not_one_another() -> None:
 
 
 def test_only_the_command_line_imports_the_public_api() -> None:
-    """`import advpipe` is for users; what it is made of knows nothing of it."""
+    """`import advpipe` is for users; the packages below do not import it."""
     public = {"api", *(f"top.{name}" for name in PUBLIC)}
 
     def is_public(module: str) -> bool:

@@ -70,7 +70,7 @@ def test_the_build_has_no_warnings(built: Built) -> None:
 
 
 def test_all_data_files_are_in_the_wheel(wheel: list[str]) -> None:
-    """Whatever kind of file lies in a package: messages, networks, templates, weights, their cards."""
+    """All data files in packages: messages, networks, templates, weights and their cards."""
     found = 0
     for top in ("pipeline", "stages", "scenarios"):
         for path in (ROOT / top).rglob("*"):
@@ -148,8 +148,8 @@ def test_make_installs_the_cpu_build_of_torch_by_default(index: str, tmp_path: P
     command = ["make", "--dry-run", "--always-make", "install", f"VENV={tmp_path}/venv"]
     command += [] if default else [f"TORCH_INDEX={index}"]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=True)
-    asked = re.search(r"--no-deps --retries 0 --index-url (\S*) torch==2\.13\.0", done.stdout)
-    assert asked is not None
+    requested = re.search(r"--no-deps --retries 0 --index-url (\S*) torch==2\.13\.0", done.stdout)
+    assert requested is not None
     assert f'test -z "{index}" ||' in done.stdout
 
 

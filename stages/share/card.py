@@ -44,7 +44,7 @@ _WHAT = {
     names.MESSAGES: Markdown("our own message types, a ROS 2 package"),
 }  # fmt: skip
 _ATTACK = "an adversarial version of it, playable alone, with its labels"
-_DRIVE = "another recorded drive; its own record holds its scenario"
+_DRIVE = "another recorded drive; its provenance contains its scenario"
 _POINT_TYPES = {1: "i1", 2: "u1", 3: "<i2", 4: "<u2", 5: "<i4", 6: "<u4", 7: "<f4", 8: "<f8"}
 """numpy's names of sensor_msgs/PointField's types."""
 

@@ -85,9 +85,9 @@ class TopicFacts:
 def _starts_with_header(schema: str) -> bool:
     """Whether a type's first field, after comments and constants, is a header."""
     for line in schema.splitlines():
-        words = line.split("#")[0].split()
-        if words and "=" not in line.split("#")[0]:
-            return words[0] in _HEADER_TYPES and words[1:] == ["header"]
+        tokens = line.split("#")[0].split()
+        if tokens and "=" not in line.split("#")[0]:
+            return tokens[0] in _HEADER_TYPES and tokens[1:] == ["header"]
     return False
 
 

@@ -57,7 +57,7 @@ def literal(value: str) -> Markdown:
 
 
 def authors_text(text: str) -> Markdown:
-    """What the author of a data set wrote about it in Markdown; as a block of code where it holds HTML."""
+    """The author's Markdown text about a data set; as a code block if it contains HTML."""
     from markdown_it import MarkdownIt
 
     tokens = MarkdownIt("commonmark").enable("table").parse(text)

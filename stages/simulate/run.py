@@ -90,6 +90,7 @@ class _Tally:
     road_users: set[str] = field(default_factory=set)
 
     def add(self, snapshots: Sequence[VehicleSnapshot]) -> None:
+        """Count the readings of one step."""
         for reading in (reading for snapshot in snapshots for reading in snapshot.readings):
             self.clouds += reading.clouds
             self.points += reading.points

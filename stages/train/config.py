@@ -28,7 +28,7 @@ class Augmentation:
     yaw_rad: float = 3.141592653589793
     flip: bool = True
     scale: float = 0.05
-    # Sub-voxel shifts keep the detector from learning where the voxel faces lie.
+    # Sub-voxel shifts keep the detector from learning the positions of voxel faces.
     shift_voxels: float = 0.5
     drop: float = 0.2
     jitter_m: float = 0.02

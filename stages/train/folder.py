@@ -20,41 +20,48 @@ from advpipe.stages.train.config import TrainConfig
 
 @dataclass(frozen=True)
 class RunFolder:
-    """detector.safetensors, config.json, train.csv, validation.csv and training.png; state.pt,
-    latest.safetensors and frames/ (decoded clouds) only while the run is not finished."""
+    """The files of a run; `state`, `latest` and `frames` exist only while it is unfinished."""
 
     path: Path
 
     @property
     def checkpoint(self) -> Path:
+        """The trained detector."""
         return self.path / "detector.safetensors"
 
     @property
     def config(self) -> Path:
+        """The run's configuration and the checksums of its inputs."""
         return self.path / "config.json"
 
     @property
     def log(self) -> Path:
+        """The log of steps."""
         return self.path / "train.csv"
 
     @property
     def validations(self) -> Path:
+        """The log of validations."""
         return self.path / "validation.csv"
 
     @property
     def picture(self) -> Path:
+        """The plot of both logs."""
         return self.path / "training.png"
 
     @property
     def state(self) -> Path:
+        """The state from which an unfinished run resumes."""
         return self.path / "state.pt"
 
     @property
     def latest(self) -> Path:
+        """The latest weights of an unfinished run."""
         return self.path / "latest.safetensors"
 
     @property
     def frames(self) -> Path:
+        """The decoded clouds of an unfinished run."""
         return self.path / "frames"
 
     @contextmanager

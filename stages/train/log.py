@@ -43,6 +43,7 @@ class Log:
         self._file.flush()
 
     def close(self) -> None:
+        """Close the file."""
         self._file.close()
 
 

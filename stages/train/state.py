@@ -23,6 +23,7 @@ class TrainState:
 
     @classmethod
     def new(cls, net: DetectionNetwork, learning_rate: float, weight_decay: float) -> TrainState:
+        """The state before the first step, with AdamW."""
         optimiser = torch.optim.AdamW(
             net.parameters(), learning_rate, betas=(0.9, 0.99), weight_decay=weight_decay
         )

@@ -1,4 +1,4 @@
-"""Texts inside bags and data sets that somebody wrote by hand: every command ends with one line, or works."""
+"""Hand-written texts inside bags and data sets: every command works or fails with a one-line error."""
 
 from __future__ import annotations
 
@@ -255,7 +255,7 @@ def test_invalid_files_of_a_data_set_are_handled(
 
 
 def test_run_refuses_invalid_files(drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A scenario.yaml that is no text is somebody's file, which is kept."""
+    """A scenario.yaml that is not text may be a user's file, so it is kept."""
     folder = Path(shutil.copytree(drive, tmp_path / "drive"))
     (folder / "scenario.yaml").write_bytes(BINARY)
     settings = [word for one in SMALL for word in ("--set", one)]

@@ -146,7 +146,7 @@ class CamReplay(_Replay):
 
 
 class DisruptiveReplay(_Replay):
-    """Replays random messages of any station, heard in the last memory_s: F2MD's disruptive replay."""
+    """Replays random messages of any station, overheard in the last memory_s: F2MD's disruptive replay."""
 
     traits = V2xTraits(untrue=ALL_CLAIMS, published=Published(veremi_extension=10))
 

@@ -129,11 +129,11 @@ class _Receiver:
             yield f"should be labelled as fix {self.count - 1}"
         if {build.stamp_ns(clean), build.stamp_ns(false)} != {row["stamp_ns"]}:
             yield "has a time stamp that differs from its label's"
-        for kind, place in (("true", genuine), ("false", spoofed)):
-            if [row[f"{kind}_{name}"] for name in GEOGRAPHIC] != (
+        for state, place in (("true", genuine), ("false", spoofed)):
+            if [row[f"{state}_{name}"] for name in GEOGRAPHIC] != (
                 place if place is not None else [None, None, None]
             ):
-                yield f"has a position that differs from its label's {kind}_... columns"
+                yield f"has a position that differs from its label's {state}_... columns"
         attack = active[-1].attack if active else None
         if row["attack"] != attack:
             yield f"is attacked by {attack or 'nothing'}, but its label says {row['attack'] or 'nothing'}"
@@ -183,7 +183,7 @@ def _pairs(readers: tuple[BagReader, BagReader], vehicle: str) -> Iterator[tuple
 
 
 def _position(fix: Any) -> list[float] | None:
-    """Latitude, longitude and altitude; None where there is no fix."""
+    """Latitude, longitude and altitude; None if there is no fix."""
     values = [fix.latitude, fix.longitude, fix.altitude]
     if fix.status.status < 0 or not all(map(math.isfinite, values)):
         return None
@@ -191,6 +191,6 @@ def _position(fix: Any) -> list[float] | None:
 
 
 def _is_else_same(clean: Any, false: Any) -> bool:
-    kind = VehicleTopics().gnss_fix.type
+    fix_type = VehicleTopics().gnss_fix.type
     back = replace(false, latitude=clean.latitude, longitude=clean.longitude, altitude=clean.altitude)
-    return serialise(back, kind) == serialise(clean, kind)
+    return serialise(back, fix_type) == serialise(clean, fix_type)

@@ -63,8 +63,8 @@ def test_a_change_beyond_the_declaration_is_a_fault(data_set: Path, rewrite: Rew
                 yield raw
                 continue
             payload = encode_cam_tree(with_fields(decode_cam_tree(bytes(message.payload)), speed_mps=99.0))
-            lie = replace(message, payload=np.frombuffer(payload, np.uint8))
-            yield replace(raw, cdr=serialise(lie, V2X_SENT.type))
+            false_message = replace(message, payload=np.frombuffer(payload, np.uint8))
+            yield replace(raw, cdr=serialise(false_message, V2X_SENT.type))
 
     rewrite(bag, faster)
     for name, value in (("false_speed_mps", 99.0), ("fields", "latitude_deg,longitude_deg,speed_mps")):
@@ -119,7 +119,7 @@ def test_declarations_depend_on_parameters(data_set: Path, options: dict[str, ob
 
 
 @pytest.mark.parametrize(
-    ("bag", "check", "bounds", "words"),
+    ("bag", "check", "bounds", "expected"),
     [
         (
             "gnss",
@@ -144,13 +144,13 @@ def test_declarations_depend_on_parameters(data_set: Path, options: dict[str, ob
     ],
 )
 def test_exceeded_bounds_are_faults(
-    data_set: Path, bag: str, check: type[BagCheck], bounds: dict[str, list[float]], words: str
+    data_set: Path, bag: str, check: type[BagCheck], bounds: dict[str, list[float]], expected: str
 ) -> None:
     """Whichever of two attacks of one name it was, one of them may have done it."""
     assert faults(data_set / bag, check) == []
-    assert words in " ".join(faults(data_set / bag, check, declaring(bounds=bounds)))
+    assert expected in " ".join(faults(data_set / bag, check, declaring(bounds=bounds)))
     known = {**bounds, "smell": [0, 1]}
-    assert words in " ".join(faults(data_set / bag, check, declaring(bounds=known)))
+    assert expected in " ".join(faults(data_set / bag, check, declaring(bounds=known)))
     twice = json.loads(BagReader(data_set / bag).provenance["attacks"])
 
     def one_of_two(attacks: Attacks) -> None:
@@ -162,16 +162,16 @@ def test_exceeded_bounds_are_faults(
 
 @pytest.mark.parametrize(("bag", "check"), [("gnss", Fixes), ("cam", CamsCheck)])
 def test_bounds_on_unknown_quantities_are_unchecked(data_set: Path, bag: str, check: type[BagCheck]) -> None:
-    said = unchecked(data_set / bag, check, declaring(bounds={"smell": [0, 1]}))
-    assert f"smell of {'gnss-bias' if bag == 'gnss' else 'cam-position-offset'} not checked" in said
+    unchecked_text = unchecked(data_set / bag, check, declaring(bounds={"smell": [0, 1]}))
+    assert f"smell of {'gnss-bias' if bag == 'gnss' else 'cam-position-offset'} not checked" in unchecked_text
 
 
 def test_fixes_of_an_older_version_are_unchecked(data_set: Path) -> None:
     def undeclared(attacks: Attacks) -> None:
         del attacks[0]["declared"]
 
-    said = unchecked(data_set / "gnss", Fixes, undeclared)
-    assert "bounds of gnss-bias not checked: the bag comes from a version" in said
+    unchecked_text = unchecked(data_set / "gnss", Fixes, undeclared)
+    assert "bounds of gnss-bias not checked: the bag comes from a version" in unchecked_text
 
 
 def test_a_victim_without_fixes_is_unchecked(data_set: Path) -> None:

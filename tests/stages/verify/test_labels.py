@@ -39,10 +39,10 @@ def faults(bag: Path, check: type[BagCheck], change: Callable[[Attacks], None] |
     return [found.what for found in check(subject).check() if isinstance(found, Fault)]
 
 
-def other(value: Any, kind: pa.DataType) -> Any:
-    if pa.types.is_boolean(kind):
+def other(value: Any, data_type: pa.DataType) -> Any:
+    if pa.types.is_boolean(data_type):
         return not value
-    if pa.types.is_string(kind):
+    if pa.types.is_string(data_type):
         return f"{value or ''}x"
     return 1 if value is None else value + 1
 
@@ -121,7 +121,7 @@ def by_others(attacks: Attacks) -> None:
 
 
 @pytest.mark.parametrize(
-    ("bag", "check", "change", "words"),
+    ("bag", "check", "change", "expected"),
     [
         ("cam", CamsCheck, later, "when cam-position-offset was not active"),
         ("delay", CamsCheck, later, "when cam-delay was not active"),
@@ -130,10 +130,10 @@ def by_others(attacks: Attacks) -> None:
     ],
 )
 def test_labels_that_contradict_the_declared_attacks_are_faults(
-    data_set: Path, bag: str, check: type[BagCheck], change: Callable[[Attacks], None], words: str
+    data_set: Path, bag: str, check: type[BagCheck], change: Callable[[Attacks], None], expected: str
 ) -> None:
     """The bag names attackers, or a time, that labels do not keep to."""
-    assert words in " ".join(faults(data_set / bag, check, change))
+    assert expected in " ".join(faults(data_set / bag, check, change))
 
 
 def bounded_by(**bounds: list[float]) -> Callable[[Attacks], None]:
@@ -144,7 +144,7 @@ def bounded_by(**bounds: list[float]) -> Callable[[Attacks], None]:
 
 
 @pytest.mark.parametrize(
-    ("bag", "bounds", "words"),
+    ("bag", "bounds", "expected"),
     [
         ("perturb", {"max_displacement_m": [0, 1e-4]}, "m, but the attack declares 0 to 0.0001 m"),
         ("attach", {"points_added": [1, 1]}, "points added: "),
@@ -157,10 +157,10 @@ def bounded_by(**bounds: list[float]) -> Callable[[Attacks], None]:
     ],
 )
 def test_exceeded_bounds_are_faults(
-    data_set: Path, bag: str, bounds: dict[str, list[float]], words: str
+    data_set: Path, bag: str, bounds: dict[str, list[float]], expected: str
 ) -> None:
     assert faults(data_set / bag, Points) == []
-    assert words in " ".join(faults(data_set / bag, Points, bounded_by(**bounds)))
+    assert expected in " ".join(faults(data_set / bag, Points, bounded_by(**bounds)))
     twice = json.loads(BagReader(data_set / bag).provenance["attacks"])
 
     def one_of_two(attacks: Attacks) -> None:
@@ -182,7 +182,7 @@ def unchecked(bag: Path, check: type[BagCheck], change: Callable[[Attacks], None
 
 
 @pytest.mark.parametrize(
-    ("bag", "check", "words"),
+    ("bag", "check", "expected"),
     [
         ("detach", Points, "bounds of detach not checked: the bag comes from a version"),
         (
@@ -193,26 +193,26 @@ def unchecked(bag: Path, check: type[BagCheck], change: Callable[[Attacks], None
     ],
 )
 def test_missing_declarations_of_older_versions_are_unchecked(
-    data_set: Path, bag: str, check: type[BagCheck], words: str
+    data_set: Path, bag: str, check: type[BagCheck], expected: str
 ) -> None:
     def undeclared(attacks: Attacks) -> None:
         del attacks[0]["declared"]
 
-    assert words in unchecked(data_set / bag, check, undeclared)
+    assert expected in unchecked(data_set / bag, check, undeclared)
 
 
 def test_bounds_on_unknown_quantities_are_unchecked(data_set: Path) -> None:
     """Of a later version, or made up."""
-    said = unchecked(data_set / "detach", Points, bounded_by(points_painted=[0, 3]))
-    assert "points_painted of detach not checked: unknown quantity in this version" in said
+    unchecked_text = unchecked(data_set / "detach", Points, bounded_by(points_painted=[0, 3]))
+    assert "points_painted of detach not checked: unknown quantity in this version" in unchecked_text
     assert "detach declares no bounds" in unchecked(data_set / "detach", Points, bounded_by())
 
 
 def test_labels_of_older_versions_are_accepted(data_set: Path) -> None:
     path = data_set / "cam" / CAMS
     table = pq.read_table(path).drop_columns(["part"])
-    words = pa.array([text.split(",") for text in table["fields"].to_pylist()])
-    pq.write_table(table.set_column(table.column_names.index("fields"), "fields", words), path)
+    expected = pa.array([text.split(",") for text in table["fields"].to_pylist()])
+    pq.write_table(table.set_column(table.column_names.index("fields"), "fields", expected), path)
     assert faults(path.parent, CamsCheck) == []
     unchecked = " ".join(gap.what for gap in verify(path.parent).unchecked)
     assert "part and fields: not in the form of this version" in unchecked
@@ -262,7 +262,7 @@ def test_a_missing_label_row_is_a_fault(data_set: Path, bag: str, table: str, ch
 
 
 def test_a_label_with_another_action_is_a_fault(data_set: Path) -> None:
-    """What was removed is said to have moved."""
+    """A removed point is labelled as moved."""
     path = data_set / "detach" / POINTS
     rows = pq.read_table(path)
     index = rows.column_names.index("action")

@@ -201,7 +201,7 @@ def test_wrong_labels_are_found(data_set: Path, spoil: str) -> None:
 
 
 def test_a_drive_without_recorded_receptions_is_unchecked(data_set: Path, rewrite: Rewrite) -> None:
-    """Is good as far as it goes, and says what it does not tell."""
+    """It has no findings, and the missing receptions are reported as unchecked."""
     rewrite(data_set / "clean", all_but(EGO.true_receptions.name, EGO.reception_info.name))
     result = verify(data_set / "clean")
     assert result.findings == []
@@ -257,25 +257,25 @@ def test_leftovers_of_killed_runs_are_unchecked(data_set: Path) -> None:
     (job / ".lock").touch()
     result = verify(data_set)
     assert result.is_good
-    said = ".detach.0123456789ab.job: was left by a killed run; not part of the data set"
-    assert said in " ".join(map(str, result.unchecked))
+    unchecked_text = ".detach.0123456789ab.job: was left by a killed run; not part of the data set"
+    assert unchecked_text in " ".join(map(str, result.unchecked))
     with pytest.raises(AdvpipeError, match="unfinished run"):
         verify(job)
 
 
 def test_paths_that_are_not_data_sets_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("x")
-    for path, words in (
+    for path, expected in (
         ("nothing", "does not exist"),
         ("", "neither a data set"),
         ("a.txt", "not a data set"),
     ):
-        with pytest.raises(AdvpipeError, match=words):
+        with pytest.raises(AdvpipeError, match=expected):
             verify(tmp_path / path)
 
 
 def test_another_tools_bag_is_verified(tmp_path: Path) -> None:
-    """rosbags writes no checksums, and no provenance: what can be checked is, and the rest is said."""
+    """rosbags writes no checksums, and no provenance: everything checkable is checked, the rest reported."""
     store = typestore()
     with Writer(tmp_path / "b", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         clock = writer.add_connection("/clock", "rosgraph_msgs/msg/Clock", typestore=store)
@@ -283,9 +283,9 @@ def test_another_tools_bag_is_verified(tmp_path: Path) -> None:
             writer.write(clock, stamp_ns, serialise(build.clock(stamp_ns), "rosgraph_msgs/msg/Clock"))
     result = verify(tmp_path / "b")
     assert result.findings == []
-    said = " ".join(map(str, result.unchecked))
-    assert "does not record its origin" in said
-    assert "none in the bag" in said
+    unchecked_text = " ".join(map(str, result.unchecked))
+    assert "does not record its origin" in unchecked_text
+    assert "none in the bag" in unchecked_text
     metadata = tmp_path / "b" / "metadata.yaml"
     metadata.write_text(metadata.read_text().replace("message_count: 10", "message_count: 11"))
     assert checks_of(tmp_path / "b") == {"metadata"}

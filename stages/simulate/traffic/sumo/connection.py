@@ -29,26 +29,32 @@ class SumoConnection:
 
     @property
     def vehicle(self) -> Any:
+        """TraCI's domain `vehicle`."""
         return self._client.vehicle
 
     @property
     def route(self) -> Any:
+        """TraCI's domain `route`."""
         return self._client.route
 
     @property
     def edge(self) -> Any:
+        """TraCI's domain `edge`."""
         return self._client.edge
 
     @property
     def vehicletype(self) -> Any:
+        """TraCI's domain `vehicletype`."""
         return self._client.vehicletype
 
     @property
     def simulation(self) -> Any:
+        """TraCI's domain `simulation`."""
         return self._client.simulation
 
     @property
     def trafficlight(self) -> Any:
+        """TraCI's domain `trafficlight`."""
         return self._client.trafficlight
 
     @property

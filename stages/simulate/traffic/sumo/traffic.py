@@ -80,7 +80,7 @@ class SumoTraffic(TrafficSource):
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self, error_type: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._sumo.close(after_error=error is not None)
 

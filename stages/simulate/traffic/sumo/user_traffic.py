@@ -42,6 +42,7 @@ class UserTraffic:
 
     @property
     def is_user_supplied(self) -> bool:
+        """Whether there are any files of the user."""
         return bool(self.route_files or self.additional_files)
 
     def options(self, types: Path) -> list[str]:

@@ -65,6 +65,7 @@ class _TableReader:
         self._rows_of: dict[str, _PartialRows] = {}
 
     def add(self, place: str, values: Sequence[Any]) -> None:
+        """Check and store a row; raises AdvpipeError for an invalid one."""
         given = dict(zip(self._columns, values, strict=True))
         name = self._name(place, "id", given["id"])
         body = self._name(place, "body", given.get("body", DEFAULT_BODY))
@@ -87,6 +88,7 @@ class _TableReader:
         own.values.extend(numbers)
 
     def finished(self) -> dict[str, Rows]:
+        """The rows of each id; raises AdvpipeError for no rows, or an id with a single row."""
         if not self._rows_of:
             raise AdvpipeError(f"{self._where} has no rows")
         found: dict[str, Rows] = {}

@@ -37,6 +37,7 @@ class Trajectory:
 
     @classmethod
     def of(cls, name: str, variant: Variant, rows: Rows) -> Trajectory:
+        """The trajectory of one id from its rows."""
         times_s, places_m, angles_rad = rows.values[:, 0], rows.values[:, 1:4], rows.values[:, 4:7]
         velocities_mps = np.gradient(places_m, times_s, axis=0)
         return cls(name, variant, times_s, places_m, np.unwrap(angles_rad, axis=0), velocities_mps)
@@ -115,7 +116,8 @@ def _check_name(scenario: Scenario, name: str, path: Path) -> None:
 
 
 def _variant(scenario: Scenario, variants: Mapping[str, Variant], name: str, rows: Rows) -> Variant:
-    """An instrumented vehicle has the body that the scenario gives it, the others that of the table."""
+    """The variant: for an instrumented vehicle, of its body in the scenario, else of its body in the
+    table."""
     if name in scenario.vehicles:
         return variants[f"{scenario.vehicles[name].body}.0"]
     choices = variants_of(variants, rows.body)

@@ -19,7 +19,7 @@ WALLS = ("plaster", "masonry", "facade_concrete", "facade_dark")
 
 
 def building(length_m: float, depth_m: float, storeys: int, rng: np.random.Generator) -> Mesh:
-    """A building centred on its ground plan; its length lies along x."""
+    """A building centred on its ground plan; its length is along x."""
     wall = WALLS[int(rng.choice(len(WALLS), p=(0.4, 0.35, 0.15, 0.1)))]
     height_m = storeys * STOREY_M + 0.6
     bay_m, window_m = rng.uniform(2.4, 3.6), rng.uniform(0.35, 0.65)

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from v2x_lane import BEGIN_NS, MS, context, edited, lane, said, time_s
+from v2x_lane import BEGIN_NS, MS, context, decoded, edited, lane, time_s
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.v2x.facilities.ldm import LocalDynamicMap, Verdict
@@ -48,7 +48,7 @@ def test_ldm_verdicts_on_delayed_messages(delay_s, restamp, verdict):
     attack = Delay(context("cam-delay"), delay_min_s=delay_s, delay_max_s=delay_s, restamp=restamp)
     known, found = LocalDynamicMap(LdmRules()), set()
     for one in of(edited(attack, DRIVE), 1):
-        report = said(one)[1]
+        report = decoded(one)[1]
         assert report.front_m[0] == pytest.approx(
             10 * (time_s(one.request_ns) - delay_s - 0.01) + 2.25, abs=0.02
         )
@@ -63,7 +63,7 @@ def test_a_delay_of_a_whole_time_cycle_is_accepted_as_fresh():
     ]
     after = edited(Delay(context("cam-delay"), delay_min_s=65.536, delay_max_s=65.536), drive)
     assert [time_s(one.request_ns) for one in after] == [pytest.approx(65.546)]
-    report = said(after[0])[1]
+    report = decoded(after[0])[1]
     assert report.generation_ns == BEGIN_NS + 65_536 * MS
     assert report.front_m[0] == pytest.approx(2.25, abs=0.02)
 
@@ -78,21 +78,21 @@ def test_stale_claims_the_state_of_five_messages_ago():
     """At 2.0 s: where it was at 1.5 s, 15 m + 2.25 m, with the time of now."""
     after = of(edited(Stale(context("cam-stale"), messages=5), DRIVE), 1)
     assert [one.payload for one in after[:5]] == [step.sent[0].payload for step in DRIVE[:5]]
-    report = said(after[20])[1]
+    report = decoded(after[20])[1]
     assert report.front_m[0] == pytest.approx(17.25, abs=0.02)
     assert report.generation_ns == BEGIN_NS + 2000 * MS
 
 
 def test_stale_without_restamp_keeps_the_old_time():
     after = of(edited(Stale(context("cam-stale"), messages=5, restamp=False), DRIVE), 1)
-    assert said(after[20])[1].generation_ns == BEGIN_NS + 1500 * MS
+    assert decoded(after[20])[1].generation_ns == BEGIN_NS + 1500 * MS
 
 
 def test_stale_uses_messages_from_before_the_attack():
     attack = Stale(context("cam-stale", active=lambda time_ns: time_s(time_ns) >= 2.0), messages=5)
     after = of(edited(attack, DRIVE), 1)
-    assert said(after[19])[1].front_m[0] == pytest.approx(21.25, abs=0.02)
-    assert said(after[20])[1].front_m[0] == pytest.approx(17.25, abs=0.02)
+    assert decoded(after[19])[1].front_m[0] == pytest.approx(21.25, abs=0.02)
+    assert decoded(after[20])[1].front_m[0] == pytest.approx(17.25, abs=0.02)
 
 
 @pytest.mark.parametrize("messages", [0, 1.5, True])

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from v2x_lane import context, edited, lane, said
+from v2x_lane import context, decoded, edited, lane
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.v2x.facilities.ldm import LocalDynamicMap, Verdict
@@ -13,7 +13,7 @@ DRIVE = lane(STARTS_M, 20)
 
 
 def masks(attack, drive=DRIVE):
-    return [said(one)[0].station_id for one in edited(attack, drive) if one.station_id == 1]
+    return [decoded(one)[0].station_id for one in edited(attack, drive) if one.station_id == 1]
 
 
 def test_the_nearest_station_is_impersonated_while_in_range():
@@ -24,7 +24,7 @@ def test_the_nearest_station_is_impersonated_while_in_range():
 
 def test_the_state_remains_the_attackers():
     after = [one for one in edited(Masquerade(context("cam-masquerade")), DRIVE) if one.station_id == 1]
-    report = said(after[10])[1]
+    report = decoded(after[10])[1]
     assert report.front_m[0] == pytest.approx(12.25, abs=0.02)
 
 
@@ -49,7 +49,7 @@ def test_the_stations_ldm_entry_is_overwritten(ahead_s, lasts):
     attack = Masquerade(context("cam-masquerade"), ahead_s=ahead_s)
     known, fronts_m = LocalDynamicMap(LdmRules()), []
     for one in edited(attack, DRIVE):
-        report = said(one)[1]
+        report = decoded(one)[1]
         verdict = known.receive(report, one.request_ns)
         if one.station_id == 3:
             entry = next(e for e in known.snapshot(one.request_ns).entries if e.report.station_id == 3)

@@ -22,12 +22,12 @@ def in_its_folder(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_users_ideal_network_records_a_drive(tmp_path: Path) -> None:
-    words = ["v2x.network=telepathy:Telepathy", "simulation.duration_s=0.5", *COARSE]
-    simulate(load_scenario("smoke", [*words, "vehicles={ego: {}, other: {}}"]), tmp_path / "drive")
+    settings = ["v2x.network=telepathy:Telepathy", "simulation.duration_s=0.5", *COARSE]
+    simulate(load_scenario("smoke", [*settings, "vehicles={ego: {}, other: {}}"]), tmp_path / "drive")
     reader = BagReader(tmp_path / "drive" / "clean")
     sent = [message for _, message in reader.messages(V2X_SENT.name)]
     stations = [message.stations for _, message in reader.messages(V2X_STATIONS.name)]
-    assert len(sent) == sum(map(len, stations[:-1])) > 100  # nobody is known before the first instant
+    assert len(sent) == sum(map(len, stations[:-1])) > 100  # no station is known before the first instant
     names = {station.vehicle: station.station_id for each in stations for station in each}
     for vehicle in ("ego", "other"):
         heard = [message for _, message in reader.messages(VehicleTopics(vehicle).received_raw.name)]

@@ -81,7 +81,7 @@ WRONG: dict[str, tuple[Callable[[Element], object], str]] = {
 
 @pytest.mark.parametrize("wrong", WRONG)
 def test_an_error_names_the_element(tmp_path: Path, road: Callable[..., Path], wrong: str) -> None:
-    change, words = WRONG[wrong]
+    change, expected = WRONG[wrong]
     tree = ElementTree.parse(road(100))
     change(tree.getroot())
     path = tmp_path / "wrong.net.xml"
@@ -89,7 +89,7 @@ def test_an_error_names_the_element(tmp_path: Path, road: Callable[..., Path], w
     with pytest.raises(AdvpipeError) as caught:
         load_network(Map(sumo_net=str(path)), tmp_path)
     message = str(caught.value)
-    assert re.search(words, message), message
+    assert re.search(expected, message), message
     assert message.startswith(f"{path}: ")
     assert "\n" not in message
     assert len(message) < len(str(path)) + 200

@@ -122,7 +122,7 @@ def test_a_path_keeps_to_lanes_and_changes_them_smoothly(tmp_path: Path, road: C
 
 
 def test_it_drives_among_sumos_traffic(tmp_path: Path, drive: Driver, variants: dict[str, Variant]) -> None:
-    """A minute on the boulevard: it gets on, nobody drives into it, and its truth is smooth."""
+    """A minute on the boulevard: it advances without collisions, and its true motion is smooth."""
     settings = ["vehicles={ego: {driver: controller}}", "traffic.vehicles=60", "simulation.duration_s=60"]
     states = drive(load_scenario("boulevard", [*settings, "simulation.warmup_s=5"]), 600)
     egos = [state["ego"] for state in states]

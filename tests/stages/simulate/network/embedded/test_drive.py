@@ -32,7 +32,7 @@ MS = 1_000_000
 
 
 @dataclass(frozen=True)
-class Told:
+class SentCam:
     """A CAM on its way out, and the truth of the station at the step that it tells of."""
 
     time_ns: int
@@ -45,29 +45,29 @@ class Told:
 
     @property
     def centre_m(self) -> np.ndarray:
-        """Where the CAM says that the ground below the middle of the box is: half a length behind."""
+        """The ground below the middle of the box according to the CAM: half a length behind its position."""
         x_m, y_m = PLANE(self.cam.longitude_deg, self.cam.latitude_deg)
         yaw_rad = math.pi / 2 - self.cam.heading_rad
         return np.array([x_m, y_m]) - self.size_m[0] / 2 * np.array([math.cos(yaw_rad), math.sin(yaw_rad)])
 
 
-def told(reader: BagReader) -> list[Told]:
+def sent_cams(reader: BagReader) -> list[SentCam]:
     found = []
     for step in V2xDrive(reader).steps():
         places = {place.station_id: place for place in step.radios}
         for sent in step.sent:
             _, vehicle, pose, size_m, velocity_mps = places[sent.station_id]
             cam = decode_cam(sent.payload)
-            found.append(Told(sent.request_ns, vehicle, cam, step.begin_ns, pose, velocity_mps, size_m))
+            found.append(SentCam(sent.request_ns, vehicle, cam, step.begin_ns, pose, velocity_mps, size_m))
     return found
 
 
 @pytest.fixture
-def cams(drive: Record) -> list[Told]:
-    return told(drive(*LONG))
+def cams(drive: Record) -> list[SentCam]:
+    return sent_cams(drive(*LONG))
 
 
-def test_other_stations_report_the_truth_with_the_configured_errors(cams: list[Told]) -> None:
+def test_other_stations_report_the_truth_with_the_configured_errors(cams: list[SentCam]) -> None:
     """Half a metre a horizontal axis, half a degree, 0.1 m/s: the errors of one station hang together."""
     errors = defaultdict(list)
     for one in cams:
@@ -94,7 +94,7 @@ def test_other_stations_report_the_truth_with_the_configured_errors(cams: list[T
     assert abs(means[:, :3].mean()) < 0.15
 
 
-def test_instrumented_vehicles_report_their_estimate(drive: Record, cams: list[Told]) -> None:
+def test_instrumented_vehicles_report_their_estimate(drive: Record, cams: list[SentCam]) -> None:
     reader = drive(*LONG)
     estimates = {stamp_ns(message): message for _, message in reader.messages("/ego/odometry")}
     own = [one for one in cams if one.vehicle == "ego"]
@@ -120,7 +120,7 @@ def test_instrumented_vehicles_report_their_estimate(drive: Record, cams: list[T
     assert differs > 0.05  # or the test could not tell it from the truth
 
 
-def test_cam_rates_and_triggers_follow_the_standard(cams: list[Told]) -> None:
+def test_cam_rates_and_triggers_follow_the_standard(cams: list[SentCam]) -> None:
     """From one CAM to the next there is a reason: 4 m, 4 degrees, 0.5 m/s, or a second; never below 0.1 s."""
     by_station = defaultdict(list)
     for one in cams:
@@ -145,7 +145,7 @@ def test_cam_rates_and_triggers_follow_the_standard(cams: list[Told]) -> None:
                 assert after.time_ns - before.time_ns <= 500 * MS  # 4 m take 0.36 s
 
 
-def test_path_history_follows_the_driven_path(drive: Record, cams: list[Told]) -> None:
+def test_path_history_follows_the_driven_path(drive: Record, cams: list[SentCam]) -> None:
     """The points, added up from the reference position, were passed by the vehicle's front."""
     last = [one for one in cams if one.vehicle == "ego" and one.cam.low_frequency][-1]
     passed = [
@@ -192,9 +192,9 @@ def test_inspect_reports_road_users_and_v2x(drive: Record) -> None:
 
 
 def test_penetration_sets_the_share_of_equipped_vehicles(drive: Record) -> None:
-    """Nobody but the instrumented; half; all with an engine, but no bicycles."""
+    """Only instrumented vehicles; half; all motor vehicles, but no bicycles."""
     senders = {
-        share: {one.vehicle for one in told(drive(*LONG[:2], f"v2x.penetration={share}"))}
+        share: {one.vehicle for one in sent_cams(drive(*LONG[:2], f"v2x.penetration={share}"))}
         for share in ("0", "0.5", "1")
     }
     assert senders["0"] == {"ego"}

@@ -41,7 +41,7 @@ DRIVES = {
         "v2x.radio.queue_delay_max_s=0.004",
         "v2x.cam={position_m: 0, speed_mps: 0, dcc: none}",
     ),
-    "nobody else": ("v2x.penetration=0",),
+    "no other station": ("v2x.penetration=0",),
 }
 
 
@@ -93,8 +93,8 @@ def test_any_station_can_listen(drive: Record) -> None:
             heard[one.listener].append((one.arrival_ns, one.sent.number))
     assert len(heard) == len(recorded.stations) > 10
     for listener in ("ego", "other"):
-        told = recorded_receptions(reader, listener)
-        assert heard[listener] == [(one.arrival_ns, one.number) for one in told]
+        recorded = recorded_receptions(reader, listener)
+        assert heard[listener] == [(one.arrival_ns, one.number) for one in recorded]
     assert not any(received for _, received in V2xDrive(reader).sent_again(()))
 
 
@@ -130,16 +130,16 @@ def test_statistics_count_every_sent_message(drive: Record, settings: tuple[str,
 
 
 def test_false_messages_do_not_change_outcomes_of_others(drive: Record) -> None:
-    """One station lies and another sends rubbish: what the others send arrives as before."""
+    """One station sends false messages and another invalid ones: all other messages arrive as before."""
     reader = drive(*DRIVES["one listener"])
     before, _, _ = send_again(reader)
     senders = sorted({one.sent.station_id for one in before})
-    liar, broken = senders[0], senders[1]
+    attacker, broken = senders[0], senders[1]
 
     def change(sent: Sequence[Sent]) -> list[Sent]:
         changed = []
         for one in sent:
-            if one.station_id == liar:
+            if one.station_id == attacker:
                 one = replace(one, payload=one.payload[:2] + bytes(4) + one.payload[6:])
             elif one.station_id == broken:
                 one = replace(one, payload=b"\xff" * len(one.payload))
@@ -150,9 +150,11 @@ def test_false_messages_do_not_change_outcomes_of_others(drive: Record) -> None:
     assert [(one.sent.number, one.arrival_ns, one.sinr_db) for one in after] == [
         (one.sent.number, one.arrival_ns, one.sinr_db) for one in before
     ]
-    kept = [(one.sent, one.verdict) for one in after if one.sent.station_id not in (liar, broken)]
-    assert kept == [(one.sent, one.verdict) for one in before if one.sent.station_id not in (liar, broken)]
-    assert {one.tree["header"]["stationID"] for one in after if one.sent.station_id == liar and one.tree} == {
-        0
-    }
+    kept = [(one.sent, one.verdict) for one in after if one.sent.station_id not in (attacker, broken)]
+    assert kept == [
+        (one.sent, one.verdict) for one in before if one.sent.station_id not in (attacker, broken)
+    ]
+    assert {
+        one.tree["header"]["stationID"] for one in after if one.sent.station_id == attacker and one.tree
+    } == {0}
     assert all(one.tree is None for one in after if one.sent.station_id == broken)

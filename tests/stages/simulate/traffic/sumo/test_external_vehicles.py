@@ -1,4 +1,5 @@
-"""Vehicles that are pushed into SUMO's traffic: exact, met by it, and gone when nobody pushes them."""
+"""Vehicles that are pushed into SUMO's traffic: their poses are exact, traffic reacts to them, and they
+disappear when no longer pushed."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def children(pid: int) -> set[int]:
 
 
 def other_client(port: int, order: int, steps: int, seen: list[set[str]]) -> threading.Thread:
-    """Somebody who shares the server, and notes who is on the road after each step."""
+    """Another client of the server, which records the vehicles on the road after each step."""
 
     def run() -> None:
         import traci
@@ -110,7 +110,7 @@ def test_both_transports_give_the_same_bag(tmp_path: Path) -> None:
 
 
 def test_a_server_of_ours_is_shared(drive: Driver) -> None:
-    """Somebody else steps it too, sees whom we see, and changes nothing."""
+    """Another client steps it too, sees the same vehicles, and changes nothing."""
     port, seen = free_port(), list[set[str]]()
     alone = drive(load_scenario("smoke", [*SMALL, TRACI]), 20)
     server = f"traffic.server={{port: {port}, clients: 2, order: 1}}"
@@ -123,7 +123,7 @@ def test_a_server_of_ours_is_shared(drive: Driver) -> None:
 
 @pytest.fixture
 def started(tmp_path: Path) -> Iterator[Callable[..., int]]:
-    """Starts a SUMO that is nobody's, with the given options; its port."""
+    """Starts an independent SUMO server with the given options; returns its port."""
     processes = []
 
     def start(*options: str) -> int:
@@ -141,7 +141,7 @@ def started(tmp_path: Path) -> Iterator[Callable[..., int]]:
 
 
 def test_a_running_server_is_joined(started: Callable[..., int], drive: Driver) -> None:
-    """With the same options it gives the same traffic; our vehicle types are told to it."""
+    """With the same options it gives the same traffic; our vehicle types are defined on it."""
     scenario = load_scenario("smoke", [*SMALL, TRACI])
     options = ["--step-length", "0.1", "--seed", str(scenario.simulation.seed), "--lateral-resolution", "0.8"]
     options += ["--default.speeddev", "0.1", "--max-depart-delay", "2", "--time-to-teleport", "-1"]

@@ -109,22 +109,22 @@ print((peak_kib() - before) >> 10, time.process_time() - start)
 def measured(path: Path) -> tuple[str, float, float]:
     """What reading comes to, how many MiB and seconds it takes."""
     done = subprocess.run([sys.executable, "-c", MEASURE, path], capture_output=True, text=True, check=True)
-    said, figures = done.stdout.splitlines()
+    output, figures = done.stdout.splitlines()
     peak_mib, time_s = map(float, figures.split())
-    return said, peak_mib, time_s
+    return output, peak_mib, time_s
 
 
 def test_millions_of_compressed_parquet_rows_are_refused_quickly(tmp_path: Path) -> None:
     path, codes = tmp_path / "t.parquet", np.zeros(1 << 20, np.int32)
-    words = [pyarrow.array(["a"]), *[pyarrow.array([0.5])] * 5]
-    arrays = [pyarrow.DictionaryArray.from_arrays(codes, one) for one in words]
+    columns = [pyarrow.array(["a"]), *[pyarrow.array([0.5])] * 5]
+    arrays = [pyarrow.DictionaryArray.from_arrays(codes, one) for one in columns]
     table = pyarrow.Table.from_arrays(arrays, names=HEAD.split(","))
     with pyarrow.parquet.ParquetWriter(path, table.schema, compression="zstd") as writer:
         for _ in range(8):
             writer.write_table(table)
     assert path.stat().st_size < 250_000
-    said, peak_mib, time_s = measured(path)
-    assert "8388608 rows; at most 5000000" in said
+    output, peak_mib, time_s = measured(path)
+    assert "8388608 rows; at most 5000000" in output
     assert peak_mib < 100
     assert time_s < 5
 
@@ -133,8 +133,8 @@ def test_memory_of_a_long_table_is_near_the_size_of_its_numbers(tmp_path: Path) 
     """200,000 rows of seven numbers: 11 MB; as Python's own values they took ten times that."""
     lines = (f"car{row % 20},{row // 20 * 0.1:.1f},{row % 977},{row % 983},0,0.25" for row in range(200_000))
     (tmp_path / "t.csv").write_text("\n".join((HEAD, *lines)))
-    said, peak_mib, time_s = measured(tmp_path / "t.csv")
-    assert said == "200000"
+    output, peak_mib, time_s = measured(tmp_path / "t.csv")
+    assert output == "200000"
     assert peak_mib < 45
     assert time_s < 20
 

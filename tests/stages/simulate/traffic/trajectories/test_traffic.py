@@ -1,4 +1,4 @@
-"""Traffic of a table alone: the drive that SUMO gives where nobody else is on the road."""
+"""Traffic of a table alone: the same drive as SUMO's without other traffic."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ VEHICLES = [name for name, body in BODIES.items() if body.label in ("car", "truc
 
 
 def of_its_size(name: str) -> Variant:
-    """The body as large as its kind is, in red."""
+    """The body at its nominal size, in red."""
     body = BODIES[name]
     return Variant(f"{name}.0", body, body.length_m, body.width_m, body.height_m, "paint_red")
 
@@ -64,7 +64,7 @@ def test_a_ray_from_the_side_hits_the_body_within_its_box(name: str) -> None:
 
 @pytest.mark.parametrize("name", VEHICLES)
 def test_rays_through_a_windscreen_hit_occupants_and_seats(name: str) -> None:
-    """From ahead, a little aside: panes are passed, and what lies behind them answers."""
+    """From ahead, a little aside: rays pass the panes and hit the interior."""
     body = BODIES[name]
     scene = Scene(body_mesh(of_its_size(name)))
     targets = np.stack(

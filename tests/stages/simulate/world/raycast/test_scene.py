@@ -1,4 +1,4 @@
-"""Rays pass panes, meet what lies behind, and see a pane itself only near its normal."""
+"""Rays pass panes, hit surfaces behind them, and hit a pane itself only near its normal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Crowns let some rays through, and cost few triangles; rooms lie behind windows."""
+"""Crowns transmit some rays and have few triangles; there are rooms behind windows."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from advpipe.stages.simulate.world.raycast.mesh import Mesh
 from advpipe.stages.simulate.world.raycast.scene import Scene
 
 
-@pytest.mark.parametrize("kind", [trees.round_tree, trees.conifer, trees.columnar_tree])
-def test_a_tree_crown_transmits_some_rays(kind: Callable[[np.random.Generator], Mesh]) -> None:
+@pytest.mark.parametrize("build", [trees.round_tree, trees.conifer, trees.columnar_tree])
+def test_a_tree_crown_transmits_some_rays(build: Callable[[np.random.Generator], Mesh]) -> None:
     """Through the middle half of the crown, over ten trees: neither a wall nor thin air."""
     shares = []
     for seed in range(10):
-        mesh = kind(np.random.default_rng(seed))
+        mesh = build(np.random.default_rng(seed))
         assert len(mesh.triangles) <= 300
         leaves = np.isin(mesh.materials, [MATERIAL_ID["foliage"], MATERIAL_ID["conifer"]])
         points = mesh.vertices_m[np.unique(mesh.triangles[leaves])]
