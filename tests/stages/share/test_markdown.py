@@ -169,21 +169,21 @@ def shared_card(folder: Path, content: str) -> str:
             "lidar": content,
             "detector": content,
         }
-        record = {
+        attack_record = {
             "kind": "attack",
             "attack": content,
             "recipe": content,
             "frames": content,
             "budget": content,
         }
-        record |= {
+        attack_record |= {
             "attacks": json.dumps(
                 [attack, attack | {"attackers": {content: content}, "schedule": {content: content}}]
             )
         }
-        record |= {"parameters": json.dumps({content: content})}
-        record |= {} if record else {"parent_sha256": parent_sha256(clean)}
-        with BagWriter(bag, provenance=record or record) as writer:
+        attack_record |= {"parameters": json.dumps({content: content})}
+        attack_record |= {} if record else {"parent_sha256": parent_sha256(clean)}
+        with BagWriter(bag, provenance=record or attack_record) as writer:
             cloud = cloud_to_cdr(np.zeros(3, POINT_DTYPE), 5, content)
             writer.write_cdr(Topic(f"/{name}/points", ego.lidar_points.type), cloud, 5)
             writer.write(
