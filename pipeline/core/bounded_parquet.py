@@ -16,8 +16,12 @@ from typing import Any, Literal
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.parquet_pages import ENCODINGS, Chunk, Page, column_chunks, pages
 
-Kind = Literal["whole", "truth", "text"]
-KINDS: dict[Kind, str] = {"whole": "a whole number", "truth": "true or false", "text": "a string"}
+ColumnType = Literal["whole", "truth", "text"]
+COLUMN_TYPES: dict[ColumnType, str] = {
+    "whole": "a whole number",
+    "truth": "true or false",
+    "text": "a string",
+}
 
 BATCH_ROWS = 1 << 12
 ROWS_AT_ONCE = 1 << 9
@@ -48,7 +52,9 @@ ROWS_PER_BYTE = 1 / 8
 """Rows of messages, fixes and frames hold several numbers each; as Python objects they are slow."""
 
 
-def rows(path: Path, columns: Sequence[str] | Mapping[str, Kind] | None = None) -> Iterator[dict[str, Any]]:
+def rows(
+    path: Path, columns: Sequence[str] | Mapping[str, ColumnType] | None = None
+) -> Iterator[dict[str, Any]]:
     """Yield the rows of a table in order, each a mapping from column name to value.
 
     columns and errors: as in `batches`, with a lower limit of rows.
@@ -65,7 +71,10 @@ def flat_columns(path: Path) -> set[str]:
 
 
 def batches(
-    path: Path, columns: Sequence[str] | Mapping[str, Kind] | None = None, *, most_rows: int | None = None
+    path: Path,
+    columns: Sequence[str] | Mapping[str, ColumnType] | None = None,
+    *,
+    most_rows: int | None = None,
 ) -> Iterator[Any]:
     """Yield `pyarrow.RecordBatch` of at most `BATCH_ROWS` rows, with columns of numbers and strings.
 
@@ -86,10 +95,10 @@ def batches(
             _file(path), page_checksum_verification=True, read_dictionary=texts, buffer_size=READ_BYTES
         ) as table:
             for batch in table.iter_batches(BATCH_ROWS, columns=names, use_threads=False):
-                unpacked = [_unpacked(path, name, batch.column(name)) for name in names]
-                for name, kind in columns.items() if isinstance(columns, Mapping) else ():
-                    _check_kind(path, name, batch.column(name), kind)
-                decoded = pa.RecordBatch.from_arrays(unpacked, names=names)
+                columns_decoded = [_decoded(path, name, batch.column(name)) for name in names]
+                for name, column_type in columns.items() if isinstance(columns, Mapping) else ():
+                    _check_type(path, name, batch.column(name), column_type)
+                decoded = pa.RecordBatch.from_arrays(columns_decoded, names=names)
                 decoded.validate(full=True)  # strings are UTF-8
                 yield decoded
     except (OSError, pa.ArrowException, ValueError, KeyError, MemoryError) as error:
@@ -208,28 +217,28 @@ def _no_table(path: Path, error: BaseException) -> AdvpipeError:
     return AdvpipeError(f"{path}: not a complete Parquet file ({reason})")
 
 
-def _is_number(kind: Any) -> bool:
+def _is_number(arrow_type: Any) -> bool:
     import pyarrow as pa
 
-    return bool(pa.types.is_primitive(kind))
+    return bool(pa.types.is_primitive(arrow_type))
 
 
-def _is_text(kind: Any) -> bool:
+def _is_text(arrow_type: Any) -> bool:
     import pyarrow as pa
 
-    kind = kind.value_type if pa.types.is_dictionary(kind) else kind
-    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
+    arrow_type = arrow_type.value_type if pa.types.is_dictionary(arrow_type) else arrow_type
+    return bool(pa.types.is_string(arrow_type) or pa.types.is_large_string(arrow_type))
 
 
-def _check_kind(path: Path, name: str, column: Any, kind: Kind) -> None:
+def _check_type(path: Path, name: str, column: Any, column_type: ColumnType) -> None:
     import pyarrow as pa
 
-    is_kind = {"whole": pa.types.is_integer, "truth": pa.types.is_boolean, "text": _is_text}[kind]
-    if not is_kind(column.type) or column.null_count:
-        raise AdvpipeError(f"{path}: {name} must be {KINDS[kind]} in every row")
+    has_type = {"whole": pa.types.is_integer, "truth": pa.types.is_boolean, "text": _is_text}[column_type]
+    if not has_type(column.type) or column.null_count:
+        raise AdvpipeError(f"{path}: {name} must be {COLUMN_TYPES[column_type]} in every row")
 
 
-def _unpacked(path: Path, name: str, column: Any) -> Any:
+def _decoded(path: Path, name: str, column: Any) -> Any:
     """A column with its dictionary decoded, so that each row has its string."""
     import pyarrow as pa
     import pyarrow.compute as pc

@@ -11,11 +11,11 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from advpipe.pipeline.core import plain_json, plain_yaml
 from advpipe.pipeline.core.errors import AdvpipeError, one_line
 
-LONGEST_WORD = 200
+LONGEST_SHORT_TEXT = 200
 LONGEST_TEXT = 2 << 20
 _SHOWN = 60
 
-Word = Annotated[str, Field(max_length=LONGEST_WORD)]
+ShortText = Annotated[str, Field(max_length=LONGEST_SHORT_TEXT)]
 """A name, or another string that fits into one cell of a table."""
 Text = Annotated[str, Field(max_length=LONGEST_TEXT)]
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -75,7 +75,7 @@ def validated(document: object, model: Any, where: str, hint: str) -> Any:
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
         key = ".".join(str(part)[:_SHOWN] for part in first["loc"] if part != "[key]")
-        message = str(first["msg"]).removeprefix("Value error, ")[:LONGEST_WORD]
+        message = str(first["msg"]).removeprefix("Value error, ")[:LONGEST_SHORT_TEXT]
         place = f"{where}: {key}" if key else where
         raise AdvpipeError(one_line(f"{place}: {message}; {hint}")) from None
 
@@ -85,5 +85,5 @@ def _reason(error: Exception) -> str:
     if isinstance(error, yaml.MarkedYAMLError):
         mark = error.problem_mark
         place = f" in line {mark.line + 1}" if mark is not None else ""
-        return f"{error.problem}{place}"[:LONGEST_WORD]
-    return (str(error).splitlines() or [type(error).__name__])[0][:LONGEST_WORD]
+        return f"{error.problem}{place}"[:LONGEST_SHORT_TEXT]
+    return (str(error).splitlines() or [type(error).__name__])[0][:LONGEST_SHORT_TEXT]

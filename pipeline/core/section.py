@@ -29,7 +29,7 @@ Probability = Annotated[Number, Field(ge=0, le=1)]
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=60)]
 """A name chosen by the user that becomes part of a topic or a frame."""
 
-Word = Annotated[str, Field(max_length=200)]
+Reference = Annotated[str, Field(max_length=200)]
 """A reference by name: to a station id, a body, a material or a topic."""
 
 

@@ -50,7 +50,7 @@ def is_for_people() -> bool:
     return not (_current.quiet or _current.as_json)
 
 
-def say(text: object) -> None:
+def print_result(text: object) -> None:
     """Print a part of the result that is known before the rest, such as a cell of a sweep."""
     if not _current.quiet:
         print(text, file=sys.stderr if _current.as_json else sys.stdout, flush=True)

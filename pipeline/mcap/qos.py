@@ -11,7 +11,7 @@ from rosbags.rosbag2 import ReaderError
 from rosbags.rosbag2.metadata import parse_qos
 
 from advpipe.pipeline.core import plain_yaml
-from advpipe.pipeline.core.document import Count, Document, Word
+from advpipe.pipeline.core.document import Count, Document, ShortText
 from advpipe.pipeline.core.errors import one_line
 
 _FOREVER = QosTime(9223372036, 854775807)
@@ -42,13 +42,13 @@ class _Time(Document):
 class _Profile(Document):
     """As rosbag2 writes one; enumerations by number or name."""
 
-    history: Count | Word
+    history: Count | ShortText
     depth: Count
-    reliability: Count | Word
-    durability: Count | Word
+    reliability: Count | ShortText
+    durability: Count | ShortText
     deadline: _Time
     lifespan: _Time
-    liveliness: Count | Word
+    liveliness: Count | ShortText
     liveliness_lease_duration: _Time
     avoid_ros_namespace_conventions: bool
 

@@ -22,7 +22,7 @@ from advpipe.pipeline.core.bounds import DriveTimeS, HeightM, PlaceM, ShareOfSom
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.pipeline.core.options import parser_options
-from advpipe.pipeline.core.section import NotNegative, Section, Switch, Word
+from advpipe.pipeline.core.section import NotNegative, Reference, Section, Switch
 from advpipe.pipeline.core.short_repr import short_repr, shorten
 
 NS_PER_S = 1_000_000_000
@@ -112,7 +112,7 @@ class RoadsideUnit(Section):
 class Attackers(Section):
     """The stations that send the false messages, by exactly one of these keys."""
 
-    vehicles: tuple[Word, ...] = Field(
+    vehicles: tuple[Reference, ...] = Field(
         (), max_length=10_000, description="ids of the attackers in /v2x/stations"
     )
     share: ShareOfSome | None = Field(
@@ -138,19 +138,19 @@ class AttackSpec(Section):
     type: str = Field(
         pattern=r"^[A-Za-z_][A-Za-z0-9_.:-]*$", max_length=200, description=_help("type")
     )  # no default: a scenario names its attacks
-    recipe: Word | None = _shared("recipe", "For a LiDAR attack; its best recipe by default.")
-    parameters: dict[Word, Value] = Field(
+    recipe: Reference | None = _shared("recipe", "For a LiDAR attack; its best recipe by default.")
+    parameters: dict[Reference, Value] = Field(
         {}, max_length=1000, description="parameters of this attack by name"
     )
     schedule: Schedule = Schedule()
     attackers: Attackers | None = Field(None, description="the attackers of a V2X attack")
-    victim: Word | None = _shared("victim")
-    seed_name: Word = Field(
+    victim: Reference | None = _shared("victim")
+    seed_name: Reference = Field(
         "", description="a name from which random draws derive; attacks of different names draw differently"
     )
     dcc_reacts: Switch = _shared("dcc_reacts")
-    lidar: Word | None = _shared("lidar")
-    frames: Word = _shared("frames", "For a LiDAR attack.")
+    lidar: Reference | None = _shared("lidar")
+    frames: Reference = _shared("frames", "For a LiDAR attack.")
     detector: str = _shared("detector", "The detector that a LiDAR attack targets.", max_length=4096)
 
     @field_validator("parameters")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from advpipe.pipeline.core.bounds import HeightM, MeshScale, PlaceM, YawRad
-from advpipe.pipeline.core.section import File, NotNegative, Probability, Section, Word
+from advpipe.pipeline.core.section import File, NotNegative, Probability, Reference, Section
 from advpipe.pipeline.sensors.weather import Weather
 
 
@@ -13,7 +13,7 @@ class UserObject(Section):
     """A static object given by the user's mesh, at a position in the map frame."""
 
     mesh: File = Field(description="path of an .obj, .ply, .stl, .glb or .off file")
-    material: Word = Field("concrete", description="material of the whole mesh")
+    material: Reference = Field("concrete", description="material of the whole mesh")
     scale: MeshScale = Field(1.0, description="metres per unit of the mesh")
     x_m: PlaceM = 0.0
     y_m: PlaceM = 0.0

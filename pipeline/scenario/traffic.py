@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from advpipe.pipeline.core.bounds import AccelerationMps2, MeshScale, SpeedMps
-from advpipe.pipeline.core.section import File, Name, NotNegative, Section, Whole, Word
+from advpipe.pipeline.core.section import File, Name, NotNegative, Reference, Section, Whole
 
 BODIES = (
     "sedan",
@@ -37,7 +37,7 @@ class UserBody(Section):
     label: Literal["car", "truck", "cyclist", "pedestrian"] = Field(
         "car", description="class in the ground truth"
     )
-    material: Word = Field("paint_silver", description="material of the whole mesh")
+    material: Reference = Field("paint_silver", description="material of the whole mesh")
     scale: MeshScale = Field(1.0, description="metres per unit of the mesh")
     max_speed_mps: SpeedMps = Field(50.0, description="highest speed")
     acceleration_mps2: AccelerationMps2 = Field(2.6, description="highest acceleration")
@@ -72,7 +72,7 @@ class SumoServer(Section):
 class Traffic(Section):
     """The road users besides the instrumented vehicles, and what moves them."""
 
-    source: Word = Field(
+    source: Reference = Field(
         "sumo",
         description="sumo; trajectories (only the vehicles of the table, without SUMO); or module:Class of "
         "your own",
@@ -83,7 +83,7 @@ class Traffic(Section):
     )
     server: SumoServer = SumoServer()
     vehicles: Whole = Field(80, ge=0, le=5000, description="number of vehicles on the network at any time")
-    mix: dict[Word, Annotated[NotNegative, Field(le=1e6)]] = Field(
+    mix: dict[Reference, Annotated[NotNegative, Field(le=1e6)]] = Field(
         {
             "sedan": 0.22,
             "hatchback": 0.18,
@@ -140,11 +140,11 @@ class Vehicle(Section):
     `controller`: a bicycle model with a controller of its own follows its route.
     """
 
-    body: Word = Field("sedan", description="a built-in body or one of `bodies`")
+    body: Reference = Field("sedan", description="a built-in body or one of `bodies`")
     driver: Literal["traffic", "trajectory", "controller"] = Field(
         "traffic", description="what drives the vehicle"
     )
-    route: tuple[Word, ...] | None = Field(
+    route: tuple[Reference, ...] | None = Field(
         None, max_length=10_000, description="edges of the network in order; drawn from the seed by default"
     )
     speed_mps: SpeedMps | None = Field(

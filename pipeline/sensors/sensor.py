@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Generic, TypeVar
 
-from advpipe.pipeline.core.section import Section, Word
+from advpipe.pipeline.core.section import Reference, Section
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.motion import MotionStep
 from advpipe.pipeline.mcap.channel import StampedCdr, Topic
@@ -21,7 +21,7 @@ MountedT = TypeVar("MountedT", bound="MountedSection")
 class MountedSection(Section):
     """The keys of every mounted sensor in the scenario file."""
 
-    vehicle: Word = "ego"
+    vehicle: Reference = "ego"
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,9 @@ from advpipe.pipeline.core.section import (
     NotNegative,
     Number,
     Probability,
+    Reference,
     Switch,
     Whole,
-    Word,
 )
 from advpipe.pipeline.core.short_repr import short_repr, shorten
 from advpipe.pipeline.sensors.lidar.presets import LIDAR_PRESETS
@@ -36,7 +36,7 @@ MAX_RAYS = 2_000_000
 class LidarSensor(MountedSection):
     """A rotating LiDAR; names and meanings as in CARLA's sensor.lidar.ray_cast."""
 
-    preset: Word | None = Field(
+    preset: Reference | None = Field(
         None,
         description=f"a known sensor ({', '.join(LIDAR_PRESETS)}); every key given beside it wins over it",
     )

@@ -7,12 +7,12 @@ import warnings
 import pytest
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.verbosity import Verbosity, detail, notice, phase, say, use_verbosity
+from advpipe.pipeline.core.verbosity import Verbosity, detail, notice, phase, print_result, use_verbosity
 
 
 def told(capsys: pytest.CaptureFixture[str], **how: bool) -> tuple[str, str]:
     with use_verbosity(Verbosity(**how)):
-        say("cell")
+        print_result("cell")
         notice("note\x1b")
         with phase("work"):
             detail("seed 7")
