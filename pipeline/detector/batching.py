@@ -31,9 +31,9 @@ from advpipe.pipeline.messages.cloud import xyzi
 
 T = TypeVar("T")
 
-REQUEST_KINDS = ("occupancy_loss", "loss", "detect")
-"""The kinds of requests. Where several kinds wait, the most frequent one is computed, and the others keep
-waiting: tasks that fell out of step are soon in step again."""
+REQUEST_TYPES = ("occupancy_loss", "loss", "detect")
+"""The types of requests. If requests of several types wait, the most frequent type is computed, and the
+others keep waiting: tasks that are out of step are soon in step again."""
 
 
 def run_batched(detector: BatchDetector, tasks: Sequence[Callable[[ObjectDetector], T]]) -> list[T]:
@@ -118,7 +118,7 @@ class _BatchScheduler:
             if not waiting:
                 return
             requested = [request.kind for request in waiting.values()]
-            kind = max(REQUEST_KINDS, key=requested.count)
+            kind = max(REQUEST_TYPES, key=requested.count)
             numbers = sorted(number for number, request in waiting.items() if request.kind == kind)
             responses = _responses(self._detector, kind, [waiting.pop(number) for number in numbers])
             for number, response in zip(numbers, responses, strict=True):

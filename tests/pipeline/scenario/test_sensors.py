@@ -83,7 +83,7 @@ def test_the_resolved_sensor_loads_again_as_the_same(tmp_path: Path, lidar: str)
 BAD: dict[str, tuple[dict[str, Any], str]] = {
     "unknown preset": (
         {"preset": "VLP16"},
-        r"preset 'VLP16' is no known sensor; did you mean 'vlp-16'\? known",
+        r"preset 'VLP16' is unknown; did you mean 'vlp-16'\? known",
     ),
     "no word": ({"preset": 3}, "valid string"),
     "no channels": ({"channels": 0}, "greater than or equal to 1"),
@@ -98,7 +98,7 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "no angles": ({"vertical_angles_deg": []}, "holds 0 angles for 64 channels"),
     "falling": ({"vertical_angles_deg": [0, 1, 1]}, "does not rise"),
     "beyond the zenith": ({"vertical_angles_deg": [0, 91]}, "less than or equal to 90"),
-    "no grid": ({"coordinate_grid_m": 0.002}, r"0.002 is no power of two; the nearest is 0.001953125"),
+    "no grid": ({"coordinate_grid_m": 0.002}, r"0.002 is not a power of two; the nearest is 0.001953125"),
     "not finite": ({"vertical_angles_deg": [0, float("nan")]}, "less than or equal to 90|finite"),
 }
 
@@ -119,7 +119,7 @@ def test_a_turn_may_take_several_steps() -> None:
     slow = ["simulation.step_s=0.05", "sensors.lidars.lidar.rotation_frequency=5"]
     assert load_scenario("smoke", slow).simulation.step_s == 0.05
     with pytest.raises(
-        AdvpipeError, match=r"takes 0\.05 s, which is no whole number of simulation\.step_s of 0\.1"
+        AdvpipeError, match=r"takes 0\.05 s, which is not a multiple of simulation\.step_s 0\.1"
     ):
         load_scenario("smoke", ["sensors.lidars.lidar.rotation_frequency=20"])
 
