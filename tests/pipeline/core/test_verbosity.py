@@ -21,19 +21,19 @@ def told(capsys: pytest.CaptureFixture[str], **how: bool) -> tuple[str, str]:
     return captured.out, captured.err
 
 
-def test_by_default_results_and_notices(capsys: pytest.CaptureFixture[str]) -> None:
+def test_by_default_results_and_notices_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert told(capsys) == ("cell\n", "note\\x1b\n")
 
 
-def test_quiet_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+def test_quiet_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     assert told(capsys, quiet=True) == ("", "")
 
 
-def test_with_json_standard_output_is_for_the_document(capsys: pytest.CaptureFixture[str]) -> None:
+def test_with_json_standard_output_holds_only_the_document(capsys: pytest.CaptureFixture[str]) -> None:
     assert told(capsys, as_json=True) == ("", "cell\nnote\\x1b\n")
 
 
-def test_verbose_tells_details_times_and_warnings(capsys: pytest.CaptureFixture[str]) -> None:
+def test_verbose_prints_details_times_and_warnings(capsys: pytest.CaptureFixture[str]) -> None:
     out, errors = told(capsys, verbose=True)
     assert out == "cell\n"
     assert "s] seed 7\n" in errors
@@ -41,7 +41,7 @@ def test_verbose_tells_details_times_and_warnings(capsys: pytest.CaptureFixture[
     assert "s] work: 0." in errors
 
 
-def test_afterwards_all_is_as_before(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_former_verbosity_is_restored(capsys: pytest.CaptureFixture[str]) -> None:
     shown = warnings.showwarning
     told(capsys, verbose=True)
     assert warnings.showwarning is shown
@@ -49,6 +49,6 @@ def test_afterwards_all_is_as_before(capsys: pytest.CaptureFixture[str]) -> None
     assert capsys.readouterr() == ("", "")
 
 
-def test_quiet_and_verbose_contradict() -> None:
+def test_quiet_and_verbose_together_are_refused() -> None:
     with pytest.raises(UsageError, match="contradict"):
         Verbosity(quiet=True, verbose=True)

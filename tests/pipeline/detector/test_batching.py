@@ -90,7 +90,7 @@ def asks_everything(number: int):
     return work
 
 
-def test_each_hears_what_the_detector_would_tell_it_alone():
+def test_each_task_gets_the_results_of_an_unbatched_detector():
     detector = Batches()
     works = [asks_everything(number) for number in range(5)]
     for result, work in zip(run_batched(detector, works), works, strict=True):
@@ -101,7 +101,7 @@ def test_each_hears_what_the_detector_would_tell_it_alone():
     assert detector.voxel_grid == Batches.voxel_grid
 
 
-def test_there_is_no_second_derivative():
+def test_second_derivatives_are_refused():
     def work(detector):
         leaf = points_of(0).requires_grad_()
         (gradient,) = torch.autograd.grad(detector.loss(leaf, BOXES, LABELS), leaf, create_graph=True)
@@ -126,7 +126,7 @@ def asks(*kinds, pause_s=0.0):
 
 
 @pytest.mark.parametrize("slow", range(3))
-def test_what_shares_a_batch_hangs_on_no_timing(slow):
+def test_batches_do_not_depend_on_timing(slow):
     detector = Batches()
     words = [("loss", "detect", "loss"), ("detect", "loss"), ("loss", "loss", "detect", "detect", "loss")]
     run_batched(detector, [asks(*each, pause_s=0.02 * (n == slow)) for n, each in enumerate(words)])
@@ -143,7 +143,7 @@ def broken(number: int) -> torch.Tensor:
     return points
 
 
-def test_a_bad_question_is_told_to_who_asked_it_alone():
+def test_the_error_of_an_input_is_raised_only_in_its_task():
     def caught(detector):
         with pytest.raises(AdvpipeError, match="not finite"):
             detector.loss(broken(1), BOXES, LABELS)
@@ -164,7 +164,7 @@ def test_a_batch_too_large_is_computed_one_by_one():
 
 
 @pytest.mark.parametrize("error", [AdvpipeError, KeyboardInterrupt, ZeroDivisionError])
-def test_the_first_error_that_nobody_catches_ends_all(error):
+def test_the_first_uncaught_error_stops_all_tasks(error):
     ended = []
 
     def endless(detector):
@@ -188,7 +188,7 @@ def test_the_first_error_that_nobody_catches_ends_all(error):
     assert threading.active_count() == before
 
 
-def test_an_interruption_while_a_batch_is_computed_ends_all():
+def test_an_interruption_during_a_batch_stops_all_tasks():
     class Interrupted(Batches):
         def detect_batch(self, clouds):
             raise KeyboardInterrupt
@@ -199,6 +199,6 @@ def test_an_interruption_while_a_batch_is_computed_ends_all():
     assert threading.active_count() == before
 
 
-def test_works_that_ask_nothing():
+def test_tasks_without_requests_finish():
     assert run_batched(Batches(), [lambda detector: detector.classes, lambda detector: 7]) == [("car",), 7]
     assert run_batched(Batches(), []) == []

@@ -25,7 +25,7 @@ BAD = {
 
 
 @pytest.mark.parametrize(("override", "message"), BAD.items())
-def test_bad_traffic_is_named(override: str, message: str) -> None:
+def test_errors_name_invalid_traffic(override: str, message: str) -> None:
     with pytest.raises(AdvpipeError, match=message) as caught:
         load_scenario("smoke", [override])
     assert "\n" not in str(caught.value)

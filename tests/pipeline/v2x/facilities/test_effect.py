@@ -48,18 +48,18 @@ def said(time_ms=0, **fields):
         ({}, {"length_m": 5.1}, True),
     ],
 )
-def test_thresholds(true, false, expected):
+def test_differences_above_the_thresholds_have_an_effect(true, false, expected):
     assert has_effect(said(**true), said(**false), 0.0, 1.1) == expected
 
 
-def test_fixes_as_messages():
+def test_fixes_and_messages_follow_the_same_rule():
     """0.6 m and 0.8 m aside are 1 m: the bound itself; 5 m in height."""
     assert not fix_has_effect(0.6, -0.8, 5.0)
     assert fix_has_effect(0.61, -0.8, 0.0)
     assert fix_has_effect(0.0, 0.0, -5.1)
 
 
-def test_place_and_time():
+def test_differences_of_position_and_time_have_an_effect():
     """More than a metre; a time by which the map's entry has expired, over the cycle of 65.536 s as well."""
     assert not has_effect(said(), said(), 0.9, 1.1)
     assert has_effect(said(), said(), 1.1, 1.1)
@@ -70,7 +70,7 @@ def test_place_and_time():
     assert has_effect(said(), said(latitude_deg=None), math.nan, 1.1)
 
 
-def test_changed_fields():
+def test_changed_fields_are_listed():
     assert changed_fields(said(), said(speed_mps=3.0, latitude_deg=47.0)) == "latitude_deg,speed_mps"
     assert changed_fields(said(), said(heading_rad=None)) == "heading_rad"
     assert changed_fields(said(), said(performance_class=1)) == "other"
