@@ -110,7 +110,7 @@ def test_invalid_sensors_are_refused(keys: dict[str, Any], message: str) -> None
 
 
 def test_an_unknown_preset_gives_a_one_line_error() -> None:
-    with pytest.raises(AdvpipeError, match=r"sensors\.lidars\.lidar: preset 'os2' is no known") as caught:
+    with pytest.raises(AdvpipeError, match=r"sensors\.lidars\.lidar: preset 'os2' is unknown") as caught:
         load_scenario("smoke", ["sensors.lidars.lidar.preset=os2"])
     assert "\n" not in str(caught.value)
 
