@@ -30,7 +30,7 @@ def tracebacks(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.fixture(autouse=True)
 def unexpected_errors_fail(tracebacks: Path) -> Iterator[None]:
-    """An error that nobody thought of fails the test in which it happens, even one that expects a failure."""
+    """An unexpected error fails the test in which it happens, even a test that expects a failure."""
     yield
     found = sorted(tracebacks.glob("advpipe-error-*.txt"))
     texts = [path.read_text(encoding="utf-8") for path in found]

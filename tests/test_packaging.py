@@ -70,7 +70,7 @@ def test_the_build_warns_of_nothing(built: Built) -> None:
 
 
 def test_all_that_is_no_python_is_in_the_wheel(wheel: list[str]) -> None:
-    """Whatever kind of file lies in a package: messages, networks, templates, weights, their cards."""
+    """Every type of file in a package: messages, networks, templates, weights, their cards."""
     found = 0
     for top in ("pipeline", "stages", "scenarios"):
         for path in (ROOT / top).rglob("*"):

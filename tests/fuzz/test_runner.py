@@ -1,4 +1,4 @@
-"""The fuzzer itself: it sees every kind of fault, goes on after each, and shows it again."""
+"""The fuzzer itself: it finds every type of fault, continues after each, and reproduces it."""
 
 from __future__ import annotations
 

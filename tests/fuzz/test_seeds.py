@@ -1,4 +1,4 @@
-"""What once broke advpipe stays mended."""
+"""Regression inputs: each is handled."""
 
 from __future__ import annotations
 

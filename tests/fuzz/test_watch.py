@@ -1,4 +1,4 @@
-"""What a process waits for a core is no hang of it."""
+"""Time that a process waits for a core is not counted as a hang."""
 
 from __future__ import annotations
 

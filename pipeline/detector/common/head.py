@@ -1,4 +1,4 @@
-"""The anchor head: scores, box codes, driving direction and, where the preset asks for it, the quality of
+"""The anchor head: scores, box codes, driving direction and, if the preset sets it, the quality of
 the box at every anchor (OpenPCDet's AnchorHeadSingle; the quality: Wu et al. 2020)."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Parquet of others: a bomb costs one line, and no memory; other tables come out as pyarrow reads them."""
+"""Untrusted Parquet: bombs fail with one line in little memory; valid tables are read as by pyarrow."""
 
 from __future__ import annotations
 
@@ -136,19 +136,19 @@ def varint(number: int, length: int = 0) -> bytes:
     return bytes([*parts[:-1], parts[-1] & 0x7F])
 
 
-def lying(path: Path, truth: int, lie: int) -> None:
+def with_false_count(path: Path, truth: int, false_count: int) -> None:
     """Replaces a number in the footer."""
-    data, told = path.read_bytes(), varint(truth)
+    data, stated = path.read_bytes(), varint(truth)
     footer = len(data) - 8 - int.from_bytes(data[-8:-4], "little")
-    assert told in data[footer:]
-    path.write_bytes(data[:footer] + data[footer:].replace(told, varint(lie, len(told))))
+    assert stated in data[footer:]
+    path.write_bytes(data[:footer] + data[footer:].replace(stated, varint(false_count, len(stated))))
 
 
-def renamed_chunks(path: Path, name: bytes, told: bytes) -> None:
+def renamed_chunks(path: Path, name: bytes, stated: bytes) -> None:
     """Gives a column another name in the one group of rows, and leaves that of the table."""
     before, found, after = path.read_bytes().rpartition(b"\x19\x18" + bytes([len(name)]) + name)
     assert found
-    path.write_bytes(before + found.replace(name, told) + after)
+    path.write_bytes(before + found.replace(name, stated) + after)
 
 
 def test_a_row_group_with_other_column_names_is_read_by_index(tmp_path: Path) -> None:
@@ -162,28 +162,30 @@ def test_a_row_group_with_other_column_names_is_read_by_index(tmp_path: Path) ->
 def test_a_footer_that_states_too_few_rows_is_followed_or_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.parquet"
     pq.write_table(pa.table({"a": np.zeros(3_000_001)}), path, row_group_size=3_000_001)
-    lying(path, 3_000_001, 10)
+    with_false_count(path, 3_000_001, 10)
     assert pq.read_metadata(path).num_rows == 10
     found = measured(path)
     assert found.startswith(("10\n", f"{path}: not a complete Parquet file")), found
     assert "True True" in found, found
 
 
-@pytest.mark.parametrize(("name", "told"), [("letter", "letter"), ("letter", "better"), ("let.er", "let.er")])
+@pytest.mark.parametrize(
+    ("name", "stated"), [("letter", "letter"), ("letter", "better"), ("let.er", "let.er")]
+)
 def test_a_page_that_decompresses_to_hundreds_of_megabytes_is_refused(
-    tmp_path: Path, name: str, told: str
+    tmp_path: Path, name: str, stated: str
 ) -> None:
     """No more rows than the file may have, but of long texts in one page; the footer says otherwise.
 
-    told: what the group of rows calls the column.
+    stated: the column's name in the row group.
     """
     path = tmp_path / "a.parquet"
     texts = pa.concat_arrays([pa.array(["x" * 75] * (1 << 18))] * 16)
     options = {"use_dictionary": False, "data_page_size": 1 << 30, "max_rows_per_page": 1 << 30}
     pq.write_table(pa.table({name: texts}), path, compression="zstd", row_group_size=1 << 30, **options)
     assert path.stat().st_size < 200_000
-    renamed_chunks(path, name.encode(), told.encode())
-    lying(path, pq.read_metadata(path).row_group(0).column(0).total_uncompressed_size, 1000)
+    renamed_chunks(path, name.encode(), stated.encode())
+    with_false_count(path, pq.read_metadata(path).row_group(0).column(0).total_uncompressed_size, 1000)
     found = measured(path)
     assert "its pages decompress to" in found, found
     assert "True True" in found, found
@@ -191,7 +193,7 @@ def test_a_page_that_decompresses_to_hundreds_of_megabytes_is_refused(
 
 @pytest.mark.parametrize("encoding", ["DELTA_BYTE_ARRAY", "DELTA_LENGTH_BYTE_ARRAY"])
 def test_delta_encoded_strings_are_refused(tmp_path: Path, encoding: str) -> None:
-    """They unpack at once to as many texts as they say, whatever page and footer say."""
+    """They decode in one step to as many strings as they declare, whatever page and footer declare."""
     path = tmp_path / "a.parquet"
     pq.write_table(pa.table({"a": ["x", "xy"]}), path, use_dictionary=False, column_encoding={"a": encoding})
     with pytest.raises(AdvpipeError, match="a has an unsupported encoding"):
@@ -272,7 +274,7 @@ print(refused)
 
 
 def test_no_flipped_bit_in_a_footer_crashes_the_process(tmp_path: Path) -> None:
-    """Such as one that makes a column's levels, or its encryption, other than the rest says."""
+    """Such as one that makes a column's levels or encryption inconsistent with the rest."""
     path = tmp_path / "t.parquet"
     pq.write_table(pa.table({"name": ["a", "b"], "x_m": [1.0, 2.0]}), path)
     done = subprocess.run([sys.executable, "-c", FLIPPED, str(path)], capture_output=True, text=True)

@@ -1,4 +1,4 @@
-"""Every number of a scenario has a least and a most; nonsense is refused with its place."""
+"""Every number of a scenario has bounds; nonsensical values are refused with their place."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The checksum of the code: worked out by hand, and of all that the results hang on."""
+"""The checksum of the code: it equals one computed by hand, and covers all code that results depend on."""
 
 import ast
 import hashlib

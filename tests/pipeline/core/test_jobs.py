@@ -1,4 +1,4 @@
-"""Jobs: each runs once, whichever process runs it; failures and deaths are said, orphans end."""
+"""Jobs: each runs once, in whichever process; failures and dead workers are reported, and orphans end."""
 
 from __future__ import annotations
 

@@ -246,14 +246,14 @@ def test_this_installation_is_complete() -> None:
 @linux
 @pytest.mark.skipif(shutil.which("dpkg-query") is None, reason="asks Debian whose library it is")
 def test_debian_agrees_with_the_table() -> None:
-    asked = 0
+    checked = 0
     for soname, package in DEBIAN_PACKAGES.items():
         done = subprocess.run(["dpkg-query", "--search", f"*/{soname}"], capture_output=True, text=True)
         owners = {line.split(":")[0].removesuffix("t64") for line in done.stdout.splitlines()}
         if done.returncode == 0:
-            asked += 1
+            checked += 1
             assert package in owners, (soname, owners)
-    assert asked > 5
+    assert checked > 5
 
 
 def test_the_documentation_lists_every_package_and_command() -> None:

@@ -1,4 +1,4 @@
-"""Options of one model: what a parser is told of them, and their bounds."""
+"""Options of one dataclass: the keyword arguments for a parser, and the bounds."""
 
 from __future__ import annotations
 

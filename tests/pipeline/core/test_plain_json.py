@@ -1,4 +1,4 @@
-"""JSON that Python's own reader takes, and that no other program or file name could, is refused."""
+"""JSON that Python's reader accepts but other programs or file names cannot hold is refused."""
 
 from __future__ import annotations
 

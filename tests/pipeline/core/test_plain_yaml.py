@@ -1,4 +1,4 @@
-"""YAML that PyYAML itself stumbles over, or takes for ever for, is refused in the way callers know."""
+"""YAML on which PyYAML crashes or takes too long is refused with the documented exceptions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Text from others: spelt out, on one line, of bounded length."""
+"""Untrusted text: escaped, on one line, of bounded length."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How much is told, and where to; libraries' warnings are no part of it."""
+"""How much is printed, and where; warnings of libraries are not printed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.verbosity import Verbosity, detail, notice, phase, print_result, use_verbosity
 
 
-def told(capsys: pytest.CaptureFixture[str], **how: bool) -> tuple[str, str]:
+def printed(capsys: pytest.CaptureFixture[str], **how: bool) -> tuple[str, str]:
     with use_verbosity(Verbosity(**how)):
         print_result("cell")
         notice("note\x1b")
@@ -22,19 +22,19 @@ def told(capsys: pytest.CaptureFixture[str], **how: bool) -> tuple[str, str]:
 
 
 def test_by_default_results_and_notices_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    assert told(capsys) == ("cell\n", "note\\x1b\n")
+    assert printed(capsys) == ("cell\n", "note\\x1b\n")
 
 
 def test_quiet_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:
-    assert told(capsys, quiet=True) == ("", "")
+    assert printed(capsys, quiet=True) == ("", "")
 
 
 def test_with_json_standard_output_holds_only_the_document(capsys: pytest.CaptureFixture[str]) -> None:
-    assert told(capsys, as_json=True) == ("", "cell\nnote\\x1b\n")
+    assert printed(capsys, as_json=True) == ("", "cell\nnote\\x1b\n")
 
 
 def test_verbose_prints_details_times_and_warnings(capsys: pytest.CaptureFixture[str]) -> None:
-    out, errors = told(capsys, verbose=True)
+    out, errors = printed(capsys, verbose=True)
     assert out == "cell\n"
     assert "s] seed 7\n" in errors
     assert "s] RuntimeWarning: overflow encountered (" in errors
@@ -43,7 +43,7 @@ def test_verbose_prints_details_times_and_warnings(capsys: pytest.CaptureFixture
 
 def test_the_former_verbosity_is_restored(capsys: pytest.CaptureFixture[str]) -> None:
     shown = warnings.showwarning
-    told(capsys, verbose=True)
+    printed(capsys, verbose=True)
     assert warnings.showwarning is shown
     detail("not shown")
     assert capsys.readouterr() == ("", "")

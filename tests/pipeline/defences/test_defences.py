@@ -1,4 +1,4 @@
-"""Defences: what they do to a cloud, by hand and against Open3D; boxes come back from where they went."""
+"""Defences: their effect on a cloud, by hand and against Open3D; boxes are mapped back."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Works that ask one detector together: what each hears, what shares a batch, and how all of it ends."""
+"""Tasks that share one detector: their results, the composition of batches, and errors."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ BOXES, LABELS = torch.tensor([BOX]), torch.tensor([0])
 
 
 class Batches(LinearVoxelDetector):
-    """The detector whose answers a person can work out, asked in batches; it notes them.
+    """A batch detector whose results can be computed by hand; it records its batches.
 
-    Points that are not finite it refuses, and more than `most` clouds at once.
+    It refuses points that are not finite, and more than `most` clouds in a batch.
     """
 
     def __init__(self, most: int = 99) -> None:
@@ -111,8 +111,8 @@ def test_second_derivatives_are_refused():
         run_batched(Batches(), [work, work])
 
 
-def asks(*kinds, pause_s=0.0):
-    """Asks these in turn."""
+def requests_of(*kinds, pause_s=0.0):
+    """A task that sends these requests in sequence."""
 
     def work(detector):
         for kind in kinds:
@@ -129,7 +129,7 @@ def asks(*kinds, pause_s=0.0):
 def test_batches_do_not_depend_on_timing(slow):
     detector = Batches()
     words = [("loss", "detect", "loss"), ("detect", "loss"), ("loss", "loss", "detect", "detect", "loss")]
-    run_batched(detector, [asks(*each, pause_s=0.02 * (n == slow)) for n, each in enumerate(words)])
+    run_batched(detector, [requests_of(*each, pause_s=0.02 * (n == slow)) for n, each in enumerate(words)])
     # Two ask for a loss, so the detection of the second one waits, and is in step with the first one's then.
     assert detector.batches == [
         *[("loss", 2), ("detect", 2), ("loss", 3)],
@@ -159,7 +159,7 @@ def test_the_error_of_an_input_is_raised_only_in_its_task():
 
 def test_a_batch_too_large_is_computed_one_by_one():
     detector = Batches(most=1)
-    run_batched(detector, [asks("loss"), asks("loss")])
+    run_batched(detector, [requests_of("loss"), requests_of("loss")])
     assert detector.batches == [("loss", 2), ("loss", 1), ("loss", 1)]
 
 
@@ -176,7 +176,7 @@ def test_the_first_uncaught_error_stops_all_tasks(error):
 
     def fails(line):
         def work(detector):
-            asks("loss", "loss")(detector)
+            requests_of("loss", "loss")(detector)
             raise error(line)
 
         return work
@@ -195,7 +195,7 @@ def test_an_interruption_during_a_batch_stops_all_tasks():
 
     before = threading.active_count()
     with pytest.raises(KeyboardInterrupt):
-        run_batched(Interrupted(), [asks("loss", "detect"), asks("loss", "detect", "loss")])
+        run_batched(Interrupted(), [requests_of("loss", "detect"), requests_of("loss", "detect", "loss")])
     assert threading.active_count() == before
 
 

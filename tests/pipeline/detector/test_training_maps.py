@@ -1,4 +1,4 @@
-"""Which maps a detector was trained on: the shipped one's list, and what checkpoints and classes tell."""
+"""The maps that a detector was trained on: the shipped list, and what checkpoints and classes report."""
 
 from __future__ import annotations
 
@@ -84,10 +84,10 @@ def test_a_copy_of_the_shipped_checkpoint_knows_its_maps_and_other_files_do_not(
     ("listed", "seen", "unseen"),
     [
         (f'["{A}", "{B}"]', True, False),
-        (f'["{A}", null]', True, None),  # of some drives nobody knows
+        (f'["{A}", null]', True, None),  # some drives' maps are unknown
         ("[]", False, False),
         ("[null]", None, None),
-        (f'["{A}", 7]', None, None),  # no such list: what it says is not believed
+        (f'["{A}", 7]', None, None),  # an invalid list is ignored
         (f'{{"{A}": 1}}', None, None),
         ('["short"]', None, None),
         ("[", None, None),

@@ -1,4 +1,4 @@
-"""Which points lie in which boxes, against hand-checked places and a plain look at every pair."""
+"""Points in boxes, against values computed by hand and a plain check of every pair."""
 
 from __future__ import annotations
 

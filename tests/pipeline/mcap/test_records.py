@@ -1,4 +1,4 @@
-"""Bombs and lies in MCAP files: each costs one error, and little memory and time."""
+"""Bombs and false lengths in MCAP files: each fails with one error, in little memory and time."""
 
 from __future__ import annotations
 
@@ -68,10 +68,10 @@ def test_a_frame_that_declares_a_false_size_is_refused() -> None:
     """zstd's own header declares 2^62 bytes, which the codec would set aside."""
     packed = bytearray(zstandard.compress(bytes(1000)))
     assert zstandard.frame_content_size(bytes(packed)) == 1000
-    lie = packed[:4] + bytes([0xC0 | packed[4] & 0x3F]) + struct.pack("<Q", 2**62) + packed[7:]
+    false_size = packed[:4] + bytes([0xC0 | packed[4] & 0x3F]) + struct.pack("<Q", 2**62) + packed[7:]
     for declared in (1000, 2**62):
         with pytest.raises(DAMAGE):
-            unpack_chunk(chunk("zstd", bytes(lie), declared))
+            unpack_chunk(chunk("zstd", bytes(false_size), declared))
 
 
 @pytest.mark.parametrize("length", [1, 2**31, 2**40, 2**64 - 1])

@@ -1,4 +1,4 @@
-"""Small files that would cost hours or all memory: each is refused, or told, after a bounded part of that."""
+"""Small files that would take hours or all memory: each is refused or reported at a bounded cost."""
 
 from __future__ import annotations
 
@@ -185,7 +185,7 @@ def test_messages_without_a_channel_are_reported_once(tmp_path: Path) -> None:
 
 
 def test_recovery_of_a_decompression_bomb_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Chunks are saved up to the limit; the others are told as lost."""
+    """Chunks are saved up to the limit; the others are reported as lost."""
     monkeypatch.setattr("advpipe.pipeline.mcap.unpacking.FREE_BYTES", 0)
     schema = Schema(id=1, name="std_msgs/msg/String", encoding="ros2msg", data=b"string data")
     channel = Channel(id=1, topic="/text", message_encoding="cdr", metadata={}, schema_id=1)

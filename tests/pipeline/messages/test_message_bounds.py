@@ -1,4 +1,4 @@
-"""Messages that nobody can compute with fail where they enter, with topic, time and what is wrong."""
+"""Implausible messages are refused when they are read, with topic, time and the reason."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ PLACES = tuple(
 
 def again(stamped: StampedCdr) -> object:
     topic, cdr, _ = stamped
-    message_class(topic.type)  # the types of CAMs join the store when one is asked for
+    message_class(topic.type)  # adds the types of CAMs to the store
     message = typestore().deserialize_cdr(cdr, topic.type)
     assert serialise(message, topic.type) == cdr
     return message

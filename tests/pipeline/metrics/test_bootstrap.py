@@ -85,15 +85,15 @@ def test_the_interval_covers_the_true_mean_about_as_often_as_stated():
 def test_samples_follow_the_draws_and_equal_draws_are_computed_once():
     drawn = BlockBootstrap.of(stamps(150), 200, np.random.default_rng(0))
     values = np.random.default_rng(1).normal(size=150)
-    asked = []
+    computed = []
 
     def mean(times):
-        asked.append(len(times))
+        computed.append(len(times))
         weights = times[:, drawn.block]
         return weights @ values / weights.sum(axis=1)
 
     assert drawn.samples(mean) == pytest.approx(drawn.weights @ values / drawn.weights.sum(axis=1))
-    assert asked == [10]  # all multisets of 3 blocks out of 3
+    assert computed == [10]  # all multisets of 3 blocks out of 3
 
 
 def test_undefined_draws_are_left_out():

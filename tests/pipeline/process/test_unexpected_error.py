@@ -1,4 +1,4 @@
-"""An error that nobody thought of: one line, a file with the traceback, and a failure in tests."""
+"""Unexpected errors: one line, a file with the traceback, and a failure in tests."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ def test_a_drive_after_the_last_ros_time_stamp_is_refused(tmp_path: Path) -> Non
 
 
 def _stations_at(path: Path, *times_ns: int) -> Path:
-    """A drive in which nobody has a radio."""
+    """A drive in which no vehicle has a radio."""
     info = {
         "v2x": {},
         "map": {"origin": {"latitude_deg": 0.0, "longitude_deg": 0.0}},

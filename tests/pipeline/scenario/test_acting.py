@@ -1,4 +1,4 @@
-"""When an attack acts: by the clock of the bag, and by chance that the seed decides."""
+"""When an attack acts: by the clock of the bag, and randomly by the seed."""
 
 from __future__ import annotations
 

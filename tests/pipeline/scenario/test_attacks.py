@@ -1,4 +1,4 @@
-"""Attacks in scenario files: schedules worked out by hand, and mistakes said in one line."""
+"""Attacks in scenario files: schedules computed by hand, and one-line errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""YAML of scenarios: bombs and odd values are one line, at once and in little memory; anchors are kept."""
+"""YAML of scenarios: bombs and odd values give one line in little time and memory; anchors are expanded."""
 
 from __future__ import annotations
 

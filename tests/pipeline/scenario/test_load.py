@@ -46,7 +46,7 @@ BAD = {
     "simulation:\n  duration_s: 0.01\n": r"shorter than one step",
     "simulation:\n  duration_s: .nan\n": r"simulation\.duration_s \(line 5\): .*finite",
     "sensors:\n  lidars:\n    lidar:\n      channels: 0\n": r"sensors\.lidars\.lidar\.channels \(line 7\)",
-    "sensors:\n  lidars:\n    lidar:\n      rotation_frequency: 7\n": r"takes 0\.142857 s, which is not a multiple",
+    "sensors:\n  lidars:\n    lidar:\n      rotation_frequency: 7\n": r"0\.142857 s, which is not a multiple",
     "sensors:\n  lidars:\n    lidar:\n      vehicle: bob\n": r"'bob' is not one of the vehicles",
     "vehicles: {}\n": r"vehicles is empty",
     "traffic:\n  mix: {tank: 1}\n": r"traffic\.mix\.tank is not a known body; known: sedan",

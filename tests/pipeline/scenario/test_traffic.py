@@ -1,4 +1,4 @@
-"""The sections `traffic`, `trajectories` and `vehicles`: who may be asked for, and what excludes what."""
+"""The sections `traffic`, `trajectories` and `vehicles`: allowed values, and keys that exclude each other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Through the air: what comes of good messages, of corrupt ones, and of those that nobody waits for."""
+"""The channel: the outcomes of valid messages, of corrupt ones, and of those whose listener has left."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_corrupt_bytes_are_counted_and_never_in_a_map(payload: bytes) -> None:
 
 
 def test_flipped_bits_never_raise_an_error(payload: bytes) -> None:
-    """Whatever bits say, a verdict is found; what still is a CAM may say what it likes."""
+    """Every message has a verdict, whatever its bits; a message that is still a CAM may hold any values."""
     rng, one, sent = np.random.default_rng(3), channel(), []
     for number in range(600):
         data = bytearray(payload)

@@ -1,4 +1,4 @@
-"""tshark, which did not see our code, reads the same values from the same bytes."""
+"""tshark, an independent decoder, reads the same values from the same bytes."""
 
 from __future__ import annotations
 

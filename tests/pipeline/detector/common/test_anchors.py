@@ -1,4 +1,4 @@
-"""Anchors: places, box codes, and which anchor learns which box."""
+"""Anchors: positions, box codes, and the assignment of boxes to anchors."""
 
 from __future__ import annotations
 

@@ -80,15 +80,17 @@ def test_the_quality_target_is_the_iou_of_the_predicted_box():
     count = 128 * 128 * grid.per_cell
     codes = torch.zeros(1, count, 7)
     codes[0, target.positive] = encode_boxes(target.boxes + along, grid.boxes(target.positive))
-    said = torch.zeros(1, count, requires_grad=True)
+    predicted = torch.zeros(1, count, requires_grad=True)
     nothing = Predictions(torch.zeros(1, count, 4), codes, torch.zeros(1, count, 2))
     assert float(losses(nothing, [target], grid).quality) == 0
-    parts = losses(replace(nothing, qualities=said), [target], grid)
+    parts = losses(replace(nothing, qualities=predicted), [target], grid)
     assert parts.quality.item() == pytest.approx(0.5 * log(2), rel=1e-5)
     parts.quality.backward()
     # The gradient of the cross entropy is what is said less what is true, at every positive anchor.
     slope = 0.5 * (0.5 - 0.6) / len(target.positive)
-    assert said.grad[0, target.positive].tolist() == pytest.approx([slope] * len(target.positive), rel=1e-4)
+    assert predicted.grad[0, target.positive].tolist() == pytest.approx(
+        [slope] * len(target.positive), rel=1e-4
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""SECOND off the CPU: on a pretended second device everywhere, on CUDA where there is one."""
+"""SECOND off the CPU: on an emulated second device everywhere, and on CUDA where available."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Checkpoints of others that unpack to more than they are: refused before they are unpacked."""
+"""Untrusted checkpoints that unpack to more than their size are refused before they are unpacked."""
 
 from __future__ import annotations
 

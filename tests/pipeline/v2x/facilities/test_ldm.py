@@ -1,4 +1,4 @@
-"""The Local Dynamic Map: what enters, what stays, and where it lies."""
+"""The Local Dynamic Map: which reports are accepted and kept, and their positions."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ def test_reception_by_distance_is_within_five_points_of_artery(radio: Radio, nam
 
 @pytest.mark.oracle
 def test_single_receptions_and_delays_in_free_space_equal_arterys() -> None:
-    """Without chance, nearly every pair meets the same fate, and nearly every delay is the same."""
+    """Without random draws, nearly every pair has the same outcome, and nearly every delay is the same."""
     trace = Trace.recorded()
     same = pairs = 0
     apart_us: list[float] = []

@@ -63,7 +63,7 @@ def test_processing_delays_are_within_their_bounds() -> None:
 
 
 def test_a_sender_receives_nothing_and_equal_signals_collide() -> None:
-    """Both start at once; in the middle they are equally strong, near one of them it is captured."""
+    """Both start simultaneously; in the middle they are equally strong, near one of them it is captured."""
     fate = outcomes(PLAIN, on_a_road(0, 400, 200, 20), sending([10, 11], [5, 5]))
     assert fate[0].tolist() == [Outcome.OWN, Outcome.SENDING, Outcome.INTERFERENCE, Outcome.RECEIVED]
     assert fate[1].tolist() == [Outcome.SENDING, Outcome.OWN, Outcome.INTERFERENCE, Outcome.INTERFERENCE]
@@ -135,7 +135,7 @@ def test_the_division_into_steps_changes_nothing() -> None:
 
 
 def test_an_unchanged_message_has_the_same_outcome() -> None:
-    """Half of the messages are taken away, the others delayed by nobody: their outcomes stay cell by cell."""
+    """Half of the messages are removed, which delays no other message: all other outcomes stay the same."""
     stations, sent = random_drive()
     alone = Radio(interference=False, carrier_sense_dbm=-30)
     all_fates = Medium(alone, seed=1).advance(400 * MS, stations, sent).outcomes
