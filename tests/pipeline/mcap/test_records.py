@@ -86,7 +86,7 @@ def test_a_record_longer_than_the_file_is_not_read(length: int) -> None:
 def test_false_lengths_within_records_are_refused() -> None:
     with pytest.raises(ValueError, match="declares 9 bytes of data"):
         parse_chunk(struct.pack("<QQQIIQ", 0, 0, 0, 0, 0, 9) + b"12345678")
-    with pytest.raises(ValueError, match="runs past its end"):
+    with pytest.raises(ValueError, match="extends past its end"):
         parse_chunk(struct.pack("<QQQIIQ", 0, 0, 0, 0, 2**32 - 1, 0))
     with pytest.raises(ValueError, match="message index declares"):
         parse_message_index(struct.pack("<HI", 1, 2**32 - 16))
