@@ -15,7 +15,7 @@ from pydantic import ConfigDict, Field
 from advpipe.pipeline.bag.carried import CLOUD_TYPE, CarriedSensor
 from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.core.document import Document, Number, Text, Word, read_yaml
+from advpipe.pipeline.core.document import Document, Number, ShortText, Text, read_yaml
 from advpipe.pipeline.core.errors import one_line
 from advpipe.pipeline.dataset.layout import Layout
 from advpipe.pipeline.sensors.registry import SENSORS
@@ -69,8 +69,8 @@ class _Map(Document):
 class _Lidar(Document):
     """A LiDAR; None for keys that the release that recorded the drive did not have."""
 
-    preset: Word | None = None
-    vehicle: Word | None = None
+    preset: ShortText | None = None
+    vehicle: ShortText | None = None
     channels: _Figure | None = None
     points_per_second: _Figure | None = None
     rotation_frequency: _Figure | None = None
@@ -81,7 +81,7 @@ class _Lidar(Document):
 
 
 class _Sensors(Document):
-    lidars: dict[Word, _Lidar] = Field(default_factory=dict)
+    lidars: dict[ShortText, _Lidar] = Field(default_factory=dict)
 
 
 class RecordedScenario(Document):
