@@ -58,7 +58,7 @@ def _draw_ratio(axes: Axes, row: ResultRow, metrics: CloudMetrics | None, height
         axes.plot(bounds, [height, height], color=colour, linewidth=2, solid_capstyle="round", zorder=2)
     axes.plot([ratio], [height], "o", color=colour, markersize=7, zorder=3, clip_on=False)
     axes.annotate(
-        f"{ratio:.1f} %", (max(ratio, *(bounds or ())), height), xytext=(7, 0), textcoords="offset points",
+        f"{ratio:.1f} %", (max([ratio, *(bounds or ())]), height), xytext=(7, 0), textcoords="offset points",
         ha="left", va="center", fontsize=8, color=colour, annotation_clip=False,
         bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},
     )  # fmt: skip
