@@ -29,7 +29,7 @@ from advpipe.stages.evaluate.provenance import (
 from advpipe.stages.evaluate.report.attacked import attacked_sections
 from advpipe.stages.evaluate.report.files import REPORT, write_report
 from advpipe.stages.evaluate.report.report import FORMULAS, Report, report_of
-from advpipe.stages.evaluate.report.table import print_report
+from advpipe.stages.evaluate.report.terminal import print_report
 from advpipe.stages.evaluate.training_map import map_status
 
 __all__ = ["Options", "Report", "evaluate", "print_report"]

@@ -20,6 +20,7 @@ from advpipe.stages.evaluate.detection.metrics import (
 from advpipe.stages.evaluate.detection.scored import Scored
 
 FEW_BLOCKS = 10
+"""With fewer blocks, intervals are rough."""
 
 
 def result_row(
@@ -36,7 +37,7 @@ def result_row(
     significant_vs_random = None if not significant or None in significant else all(significant)
     texts = [*notes, *_on_blocks(scored.bootstrap.n_blocks)]
     if attacked and by_condition["clean"].mean_ap() == 0:
-        texts.append("The mAP on the clean clouds is 0: the mAP ratio is undefined.")
+        texts.append("mAP ratio undefined: nothing found on the clean bag at strict overlap.")
     if attacked and (hidden := attacked.objects_below_min_points):
         texts.append(f"{hidden} of the objects have fewer than {MIN_POINTS} points left; they still count.")
     texts += _on_baselines(attack, baselines, significant_vs_random)
@@ -104,7 +105,7 @@ def _baseline(scored: Scored, condition: str) -> BaselineMetrics:
 
 def _on_blocks(n_blocks: int) -> list[str]:
     if n_blocks < 2:
-        return [f"The frames fill less than two blocks of {MIN_BLOCK_S:g} s: no confidence interval."]
+        return [f"The frames fill fewer than two blocks of {MIN_BLOCK_S:g} s: no confidence interval."]
     if n_blocks < FEW_BLOCKS:
         return [f"Only {n_blocks} blocks of {MIN_BLOCK_S:g} s: the confidence intervals are rough."]
     return []
