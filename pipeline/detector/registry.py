@@ -27,6 +27,9 @@ def load_detector(name_or_path: str, device: str = CPU) -> ObjectDetector:
     device: where it computes, see `open_device`; clouds and tensors are passed to it on the CPU
     in any case. A class is called without arguments, or with `device` (a torch.device) if its constructor
     has that parameter; it has to implement `ObjectDetector`.
+
+    Raises UsageError for an unknown name and for a class that cannot be loaded or lacks a method, and
+    AdvpipeError for a file that is no checkpoint.
     """
     from advpipe.pipeline.detector.checkpoint import load_checkpoint
 

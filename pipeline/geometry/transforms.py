@@ -20,7 +20,7 @@ def se3(rotation: npt.ArrayLike, translation_m: npt.ArrayLike) -> Float64:
 
 
 def se3_from_yaw(translation_m: Sequence[float] | Float64, yaw_rad: float, pitch_rad: float = 0.0) -> Float64:
-    """The pose at `translation_m` that looks along `yaw_rad`; positive pitch looks down (REP-103)."""
+    """The pose (4, 4) at `translation_m` (3,) that looks along `yaw_rad`; positive pitch: down (REP-103)."""
     cy, sy, cp, sp = math.cos(yaw_rad), math.sin(yaw_rad), math.cos(pitch_rad), math.sin(pitch_rad)
     x_m, y_m, z_m = translation_m
     return np.array(

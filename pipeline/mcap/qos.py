@@ -18,7 +18,10 @@ _FOREVER = QosTime(9223372036, 854775807)
 
 
 def keep_last(depth: int, *, reliable: bool = True, latched: bool = False) -> tuple[Qos, ...]:
-    """The newest `depth` messages of each topic are kept for readers that are slow."""
+    """The quality of service of a topic that keeps its newest `depth` messages for slow subscribers.
+
+    latched: subscribers that come later also get them (transient local).
+    """
     return (
         Qos(
             history=QosHistory.KEEP_LAST,

@@ -93,7 +93,7 @@ class Roads:
 
 
 def lay_out_roads(network: RoadNetwork) -> Roads:
-    """The outlines of all lanes and junctions; gaps of under two metres are closed."""
+    """The roads of a network: the outlines of all its lanes and junctions. Gaps below 2 m are closed."""
     turns_m = [turn.centre_m for edge in network.edges.values() for turn in edge.connections]
     turns_m = [turn for turn in turns_m if len(turn) > 1]
     middles_m = np.array([turn[len(turn) // 2, :2] for turn in turns_m]).reshape(-1, 2)

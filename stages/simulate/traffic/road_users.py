@@ -33,7 +33,7 @@ class RoadUser:
 
 
 def boxes_of(users: Sequence[RoadUser]) -> Boxes:
-    """Ground truth of road users, in the map's frame."""
+    """The true boxes of N road users in the map's frame: geometry (N, 7), labels, ids, velocities (N, 3)."""
     if not users:
         return Boxes()
     geometry = np.array(
