@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from advpipe.commands.train import train as train
     from advpipe.commands.verify import verify as verify
     from advpipe.pipeline.bag.frames import Frame as Frame
+    from advpipe.pipeline.bag.reader import BagReader as BagReader
     from advpipe.pipeline.campaigns.sweep.run import SweepReport as SweepReport
     from advpipe.pipeline.core.errors import AdvpipeError as AdvpipeError
     from advpipe.pipeline.core.errors import UsageError as UsageError
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
     from advpipe.pipeline.messages.types import message_class as message_class
     from advpipe.pipeline.messages.types import serialise as serialise
     from advpipe.pipeline.messages.v2x import RadioPlace as RadioPlace
+    from advpipe.pipeline.replay.v2x_drive import V2xDrive as V2xDrive
     from advpipe.pipeline.replay.v2x_drive import V2xStep as V2xStep
     from advpipe.pipeline.scenario.load import load_scenario as load_scenario
     from advpipe.pipeline.scenario.models import Scenario as Scenario
@@ -123,6 +125,7 @@ _NAMES_OF = {
     "commands.train": ("train",),
     "commands.verify": ("verify",),
     "pipeline.bag.frames": ("Frame",),
+    "pipeline.bag.reader": ("BagReader",),
     "pipeline.campaigns.sweep.run": ("SweepReport",),
     "pipeline.core.errors": ("AdvpipeError", "UsageError"),
     "pipeline.core.seeding": ("named_generator",),
@@ -142,7 +145,7 @@ _NAMES_OF = {
     "pipeline.messages.cloud": ("POINT_DTYPE",),
     "pipeline.messages.types": ("message_class", "serialise"),
     "pipeline.messages.v2x": ("RadioPlace",),
-    "pipeline.replay.v2x_drive": ("V2xStep",),
+    "pipeline.replay.v2x_drive": ("V2xDrive", "V2xStep"),
     "pipeline.scenario.load": ("load_scenario",),
     "pipeline.scenario.models": ("Scenario",),
     "pipeline.sensors.registry": ("SENSORS",),
