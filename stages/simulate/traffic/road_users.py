@@ -28,6 +28,7 @@ class RoadUser:
 
     @property
     def position_m(self) -> Float64:
+        """The origin of base_link in the map's frame (3,)."""
         position: Float64 = self.map_SE3_base[:3, 3]
         return position
 
