@@ -1,4 +1,4 @@
-"""What scoring costs beside detecting: rotated overlaps, average precision and its intervals.
+"""Measures the time of scoring relative to detection: rotated overlaps, average precision, intervals.
 
     python benchmarks/evaluation.py [BAG] [--frames 20] [--scored 1000]
 

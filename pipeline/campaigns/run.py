@@ -11,7 +11,7 @@ from advpipe.pipeline.bag.locate import adversarial_bags
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.code import code_sha256
-from advpipe.pipeline.core.document import Word, read_text, read_yaml
+from advpipe.pipeline.core.document import ShortText, read_text, read_yaml
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError, writing
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.dataset.reports import SweepReportDocument, read_report
@@ -143,7 +143,7 @@ def _differing_keys(made: Path, wanted: str) -> list[str]:
         text = read_text(made)
         if text == wanted:
             return []
-        old, new = (read_yaml(each, dict[Word, Any], str(made), "") for each in (text, wanted))
+        old, new = (read_yaml(each, dict[ShortText, Any], str(made), "") for each in (text, wanted))
     except AdvpipeError:
         return ["text"]
     return sorted(key for key in old.keys() | new.keys() if old.get(key) != new.get(key)) or ["text"]

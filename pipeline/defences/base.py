@@ -1,4 +1,4 @@
-"""What a defence is: it changes each cloud before detection, and maps the detected boxes back."""
+"""The interface of defences: a defence changes each cloud before detection, and maps detected boxes back."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Float64 = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Placement:
-    """How a defence transforms the scene: p -> scale * p, optionally mirrored in y, + offset.
+    """A defence's transform of the scene: p -> scale * p (with y negated if mirrored) + offset.
 
     offset_m: (3,) float64.
     """

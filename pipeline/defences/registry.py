@@ -33,8 +33,8 @@ DEFENCES: dict[str, Callable[..., Defence]] = {
 def parse_defences(texts: Sequence[str]) -> dict[str, Defence]:
     """Parse each `NAME[:VALUE|NAME=VALUE,...]`; the keys are full names, such as `jitter:sigma_m=0.01`.
 
-    A bare value sets the first parameter. Raises AdvpipeError for an unknown name or parameter, a value that
-    is not a number or out of bounds, a class that cannot be loaded, and for a defence that is given twice.
+    A bare value sets the first parameter. Raises UsageError for an unknown name or parameter, a value that
+    is not a number or out of bounds, a class that cannot be loaded, and a defence that is given twice.
     """
     found: dict[str, Defence] = {}
     for text in texts:

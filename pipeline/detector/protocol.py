@@ -59,14 +59,14 @@ class ObjectDetector(Protocol):
 
     @property
     def classes(self) -> tuple[str, ...]:
-        """The classes it can find, each one of `geometry.boxes.CLASSES`."""
+        """The classes that it detects, each one of `geometry.boxes.CLASSES`."""
 
     @property
     def range_m(self) -> Range:
         """The space that it covers."""
 
     def detect(self, cloud: npt.NDArray[np.void]) -> Detections:
-        """The objects in a cloud (N,), a structured array of `bag.cloud.POINT_DTYPE`."""
+        """The objects in a cloud (N,), a structured array of `messages.cloud.POINT_DTYPE`."""
 
     def loss(self, points: Tensor, boxes: Tensor, labels: Tensor) -> Tensor:
         """The training loss, a scalar that can be differentiated with respect to the points.

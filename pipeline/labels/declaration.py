@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from advpipe.pipeline.core.document import Count, Document, Number, Word
+from advpipe.pipeline.core.document import Count, Document, Number, ShortText
 
 Family = Literal["gnss", "v2x", "lidar"]
 
@@ -18,7 +18,7 @@ MOST_PARTS = 10_000
 """Of a mix; as many as a list of names in a scenario file may make."""
 _MOST_BOUNDS = 100
 
-Bounds = Annotated[dict[Word, tuple[Number, Number]], Field(max_length=_MOST_BOUNDS)]
+Bounds = Annotated[dict[ShortText, tuple[Number, Number]], Field(max_length=_MOST_BOUNDS)]
 """Least and most, by the name of a quantity of the attack's family (`quantity`), of each cloud, fix or
 message that is changed."""
 
@@ -48,14 +48,14 @@ class Terms(Document):
 
     bounds: Bounds = Field(default_factory=dict)
     every_message_matters: bool = False
-    untrue: Annotated[tuple[Word, ...], Field(max_length=_MOST_BOUNDS)] = ()
+    untrue: Annotated[tuple[ShortText, ...], Field(max_length=_MOST_BOUNDS)] = ()
     published: Published = Published()
 
 
 class DeclaredPart(Terms):
     """One of the attacks that attackers of a mix draw from."""
 
-    name: Word
+    name: ShortText
 
 
 class Declaration(Terms):

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.core.bounded_parquet import Kind, flat_columns, rows
+from advpipe.pipeline.core.bounded_parquet import ColumnType, flat_columns, rows
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.labels.columns import Columns, Type
 from advpipe.pipeline.v2x.facilities.cam_values import FIELDS
@@ -53,7 +53,7 @@ that it claims to be from had said itself by then; null for a station that does 
 NEWER_COLUMNS = ("part", "fields")
 """Columns that older versions left out, or wrote as lists."""
 
-_READ: dict[str, Kind] = {
+_READ: dict[str, ColumnType] = {
     **dict.fromkeys(("number", "time_ns", "station_id"), "whole"),
     **dict.fromkeys(("attack", "attacker", "action", "part"), "text"),
     "mattered": "truth",

@@ -20,7 +20,7 @@ from advpipe.pipeline.campaigns.sweep.tables import paper_tables, recipes_of, re
 from advpipe.pipeline.campaigns.sweep.variants import steps_factor
 from advpipe.pipeline.core.errors import as_usage_error
 from advpipe.pipeline.core.tabular import Rows, Tabular, html_paragraph, html_table
-from advpipe.pipeline.core.verbosity import detail, say
+from advpipe.pipeline.core.verbosity import detail, print_result
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.results.evaluation import plain_value
 from advpipe.stages.evaluate.report.numbers import formatted_number
@@ -82,11 +82,11 @@ class Sweep:
 
     def _run_missing(self, recipe: str, budget: SweepBudget) -> bool:
         if self.store.load(recipe, budget.name) is not None:
-            say(f"{recipe}-{budget.name}: kept")
+            print_result(f"{recipe}-{budget.name}: kept")
             return False
         cell, times = self.bench.run(budget, recipe, self.settings)
         self.store.save(cell, times)
-        say(_line(cell, budget, times))
+        print_result(_line(cell, budget, times))
         return True
 
 

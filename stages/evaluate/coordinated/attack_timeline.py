@@ -14,7 +14,7 @@ import numpy.typing as npt
 from advpipe.pipeline.bag.provenance_record import RecordedAttack
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
-from advpipe.pipeline.core.bounded_parquet import Kind, batches, rows
+from advpipe.pipeline.core.bounded_parquet import ColumnType, batches, rows
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.labels.clouds import FRAMES, POINTS
 from advpipe.pipeline.labels.messages import read_labels
@@ -22,7 +22,7 @@ from advpipe.pipeline.replay.recorded_filter import vehicles_with_filter
 from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns
 from advpipe.stages.evaluate.v2x.recording import read_recording
 
-COLUMNS: dict[str, Kind] = {"topic": "text", "stamp_ns": "whole"}
+COLUMNS: dict[str, ColumnType] = {"topic": "text", "stamp_ns": "whole"}
 
 Int64 = npt.NDArray[np.int64]
 

@@ -52,7 +52,7 @@ CALLS: dict[str, Call] = {"load": load, "override": override, "attack": attack_p
 
 
 def of_schema(part: dict[str, Any], depth: int = 0) -> st.SearchStrategy[Any]:
-    """Values that a part of the schema allows, as far as it says; now and then others."""
+    """Values that a part of the schema allows, and occasionally others."""
     if "$ref" in part:
         return of_schema(SCHEMA["$defs"][part["$ref"].rpartition("/")[2]], depth)
     choices = part.get("anyOf") or part.get("oneOf")
