@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 TOP = ("cli", "campaigns")
 """Packages of `pipeline/` that stand above the stages."""
 
-PUBLIC = ("bag", "commands")
+PUBLIC = ("bag", "commands", "networks")
 """The modules of `api/`, above the campaigns; the command line imports them."""
 
 LAYERS = (

@@ -42,7 +42,7 @@ class LidarResult:
 
 
 def unchanged(cloud: Cloud, note: str, loss: float = np.nan) -> LidarResult:
-    """A frame that the attack leaves as it was, and why; the note must tell."""
+    """The result for a cloud (N,) that the attack leaves as it is; the note says why."""
     return LidarResult(cloud, PointLabels.removed(np.zeros(0, np.int64)), loss, loss, note)
 
 
