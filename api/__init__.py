@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from advpipe.pipeline.geometry.boxes import BOX_COLUMNS as BOX_COLUMNS
     from advpipe.pipeline.geometry.boxes import CLASSES as CLASSES
     from advpipe.pipeline.geometry.boxes import Boxes as Boxes
+    from advpipe.pipeline.labels.cloud_quantity import CloudQuantity as CloudQuantity
     from advpipe.pipeline.labels.points import PointLabels as PointLabels
     from advpipe.pipeline.messages.cloud import POINT_DTYPE as POINT_DTYPE
     from advpipe.pipeline.replay.v2x_drive import V2xStep as V2xStep
@@ -96,6 +97,7 @@ _NAMES_OF = {
     "pipeline.core.seeding": ("named_generator",),
     "pipeline.detector.protocol": ("Detections", "ObjectDetector", "Range"),
     "pipeline.geometry.boxes": ("BOX_COLUMNS", "CLASSES", "Boxes"),
+    "pipeline.labels.cloud_quantity": ("CloudQuantity",),
     "pipeline.labels.points": ("PointLabels",),
     "pipeline.messages.cloud": ("POINT_DTYPE",),
     "pipeline.replay.v2x_drive": ("V2xStep",),

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from advpipe.pipeline.core.document import Count, Document, Number, Word
+from advpipe.pipeline.labels.cloud_quantity import CloudQuantity
 
 Family = Literal["gnss", "v2x", "lidar"]
 
@@ -59,10 +60,14 @@ class DeclaredPart(Terms):
 
 
 class Declaration(Terms):
-    """An attack with its parameters. parts: of a mix, what each attacker draws one of, in the order of the
-    draw."""
+    """An attack with its parameters.
+
+    parts: of a mix, what each attacker draws one of, in the order of the draw. quantities: of an attack on
+    clouds, those of its bounds that are its own: how to measure them.
+    """
 
     family: Family
+    quantities: Annotated[tuple[CloudQuantity, ...], Field(max_length=_MOST_BOUNDS)] = ()
     parts: Annotated[tuple[DeclaredPart, ...], Field(max_length=MOST_PARTS)] = ()
 
     def part(self, name: str) -> DeclaredPart | None:
