@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from advpipe.pipeline.geometry.boxes import CLASSES as CLASSES
     from advpipe.pipeline.geometry.boxes import Boxes as Boxes
     from advpipe.pipeline.geometry.transforms import se3_from_yaw as se3_from_yaw
+    from advpipe.pipeline.labels.cloud_quantity import CloudQuantity as CloudQuantity
     from advpipe.pipeline.labels.points import PointLabels as PointLabels
     from advpipe.pipeline.localisation.estimate import Estimate as Estimate
     from advpipe.pipeline.localisation.geodesy import Geodesy as Geodesy
@@ -136,6 +137,7 @@ _NAMES_OF = {
     "pipeline.detector.registry": ("load_detector",),
     "pipeline.geometry.boxes": ("BOX_COLUMNS", "Boxes", "CLASSES"),
     "pipeline.geometry.transforms": ("se3_from_yaw",),
+    "pipeline.labels.cloud_quantity": ("CloudQuantity",),
     "pipeline.labels.points": ("PointLabels",),
     "pipeline.localisation.estimate": ("Estimate",),
     "pipeline.localisation.geodesy": ("Geodesy",),
